@@ -490,12 +490,13 @@ def replay(
 
     Example: mcnav replay reports/11_cruise 12
     """
-    from mcnav.report.replay import lines
+    from mcnav.report.replay import terminal
+    from mcnav.report.terminal_parts import printed
     from mcnav.workflow import replay as replaying
 
     result = replaying.replay(folder, index, campaign)
     _print_notes(result.notes)
-    out.print(lines(result))
+    out.print(printed(terminal(result)))
     out.print()
     _print_written(replaying.write_replay(result, into or folder))
     if not replaying.as_stored(result):
@@ -612,14 +613,16 @@ def linearity(
     Example: mcnav linearity campaigns/14_polar.toml --samples 500
     """
     from mcnav.config.read import read_campaign
-    from mcnav.report import linearity_words, progress, terminal
+    from mcnav.report import linearity_words, progress
+    from mcnav.report.linearity import terminal
+    from mcnav.report.terminal_parts import printed
     from mcnav.studies.linearity import write_linearity
 
     content = read_campaign(campaign)
     target = folder or Path("reports") / f"{campaign.stem}_linearity"
     with progress.shown(err) as shown:
         study, files = write_linearity(content, target, tolerance, samples, largest, shown)
-    out.print(terminal.linearity(content.scenario.outputs, study.together, study.tolerance))
+    out.print(printed(terminal(content.scenario.outputs, study.together, study.tolerance)))
     if study.without_noise:
         out.print(linearity_words.WITHOUT_NOISE)
     out.print()
@@ -796,6 +799,8 @@ def trajectory(
     """
     from mcnav.files import write_texts
     from mcnav.report import trajectory as described
+    from mcnav.report.html import page_html
+    from mcnav.report.terminal_parts import printed
     from mcnav.workflow.trajectory import describe_campaign, describe_file
 
     columns = _named_columns(column)
@@ -803,12 +808,12 @@ def trajectory(
         raise _fail("--column: belongs to a trajectory file; the campaign names its columns itself", BAD_INPUT)
     result = describe_campaign(campaign) if campaign.suffix == ".toml" else describe_file(campaign, columns)
     if form != "table":
-        rows = described.fact_rows(result)
+        rows = [vars(row) for row in described.fact_rows(result)]
         _export(form, rows, {"trajectory": rows})
     else:
-        out.print(described.lines(result))
+        out.print(printed(described.terminal(result)))
     if page is not None:
-        _print_written(write_texts(page.parent, {page.name: described.page(result)}))
+        _print_written(write_texts(page.parent, {page.name: page_html(described.page(result))}))
 
 
 @_command()

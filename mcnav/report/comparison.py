@@ -13,12 +13,26 @@ from mcnav.analysis.run_comparison import Change
 from mcnav.analysis.summary import Summary
 from mcnav.errors import shortened
 from mcnav.report import filter_verdict, sentences
+from mcnav.report.document import (
+    CODE,
+    Cell,
+    Column,
+    Folded,
+    Note,
+    Page,
+    Part,
+    Section,
+    Sentence,
+    Table,
+    counted,
+    five_digits,
+    joined,
+)
 from mcnav.report.figures.agreement import forest
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Mark, Panel, Rule, Series
 from mcnav.report.figures.palette import LINEAR, SOURCE_COLOURS
-from mcnav.report.format import number
-from mcnav.report.html import filled
+from mcnav.report.format import interval, number, with_error
 from mcnav.report.model import humanize, labels_in
 from mcnav.statistics.estimates import Estimate
 from mcnav.store.manifest import Manifest
@@ -32,6 +46,13 @@ NAN: Final = float("nan")
 NOTHING: Final = Change(NAN, NAN, NAN, (NAN, NAN), Estimate(NAN, NAN, 0.0), False)
 MARKS: Final = ("dot", "square", "triangle", "ring", "box")
 """Marker shapes of runs, besides their colours."""
+
+CHANGED: Final = {"larger": "undecided", "smaller": "undecided", "no change seen": "agrees"}
+"""Tones of findings; others have none."""
+
+COMMON: Final = (
+    "Common random numbers: sample k of both runs uses the same ones, so that sampling noise cancels in the difference."
+)
 
 MOST_INPUTS: Final = 1_000
 """Inputs that differ that are listed: a stranger's manifest may have a million."""
@@ -60,9 +81,19 @@ class Row:
         return "larger" if self.change.ratio > 1.0 else "smaller"
 
     @property
-    def cells(self) -> dict[str, Any]:
+    def known(self) -> Change:
+        """The change; not a number where there is none."""
+        return self.change or NOTHING
+
+    @property
+    def scale(self) -> float:
+        """Factor from SI to the unit shown."""
+        return conversion(self.unit, self.shown_in)
+
+    @property
+    def cells(self) -> dict[str, float | str | bool]:
         """The change by heading, in the units shown."""
-        known, scale = self.change or NOTHING, conversion(self.unit, self.shown_in)
+        known, scale = self.known, self.scale
         return {
             "sigma before": known.before * scale, "sigma after": known.after * scale, "ratio": known.ratio,
             "from": known.interval[0], "to": known.interval[1], "mean after less before": known.mean.value * scale,
@@ -116,7 +147,7 @@ def outputs(rows: Sequence[Row], titles: Sequence[str]) -> pd.DataFrame:
     import pandas as pd
 
     return pd.DataFrame(
-        [{"output": row.output, "unit": row.shown_in, "run": titles[row.run]} | row.cells for row in rows]
+        [{"output": row.output, "unit": row.shown_in, "run": titles[row.run], **row.cells} for row in rows]
     )
 
 
@@ -150,38 +181,123 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
     )
 
 
-def render(
+def page(
     titles: Sequence[str],
     summaries: Sequence[Summary],
     manifests: Sequence[Manifest],
     rows: Sequence[Row],
     confidence: float,
-) -> str:
-    """Render the comparison as an HTML page."""
-    runs = [
-        {"headline": sentences.headline(each, ("linear", "requirements")), "tone": sentences.tone(each),
-         "standing": sentences.standing(each),
-         "filter": filter_verdict.verdict(each), "filter_headline": filter_verdict.headline(each),
-         "filter_tone": filter_verdict.TONES.get(filter_verdict.verdict(each), "")}
-        for each in summaries
-    ]  # fmt: skip
-    return filled(
-        "between.html",
-        titles=titles,
-        runs=list(zip(titles, summaries, runs, strict=True)),
-        filters=any(run["filter"] for run in runs),
-        inputs=[(str(key), [shortened(value) for value in values]) for key, values in inputs(manifests).iterrows()],
-        rows=[{**cells, "name": humanize(cells["output"])} for cells in outputs(rows, titles).to_dict("records")],
-        common=any(row.change is not None and row.change.common for row in rows),
-        figure=ratios(rows, titles),
-        budgets=_budgets(manifests, summaries),
-        confidence=f"{100.0 * confidence:g} %",
+) -> Page:
+    """Return the comparison as a page."""
+    changed = _input_table(titles, manifests)
+    nothing = Sentence("None: the runs have the same campaign, engine and versions.")
+    sections = [
+        Section("runs", "Verdicts", [_verdict_table(titles, summaries)]),
+        Section("inputs", "Changed inputs", [changed if changed.rows else nothing]),
+        Section("outputs", "Change from baseline", _changes(titles, rows, confidence)),
+        Section("budget", "Error budget", _budgets(titles, manifests, summaries)),
+    ]
+    heading = ", ".join(titles)
+    return Page(heading, "Comparison of runs", heading, sections=sections)
+
+
+def _verdict_table(titles: Sequence[str], summaries: Sequence[Summary]) -> Table[tuple[str, Summary]]:
+    """Tabulate the verdicts on linear analysis and, where there is one, on the filter of each run."""
+    filters = any(filter_verdict.verdict(summary) for summary in summaries)
+
+    def on_linear(summary: Summary) -> str:
+        return sentences.headline(summary, ("linear", "requirements"))
+
+    def of_filter(row: tuple[str, Summary]) -> Cell:
+        words = filter_verdict.verdict(row[1])
+        if not words:
+            return Cell("–")
+        return Cell(words, tone=filter_verdict.TONES.get(words, ""), behind=filter_verdict.headline(row[1]))
+
+    verdict: Column[tuple[str, Summary]] = Column(
+        "Verdict",
+        lambda row: Cell(
+            sentences.tone(row[1]),
+            tone=sentences.standing(row[1]),
+            behind=sentences.headline(row[1], ("linear", "requirements")),
+        ),
+        kind="words",
     )
+    columns: list[Column[tuple[str, Summary]]] = [
+        Column("Run", lambda row: row[0], kind="label", of_user=True),
+        Column("Campaign", lambda row: row[1].campaign, kind="words", of_user=True),
+        Column("Samples", lambda row: row[1].samples, form=counted),
+        Column("Failed", lambda row: row[1].failed, form=counted),
+        verdict,
+        *([Column("Filter", of_filter, kind="words")] if filters else []),
+    ]
+    on_filter = " and on the filter" if filters else ""
+    caption = f"Verdict on linear covariance analysis{on_filter} for each run."
+    return Table(caption, columns, list(zip(titles, summaries, strict=True)))
 
 
-def _budgets(manifests: Sequence[Manifest], summaries: Sequence[Summary]) -> list[dict[str, Any]]:
-    """List for each output of the first run the linear effect of one sigma of each source and process, run by run."""
-    tables = []
+Values = tuple[str, Sequence[str]]
+"""A name with a value for each run."""
+
+
+def _of_runs(titles: Sequence[str]) -> list[Column[Values]]:
+    """Return a column for each run."""
+
+    def of_run(place: int) -> Column[Values]:
+        return Column(titles[place], lambda row: row[1][place], kind="label", of_user=True)
+
+    return [of_run(place) for place in range(len(titles))]
+
+
+def _input_table(titles: Sequence[str], manifests: Sequence[Manifest]) -> Table[Values]:
+    """Tabulate the inputs that differ between runs."""
+    rows = [(str(key), [shortened(value) for value in values]) for key, values in inputs(manifests).iterrows()]
+    caption = (
+        "Keys of the campaign, engine and versions that differ between the runs. A dash: the run does not have the key."
+    )
+    key: Column[Values] = Column("Key", lambda row: CODE(row[0]), kind="label")
+    return Table(caption, [key, *_of_runs(titles)], rows)
+
+
+def _changes(titles: Sequence[str], rows: Sequence[Row], confidence: float) -> list[Part]:
+    """Draw and tabulate the change of each output from the first run."""
+    if not rows:
+        return [Sentence("The first run shares no output with another run.")]
+    common = Note(COMMON) if any(row.change is not None and row.change.common for row in rows) else None
+    return [*joined(ratios(rows, titles), _change_table(titles, rows, confidence), common)]
+
+
+def _change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float) -> Table[Row]:
+    """Tabulate sigmas before and after, their ratio and the change of the mean."""
+
+    def ratio(row: Row) -> Cell:
+        known = row.known
+        return Cell(five_digits(known.ratio), below=interval(*known.interval))
+
+    def mean(row: Row) -> str:
+        known = row.known.mean
+        return with_error(known.value * row.scale, known.standard_error * row.scale)
+
+    columns: list[Column[Row]] = [
+        Column("Output", lambda row: Cell(humanize(row.output), row.shown_in), kind="label"),
+        Column("Run", lambda row: titles[row.run], kind="label"),
+        Column("Paired σ before", lambda row: row.known.before * row.scale, form=five_digits),
+        Column("Paired σ after", lambda row: row.known.after * row.scale, form=five_digits),
+        Column("Paired ratio", ratio),
+        Column("Change of the mean", mean),
+        Column("Random numbers", lambda row: "common" if row.known.common else "separate", kind="label"),
+        Column("Change", lambda row: Cell(row.words, tone=CHANGED.get(row.words, "")), kind="label"),
+    ]
+    caption = (
+        f"Final errors of each run compared with {titles[0]}: Monte Carlo sigmas (paired estimates), their ratio, and "
+        f"the change of the mean ± one standard error. All intervals hold jointly at {100.0 * confidence:g} %."
+    )
+    return Table(caption, columns, rows)
+
+
+def _budgets(titles: Sequence[str], manifests: Sequence[Manifest], summaries: Sequence[Summary]) -> list[Part]:
+    """Tabulate for each output of the first run the effect of one sigma of each source and process, run by run."""
+    parts = list[Part]()
     for output in manifests[0].model.outputs:
         scale = conversion(output.unit, output.shown_in)
         rows: dict[str, list[str]] = {}
@@ -193,6 +309,12 @@ def _budgets(manifests: Sequence[Manifest], summaries: Sequence[Summary]) -> lis
             labels = [*labels_in(summary), *(humanize(each.name) for each in summary.processes)]
             for label, value in zip(labels, contributions, strict=True):
                 rows.setdefault(label, [ABSENT] * len(manifests))[at] = number(value * scale, 4)
-        shown = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]
-        tables.append({"name": humanize(output.name), "unit": output.shown_in, "rows": shown})
-    return tables
+        shown: list[Values] = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]
+        name = humanize(output.name)
+        caption = (
+            f"{name}, {output.shown_in}: final error for one sigma of each source alone, by the linear model of each "
+            "run."
+        )
+        source: Column[Values] = Column("Source", lambda row: row[0], kind="label")
+        parts.append(Folded(name, [Table(caption, [source, *_of_runs(titles)], shown)]))
+    return parts

@@ -50,6 +50,17 @@ def label(words: str, tone: str = "") -> Markup:
     return Markup('<span class="tag {}">{}</span>').format(tone, words)
 
 
+def counts_in_words(counts: Sequence[tuple[str, int]]) -> Markup:
+    """Say how many there are of each kind.
+
+    >>> counts_in_words([("agree", 3), ("differ", 1)])
+    Markup('<strong>3</strong> agree, <strong>1</strong> differ.')
+    """
+    return Markup("{}.").format(
+        Markup(", ").join(Markup("{} {}").format(STRONG(f"{n:,}"), words) for words, n in counts)
+    )
+
+
 @dataclass(frozen=True)
 class Cell:
     """One cell of a table.

@@ -1,4 +1,4 @@
-"""Range of linearity as a page and as tables."""
+"""Range of linearity as a page, in the terminal, and as tables."""
 
 from __future__ import annotations
 
@@ -7,18 +7,43 @@ from typing import Final
 
 import numpy as np
 import pandas as pd
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.linearity import AloneRange, DispersionRange
 from mcnav.contract.quantities import Output, Source
+from mcnav.report.document import (
+    EMPHASIS,
+    Cell,
+    Column,
+    Note,
+    Page,
+    Part,
+    Section,
+    Sentence,
+    Table,
+    Verdict,
+    joined,
+)
 from mcnav.report.figures import linearity as drawn
-from mcnav.report.html import filled
 from mcnav.report.linearity_words import WITHOUT_NOISE, answer, linearity_rows, multiple_words
 from mcnav.report.model import humanize, labels_of
 from mcnav.report.sentences import JOINT
 
 ALL_AT_ONCE: Final = "all at once"
+
+OF_RATIOS: Final = (
+    "Up to the first multiple the whole interval of the σ ratio is within ±{} of one. From the last multiple on the "
+    "whole interval is outside. In between the result is undecided. The joint distribution is tested by the square "
+    "root of the mean NEES."
+)
+
+OF_SOURCES: Final = Markup(
+    "Grey values and rings: the source contributes less than 1 % of the output's total dispersion, so its nonlinearity "
+    "hardly matters. {}: every source at plus one sigma, as in run 11 of NASA TN D-1772. Contributions of opposite "
+    "sign may cancel there, so that small differences become large relative to the sum."
+).format(EMPHASIS("All at once"))
 
 MINOR: Final = 0.01
 """Share of the root sum square of all sources below which a source is minor for an output."""
@@ -53,7 +78,7 @@ def dispersion_table(dispersion_range: DispersionRange, outputs: Sequence[Output
     )
 
 
-def render(
+def page(
     campaign: str,
     about: tuple[float, float, int, bool],
     single: AloneRange,
@@ -61,31 +86,78 @@ def render(
     contributions: Array,
     sources: Sequence[Source],
     outputs: Sequence[Output],
-) -> str:
-    """Render the HTML page.
+) -> Page:
+    """Return the page.
 
     ``about`` is tolerance, confidence, samples, and whether noise is left out; ``contributions`` is the linear effect
     of one sigma of each source, SI, shape (sources, outputs).
     """
     tolerance, confidence, samples, without_noise = about
-    names = [humanize(output.name) for output in outputs]
-    directions = [*labels_of(sources, outputs), ALL_AT_ONCE]
-    minor = minor_effects(contributions)
-    words = [[multiple_words(value, single.largest) for value in row] for row in single.multiples]
-    return filled(
-        "linearity.html",
-        campaign=campaign,
-        answer=answer(names, dispersion, tolerance),
-        tolerance=f"{100 * tolerance:g} %",
-        confidence=f"{100 * confidence:g} %",
-        samples=samples,
-        without_noise=WITHOUT_NOISE if without_noise else "",
-        together=linearity_rows(names, dispersion),
-        alone=[(name, list(zip(words[j], minor[j], strict=True))) for j, name in enumerate(directions)],
-        outputs=names,
-        ratios=drawn.ratios(dispersion, tolerance, [*names, JOINT]),
-        dots=drawn.alone(single, minor, directions, names),
+    names, within = [humanize(output.name) for output in outputs], f"{100 * tolerance:g} %"
+    directions, minor = [*labels_of(sources, outputs), ALL_AT_ONCE], minor_effects(contributions)
+    caption = (
+        f"Multiples of the stated errors, from {samples:,} samples, which are the same at each multiple except for "
+        f"scale. Intervals hold jointly at {100 * confidence:g} % for any one multiple."
     )
+    question = f"By what factor can the stated errors grow before linear covariance analysis is wrong by {within}?"
+    verdict = Verdict(answer(names, dispersion, tolerance))
+    together: list[Part] = [
+        drawn.ratios(dispersion, tolerance, [*names, JOINT]), together_table(names, dispersion, tolerance, caption),
+        Note(OF_RATIOS.format(within)),
+    ]  # fmt: skip
+    alone: list[Part] = [
+        drawn.alone(single, minor, directions, names),
+        _alone_multiples(single, minor, directions, names, within),
+        Note(OF_SOURCES),
+    ]
+    return Page(
+        f"{campaign}: range of linearity",
+        "Range of linearity",
+        campaign,
+        joined(Sentence(question), verdict, Sentence(WITHOUT_NOISE) if without_noise else None),
+        [Section("together", "All errors scaled together", together), Section("alone", "Each source alone", alone)],
+    )
+
+
+def terminal(outputs: Sequence[Output], dispersion: DispersionRange, tolerance: float) -> list[Part]:
+    """List what the terminal shows: by what factor errors may grow, and of which sigmas."""
+    names = [humanize(output.name) for output in outputs]
+    return [Verdict(answer(names, dispersion, tolerance)), together_table(names, dispersion, tolerance)]
+
+
+def together_table(
+    names: Sequence[str], dispersion: DispersionRange, tolerance: float, caption: str = ""
+) -> Table[tuple[str, list[str]]]:
+    """Tabulate the multiples of all errors at which sigmas leave the tolerance."""
+
+    def multiple(place: int, heading: str) -> Column[tuple[str, list[str]]]:
+        return Column(heading, lambda row: row[1][place])
+
+    headings = ("agrees up to", "exceeds tolerance at", "differs from")
+    columns: list[Column[tuple[str, list[str]]]] = [
+        Column("σ of", lambda row: row[0], "1σ of", "label"), *(multiple(*each) for each in enumerate(headings)),
+    ]  # fmt: skip
+    title = f"Multiple of the stated errors at which a sigma differs from the linear one by {100 * tolerance:g} %"
+    return Table(caption, columns, linearity_rows(names, dispersion), title)
+
+
+def _alone_multiples(
+    single: AloneRange, minor: NDArray[np.bool_], directions: Sequence[str], names: Sequence[str], within: str
+) -> Table[int]:
+    """Tabulate the multiples of each direction, a row each; values of minor sources are grey."""
+
+    def of_output(i: int) -> Column[int]:
+        return Column(
+            names[i],
+            lambda j: Cell(multiple_words(float(single.multiples[j, i]), single.largest), minor=bool(minor[j, i])),
+        )
+
+    columns = [Column("Source", lambda j: directions[j], kind="label"), *map(of_output, range(len(names)))]
+    caption = (
+        "Multiple of one sigma, of either sign, at which the nonlinear final error differs from the linear one by "
+        f"{within}."
+    )
+    return Table(caption, columns, range(len(directions)))
 
 
 def minor_effects(contributions: Array) -> NDArray[np.bool_]:

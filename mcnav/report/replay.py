@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import pandas as pd
-from rich.console import Group, RenderableType
-from rich.text import Text
 
 from mcnav._types import Array
 from mcnav.contract.history import History
 from mcnav.contract.quantities import Output, Source
+from mcnav.report.document import Cell, Column, Facts, Lines, Note, Page, Part, Section, Table, joined
 from mcnav.report.figures.flight import flight
-from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
-from mcnav.report.html import filled
+from mcnav.report.html import page_html
 from mcnav.report.model import humanize, labels_of
 from mcnav.units import conversion
 
@@ -51,32 +48,56 @@ class Replay:
     notes: tuple[str, ...] = ()
 
 
-def _error_rows(replay: Replay) -> list[tuple[str, str, str, str]]:
-    labels = labels_of(replay.sources, replay.outputs)
-    rows = []
+@dataclass(frozen=True)
+class _Error:
+    """Error of a source in the unit shown, and in sigmas."""
+
+    name: str
+    unit: str
+    value: float
+    sigmas: float | None
+
+
+def error_table(replay: Replay) -> Table[_Error]:
+    """Tabulate the errors of the sample."""
+    labels, rows = labels_of(replay.sources, replay.outputs), []
     for label, source, error, sigma in zip(labels, replay.sources, replay.errors, replay.sigmas, strict=True):
         if error != 0.0 or sigma > 0.0:
-            value = number(float(error) * conversion(source.unit, source.shown_in), 6)
-            rows.append((label, source.shown_in, value, number(float(error / sigma)) if sigma > 0.0 else "–"))
-    return rows
+            value = float(error) * conversion(source.unit, source.shown_in)
+            rows.append(_Error(label, source.shown_in, value, float(error / sigma) if sigma > 0.0 else None))
+    columns: list[Column[_Error]] = [
+        Column("Source", lambda row: Cell(row.name, row.unit), "error", "label"),
+        Column("value", lambda row: row.value, form=lambda value: number(value, 6)),
+        Column("in sigmas", lambda row: row.sigmas),
+    ]
+    return Table("Errors of this sample.", columns, rows, f"{replay.campaign}: sample {replay.index:,}")
 
 
-def _outcome_rows(replay: Replay) -> list[tuple[str, str, list[str]]]:
-    outcome_rows = [replay.linear, *(outcome.values for outcome in replay.outcomes)]
-    rows = []
-    for i, output in enumerate(replay.outputs):
-        scale = conversion(output.unit, output.shown_in)
-        rows.append(
-            (humanize(output.name), output.shown_in, [number(float(each[i]) * scale, 8) for each in outcome_rows])
-        )
-    return rows
+def outcome_table(replay: Replay) -> Table[int]:
+    """Tabulate the final errors, a row each: of the linear model, stored, and simulated again."""
+
+    def outcome(heading: str, values: Array) -> Column[int]:
+        def content(i: int) -> str:
+            output = replay.outputs[i]
+            return number(float(values[i]) * conversion(output.unit, output.shown_in), 8)
+
+        return Column(heading, content)
+
+    columns = [
+        Column("Output", lambda i: Cell(humanize(replay.outputs[i].name), replay.outputs[i].shown_in), "final error",
+               "label"),
+        outcome("linear", replay.linear),
+        *(outcome(each.label, each.values) for each in replay.outcomes),
+    ]  # fmt: skip
+    caption = "Final navigation errors: linear model, stored result, and new simulations."
+    return Table(caption, columns, range(len(replay.outputs)), "Outcome")
 
 
 def table(replay: Replay) -> pd.DataFrame:
     """Tabulate the history, or without one the errors and outcomes, with units in the column names."""
     if replay.history.columns:
         return pd.DataFrame(dict(replay.history.columns))
-    row: dict[str, Any] = {"index": replay.index}
+    row: dict[str, object] = {"index": replay.index}
     row |= {f"error {s.name} [{s.unit}]": e for s, e in zip(replay.sources, replay.errors, strict=True)}
     rows = []
     for outcome in replay.outcomes:
@@ -85,37 +106,27 @@ def table(replay: Replay) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def page(replay: Replay) -> str:
-    """Render the HTML page."""
-    return filled(
-        "replay.html",
-        campaign=replay.campaign,
-        index=f"{replay.index:,}",
-        outcomes=replay.outcomes,
-        errors=_error_rows(replay),
-        rows=_outcome_rows(replay),
-        traceback=replay.traceback,
-        flight=flight(replay.history),
-    )
+def page(replay: Replay) -> Page:
+    """Return the page."""
+    heading, figure = f"{replay.campaign}: sample {replay.index:,}", flight(replay.history)
+    traceback = Lines(replay.traceback) if replay.traceback else None
+    sections = [Section("outcome", "Outcome", joined(outcome_table(replay), traceback))]
+    if figure is not None:
+        until = Note("Simulated by the reference engine, up to the end or the failure.")
+        sections.append(Section("flight", "Time history", [figure, until]))
+    sections.append(Section("errors", "Errors", [error_table(replay)]))
+    facts = Facts([(outcome.label, outcome.status) for outcome in replay.outcomes])
+    return Page(heading, "One sample simulated again", heading, [facts], sections)
 
 
-def lines(replay: Replay) -> RenderableType:
-    """Tabulate errors and outcomes for the terminal."""
-    errors = FittedTable(
-        f"{replay.campaign}: sample {replay.index:,}", [*texts("error"), *numbers("value", "in sigmas")]
-    )
-    for name, unit, value, sigmas in _error_rows(replay):
-        errors.add(f"{name} [{unit}]", value, sigmas)
-    headings = ("linear", *(outcome.label for outcome in replay.outcomes))
-    outcomes = FittedTable("Outcome", [*texts("final error"), *numbers(*headings)])
-    for name, unit, values in _outcome_rows(replay):
-        outcomes.add(f"{name} [{unit}]", *values)
-    status = [Text(f"{outcome.label}: {outcome.status}") for outcome in replay.outcomes]
-    trace = [Text(f"\n{replay.traceback.rstrip()}")] if replay.traceback else []
-    return Group(errors, Text(), outcomes, Text(), *status, *trace)
+def terminal(replay: Replay) -> list[Part]:
+    """List what the terminal shows: errors, outcomes, and why a simulation failed."""
+    status = [Note(f"{outcome.label}: {outcome.status}") for outcome in replay.outcomes]
+    trace = [Lines(replay.traceback)] if replay.traceback else []
+    return [error_table(replay), outcome_table(replay), Note(""), *status, *trace]
 
 
 def files(replay: Replay) -> Mapping[str, bytes]:
     """Return the page and the table by file name."""
     name = f"replay_{replay.index}"
-    return {f"{name}.html": page(replay).encode(), f"{name}.csv": table(replay).to_csv(index=False).encode()}
+    return {f"{name}.html": page_html(page(replay)).encode(), f"{name}.csv": table(replay).to_csv(index=False).encode()}

@@ -3,26 +3,59 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import pandas as pd
+from markupsafe import Markup
 
-from mcnav.analysis.comparison import Comparison
+from mcnav.analysis.comparison import Comparison, OutputComparison
 from mcnav.contract.quantities import Output, Source
 from mcnav.lincov.start_times import StartTimeStudy
+from mcnav.report.document import (
+    Cell,
+    Column,
+    Heading,
+    Note,
+    Page,
+    Part,
+    Section,
+    Sentence,
+    Table,
+    Verdict,
+    joined,
+    label,
+)
 from mcnav.report.figures import start_times as drawn
-from mcnav.report.format import interval
-from mcnav.report.html import filled
+from mcnav.report.format import interval, number
 from mcnav.report.model import humanize, labels_of, scale_of
 from mcnav.report.sentences import NOT_DISTURBED, output_words
 from mcnav.report.start_time_words import answer, minutes
+from mcnav.units import conversion
 
 CONVENTIONS: Final = {
     "start": "The reference axes are aligned at each start.",
     "trajectory": "The reference axes are aligned {}.",
 }
+
+STARTS_TO_AN_EVENT: Final = (
+    "Only starts up to {} are compared, because for a start at the end of the trajectory only the start errors remain."
+)
+
+ALL_STARTS: Final = (
+    "All starts are compared. Shortly before the end little but the start errors remains: the best start depends on "
+    "how these change with the start time ([start_times.errors])."
+)
+
+WEIGHTED: Final = (
+    "Weighted: root sum square of the sigmas, each divided by its weight in the campaign, or by its value for a start "
+    "at the first point."
+)
+
+MOST_BESIDE: Final = 4
+"""Outputs whose checks stand beside each other; those of more stand below each other."""
 
 
 def table(study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Output]) -> pd.DataFrame:
@@ -46,49 +79,155 @@ def check_table(checks: Mapping[float, Comparison], outputs: Sequence[Output]) -
     return pd.DataFrame([row for time, each in checks.items() for row in _check_rows(time, each, outputs)])
 
 
-def _check_rows(time: float, comparison: Comparison, outputs: Sequence[Output]) -> list[dict[str, Any]]:
-    rows = []
+def _check_rows(time: float, comparison: Comparison, outputs: Sequence[Output]) -> list[Mapping[str, object]]:
+    rows = list[Mapping[str, object]]()
     for output, result in zip(outputs, comparison.outputs, strict=False):
         low, high = result.paired.interval or (math.nan, math.nan)
         rows.append({
             "start [s]": time, "output": output.name, "unit": output.unit, "samples": comparison.samples,
             "failed": comparison.failed, "sigma linear": result.sigma_linear, "sigma paired": result.sigma_paired,
             "paired ratio": result.paired.ratio, "interval from": low, "interval to": high,
-            "verdict": output_words(result.sigma_linear, result.paired.verdict.value),
-            "sigma plain": result.sigma_sample,
+            "verdict": _verdict(result), "sigma plain": result.sigma_sample,
         })  # fmt: skip
     return rows
 
 
-def render(
+def _verdict(result: OutputComparison) -> str:
+    return output_words(result.sigma_linear, result.paired.verdict.value)
+
+
+def page(
     campaign: str,
     study: StartTimeStudy,
     checks: Mapping[float, Comparison],
     sources: Sequence[Source],
     outputs: Sequence[Output],
-) -> str:
-    """Render the HTML page; ``checks`` are Monte Carlo comparisons by start time, s."""
+) -> Page:
+    """Return the page; ``checks`` are Monte Carlo comparisons by start time, s."""
+    scale, effects = scale_of(outputs), grouped_effects(study, sources, outputs)
+    convention = CONVENTIONS[study.axes].format(study.clock.aligned)
+    compared = STARTS_TO_AN_EVENT.format(study.clock.event) if study.clock.event else ALL_STARTS
+    parts: list[Part] = [
+        drawn.dispersion(study, checks, scale, outputs), _best_table(study, outputs), Note(f"{compared} {WEIGHTED}"),
+    ]  # fmt: skip
+    if checks:
+        parts += [Heading("Monte Carlo checks"), _check_table(study, checks, outputs)]
+    sections = [Section("when", "Best start", parts)]
+    for i, output in enumerate(outputs):
+        figure = drawn.effects(study, i, float(scale[i]), effects, output)
+        title = f"Partial derivatives of the final {humanize(output.name)}"
+        sections.append(Section(f"partials-{i + 1}", title, joined(figure)))
+    return Page(
+        f"{campaign}: start times",
+        "Dispersion and partial derivatives by start of navigation",
+        campaign,
+        [
+            Verdict(answer(study, checks, outputs)),
+            Sentence(f"Final errors as functions of the start of navigation. {convention}"),
+        ],
+        sections,
+    )
+
+
+def _best_table(study: StartTimeStudy, outputs: Sequence[Output]) -> Table[tuple[str, int]]:
+    """Tabulate the best starts, and the dispersion of all outputs for them."""
     scale = scale_of(outputs)
-    effects = grouped_effects(study, sources, outputs)
     places = {humanize(output.name): int(study.best[i]) for i, output in enumerate(outputs)}
     places |= {"all, weighted": study.best_weighted, "(start at the first point)": 0}
-    return filled(
-        "start_times.html",
-        campaign=campaign,
-        answer=answer(study, checks, outputs),
-        convention=CONVENTIONS[study.axes].format(study.clock.aligned),
-        clock=study.clock.label,
-        event=study.clock.event,
-        dispersion=drawn.dispersion(study, checks, scale, outputs),
-        best=[(name, minutes(study.times[k]), study.sigma[k] * scale) for name, k in places.items()],
-        outputs=[(humanize(output.name), output.shown_in) for output in outputs],
-        checks=[(minutes(time), each.failed, _cells(time, each, outputs)) for time, each in checks.items()],
-        samples=max((comparison.samples for comparison in checks.values()), default=0),
-        partials=[
-            (humanize(output.name), drawn.effects(study, i, float(scale[i]), effects, output))
-            for i, output in enumerate(outputs)
-        ],
+
+    def of_output(i: int) -> Column[tuple[str, int]]:
+        output = outputs[i]
+        return Column(humanize(output.name), lambda row: float(study.sigma[row[1], i] * scale[i]), unit=output.shown_in)
+
+    columns: list[Column[tuple[str, int]]] = [
+        Column("Best for", lambda row: row[0], kind="label"),
+        Column(f"Start, {study.clock.label}", lambda row: minutes(study.times[row[1]])),
+        *map(of_output, range(len(outputs))),
+    ]
+    caption = (
+        "Start with the smallest dispersion for each output and for the weighted outputs, by linear analysis, and the "
+        "dispersion (1σ) of every output for that start."
     )
+    return Table(caption, columns, list(places.items()))
+
+
+@dataclass(frozen=True)
+class _Checked:
+    """Check of one output at a start, in the unit shown."""
+
+    output: Output
+    result: OutputComparison
+
+    @property
+    def sigmas(self) -> tuple[str, str]:
+        """Linear sigma and paired estimate."""
+        scale = conversion(self.output.unit, self.output.shown_in)
+        return number(self.result.sigma_linear * scale), number(self.result.sigma_paired * scale)
+
+    @property
+    def ends(self) -> str:
+        """Interval of the ratio."""
+        return interval(*(self.result.paired.interval or (math.nan, math.nan)))
+
+    @property
+    def verdict(self) -> Cell:
+        """Verdict as a label."""
+        words = _verdict(self.result)
+        return Cell(words, tone=None if words == NOT_DISTURBED else words)
+
+
+Check = tuple[float, Comparison, int]
+"""A start, its check, and the number of the output."""
+
+
+def _check_table(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: Sequence[Output]) -> Table[Check]:
+    """Tabulate the Monte Carlo checks: an output a column, or a row each where there are many."""
+    samples = max((comparison.samples for comparison in checks.values()), default=0)
+    caption = f"Linear σ, Monte Carlo σ (paired, {samples:,} samples at each start) and their ratio with its interval."
+
+    def checked(row: Check, i: int) -> _Checked | None:
+        results = row[1].outputs
+        return _Checked(outputs[i], results[i]) if i < len(results) else None
+
+    def start(row: Check) -> Cell:
+        return Cell(minutes(row[0]), below=f"{row[1].failed} failed" if row[1].failed else "")
+
+    def of_output(i: int) -> Column[Check]:
+        def content(row: Check) -> Cell:
+            each = checked(row, i)
+            return Cell() if each is None else _all_of(each)
+
+        return Column(humanize(outputs[i].name), content, unit=outputs[i].shown_in)
+
+    def single(heading: str, content: Callable[[_Checked], Cell | str]) -> Column[Check]:
+        def cell(row: Check) -> Cell | str:
+            each = checked(row, row[2])
+            return "" if each is None else content(each)
+
+        return Column(heading, cell)
+
+    columns = [Column(f"Start, {study.clock.label}", start, kind="label")]
+    if len(outputs) <= MOST_BESIDE:
+        columns += map(of_output, range(len(outputs)))
+        return Table(caption, columns, [(time, each, 0) for time, each in checks.items()])
+    columns += [
+        single("Output", lambda each: Cell(humanize(each.output.name), each.output.shown_in)),
+        single("Linear σ", lambda each: each.sigmas[0]),
+        single("Paired σ", lambda each: each.sigmas[1]),
+        single("Ratio", lambda each: number(each.result.paired.ratio)),
+        single("Interval", lambda each: each.ends),
+        single("Verdict", lambda each: each.verdict),
+    ]
+    rows = [(time, each, i) for time, each in checks.items() for i in range(len(each.outputs))]
+    return Table(caption, columns, rows)
+
+
+def _all_of(each: _Checked) -> Cell:
+    """Write a check in one cell: both sigmas, and below them the ratio with its interval and the verdict."""
+    ratio = number(each.result.paired.ratio) + (f" ({each.ends})" if each.ends != "–" else "")
+    verdict = each.verdict
+    words = verdict.text if verdict.tone is None else label(verdict.text, verdict.tone)
+    return Cell(" | ".join(each.sigmas), below=Markup("{}<br>{}").format(ratio, words))
 
 
 def grouped_effects(study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Output]) -> list[drawn.Effects]:
@@ -112,17 +251,3 @@ def grouped_effects(study: StartTimeStudy, sources: Sequence[Source], outputs: S
     ]
     effects = [each for each in effects if each.sizes.any()] or effects
     return effects if study.noise is None else [*effects, drawn.Effects("noise", study.noise, False, combined=True)]
-
-
-def _cells(time: float, comparison: Comparison, outputs: Sequence[Output]) -> list[dict[str, Any]]:
-    return [
-        {
-            "linear": row["sigma linear"] * factor,
-            "paired": row["sigma paired"] * factor,
-            "ratio": row["paired ratio"],
-            "interval": interval(row["interval from"], row["interval to"]),
-            "verdict": row["verdict"],
-            "tone": "" if row["verdict"] == NOT_DISTURBED else row["verdict"],
-        }
-        for row, factor in zip(_check_rows(time, comparison, outputs), scale_of(outputs), strict=False)
-    ]

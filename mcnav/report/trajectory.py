@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Final
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.text import Text
 
 from mcnav._types import Array
 from mcnav.analysis.heading import APART, compare_with_track, heading_remark
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.contract.history import History
+from mcnav.report.document import Column, Note, Page, Part, Section, Table, Verdict, counted
 from mcnav.report.figures.flight import flight
-from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
-from mcnav.report.html import filled
+
+FACTS: Final = (
+    "Ranges and largest values at the rows of the trajectory. Specific force and turn rate are those of the body, with "
+    "gravity and the rotation of the earth."
+)
+
+ROUGHNESS: Final = (
+    "Roughness: difference of the specific force at a row from the mean at its neighbours. The force is the second "
+    "derivative of positions, and amplifies their noise. Where positions have few decimals, the spline keeps within "
+    "one unit of the last one instead of passing through every row."
+)
 
 
 @dataclass(frozen=True)
@@ -70,74 +78,80 @@ class TrajectoryReport:
     departure: float | None = None
 
 
-def fact_rows(report: TrajectoryReport) -> list[dict[str, Any]]:
-    """Tabulate the facts: what, value, unit, and when."""
+@dataclass(frozen=True)
+class FactRow:
+    """A fact with its unit and, of largest and smallest values, when it is, s; as CSV and JSON have it."""
+
+    fact: str
+    value: float
+    unit: str
+    time: float | None = None
+
+
+def fact_rows(report: TrajectoryReport) -> list[FactRow]:
+    """List the facts."""
     steps = np.diff(report.times)
-
-    def row(fact: str, value: float, unit: str, time: float | None = None) -> dict[str, Any]:
-        return {"fact": fact, "value": float(value), "unit": unit, "time": time}
-
-    place = int(np.argmax(steps))
+    shortest, longest = (float(report.times[int(find(steps))]) for find in (np.argmin, np.argmax))
     rows = [
-        row("rows", len(report.times), ""),
-        row("first instant", report.times[0], "s"),
-        row("last instant", report.times[-1], "s"),
-        row("median step", np.median(steps), "s"),
-        row("shortest step", steps.min(), "s", float(report.times[int(np.argmin(steps))])),
-        row("longest step", steps[place], "s", float(report.times[place])),
-        row("lowest latitude", report.latitude[0], "deg"),
-        row("highest latitude", report.latitude[1], "deg"),
-        row("westernmost longitude", report.longitude[0], "deg"),
-        row("easternmost longitude", report.longitude[1], "deg"),
-        row("lowest altitude", report.altitude[0], "m"),
-        row("highest altitude", report.altitude[1], "m"),
-        row("lowest speed", report.speed[0], "m/s"),
-        row("highest speed", report.speed[1], "m/s"),
-        row("length of the path", report.distance / 1e3, "km"),
-        row("largest specific force", report.force.value / STANDARD_GRAVITY, "g", report.force.time),
-        row("roughness of the force (rms)", report.roughness / STANDARD_GRAVITY, "g"),
-        row("largest turn rate", math.degrees(report.turn_rate.value), "deg/s", report.turn_rate.time),
+        FactRow("rows", float(len(report.times)), ""),
+        FactRow("first instant", float(report.times[0]), "s"),
+        FactRow("last instant", float(report.times[-1]), "s"),
+        FactRow("median step", float(np.median(steps)), "s"),
+        FactRow("shortest step", float(steps.min()), "s", shortest),
+        FactRow("longest step", float(steps.max()), "s", longest),
+        FactRow("lowest latitude", report.latitude[0], "deg"),
+        FactRow("highest latitude", report.latitude[1], "deg"),
+        FactRow("westernmost longitude", report.longitude[0], "deg"),
+        FactRow("easternmost longitude", report.longitude[1], "deg"),
+        FactRow("lowest altitude", report.altitude[0], "m"),
+        FactRow("highest altitude", report.altitude[1], "m"),
+        FactRow("lowest speed", report.speed[0], "m/s"),
+        FactRow("highest speed", report.speed[1], "m/s"),
+        FactRow("length of the path", report.distance / 1e3, "km"),
+        FactRow("largest specific force", report.force.value / STANDARD_GRAVITY, "g", report.force.time),
+        FactRow("roughness of the force (rms)", report.roughness / STANDARD_GRAVITY, "g"),
+        FactRow("largest turn rate", math.degrees(report.turn_rate.value), "deg/s", report.turn_rate.time),
     ]
     if (compared := compare_with_track(report.history)) is not None:
-        rows.append(row(f"motion with heading and track {APART:g}° apart", 100.0 * compared.apart, "%"))
+        rows.append(FactRow(f"motion with heading and track {APART:g}° apart", float(100.0 * compared.apart), "%"))
     if report.departure is not None:
-        rows.append(row("largest distance of rows from the spline", report.departure, "m"))
+        rows.append(FactRow("largest distance of rows from the spline", report.departure, "m"))
     if report.disagreement is not None and report.disagreement_rms is not None:
-        rows.append(row("disagreement of the velocities (rms)", report.disagreement_rms, "m/s"))
-        rows.append(
-            row("largest disagreement of the velocities", report.disagreement.value, "m/s", report.disagreement.time)
-        )
+        largest = report.disagreement
+        rows.append(FactRow("disagreement of the velocities (rms)", report.disagreement_rms, "m/s"))
+        rows.append(FactRow("largest disagreement of the velocities", largest.value, "m/s", largest.time))
     return rows
 
 
-def _texts(row: dict[str, Any]) -> tuple[str, str, str, str]:
-    count = row["fact"] == "rows"
-    value = f"{row['value']:,.0f}" if count else _plain(row["value"])
-    return row["fact"], value, row["unit"], "" if row["time"] is None else _plain(row["time"])
-
-
-def _plain(value: float) -> str:
-    """Format a number with six digits, without zeros at its end."""
+def _plain(value: float | None) -> str:
+    """Format a number with six digits, without zeros at its end; nothing for a missing one."""
+    if value is None:
+        return ""
     return number(value, 6) if value != 0.0 and not 1e-4 <= abs(value) < 1e8 else f"{value:,.6g}".replace("-", "−")
 
 
-def lines(report: TrajectoryReport) -> RenderableType:
-    """Tabulate the facts for the terminal, with a remark on a heading that can hardly be right."""
-    table = FittedTable(report.name, [*texts("trajectory"), *numbers("value"), *texts("unit"), *numbers("at, s")])
-    for row in fact_rows(report):
-        table.add(*_texts(row))
+def fact_table(report: TrajectoryReport) -> Table[FactRow]:
+    """Tabulate the facts."""
+    columns: list[Column[FactRow]] = [
+        Column("Fact", lambda row: row.fact, "trajectory", "label"),
+        Column("value", lambda row: counted(row.value) if row.fact == "rows" else row.value, form=_plain),
+        Column("unit", lambda row: row.unit, kind="label"),
+        Column("at, s", lambda row: row.time, form=_plain),
+    ]
+    return Table(FACTS, columns, fact_rows(report), report.name)
+
+
+def terminal(report: TrajectoryReport) -> list[Part]:
+    """List what the terminal shows: the facts, with a remark on a heading that can hardly be right."""
     remark = heading_remark(report.history)
-    return Group(table, Text(remark, style="bold yellow")) if remark else table
+    return [fact_table(report), *([Verdict(remark, "undecided")] if remark else [])]
 
 
-def page(report: TrajectoryReport) -> str:
-    """Render the HTML page."""
-    figure = flight(report.history)
-    title = f"Trajectory: {report.name}"
-    return filled(
-        "trajectory.html",
-        name=report.name,
-        remark=heading_remark(report.history),
-        facts=[_texts(row) for row in fact_rows(report)],
-        flight=None if figure is None else replace(figure, title=title),
-    )
+def page(report: TrajectoryReport) -> Page:
+    """Return the page."""
+    remark, figure = heading_remark(report.history), flight(report.history)
+    sections = [Section("facts", "Facts", [fact_table(report), Note(ROUGHNESS)])]
+    if figure is not None:
+        sections.append(Section("flight", "Flight", [replace(figure, title=f"Trajectory: {report.name}")]))
+    head = [Verdict(remark, "undecided")] if remark else []
+    return Page(report.name, "Trajectory", report.name, head, sections)

@@ -21,6 +21,7 @@ from mcnav.files import write_texts
 from mcnav.lincov.partials import Propagate
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import linearity as tables
+from mcnav.report.html import page_html
 from mcnav.sampling.designs import SamplingDesign
 
 SAMPLES: Final = 2_000
@@ -119,10 +120,10 @@ def write_linearity(
     study = linearity_study(campaign, tolerance, samples, largest, progress)
     progress.phase(Phase.REPORTING)
     about = (study.tolerance, study.confidence, study.samples, study.without_noise)
-    page = tables.render(campaign.name, about, study.alone, study.together, study.contributions, sources, outputs)
+    page = tables.page(campaign.name, about, study.alone, study.together, study.contributions, sources, outputs)
     files = {
         "linearity.csv": tables.alone_table(study.alone, study.sizes, sources, outputs).to_csv(index=False),
         "linearity_dispersion.csv": tables.dispersion_table(study.together, outputs).to_csv(index=False),
-        "linearity.html": page,
+        "linearity.html": page_html(page),
     }
     return study, write_texts(path, files)

@@ -23,6 +23,7 @@ from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.start_times import StartTimeStudy, study_start_times
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import start_times as tables
+from mcnav.report.html import page_html
 from mcnav.sampling.designs import SamplingDesign
 
 EVENLY: Final = 6
@@ -136,6 +137,6 @@ def write_start_times(
     files = {"start_times.csv": tables.table(study, sources, outputs).to_csv(index=False)}
     if times_founds:
         files["start_times_checks.csv"] = tables.check_table(times_founds, outputs).to_csv(index=False)
-    files["start_times.html"] = tables.render(campaign.name, study, times_founds, sources, outputs)
+    files["start_times.html"] = page_html(tables.page(campaign.name, study, times_founds, sources, outputs))
     sigma = np.sqrt(np.maximum(np.diag(own), 0.0))
     return StartTimesFound(study, times_founds, sigma), write_texts(path, files)

@@ -13,7 +13,9 @@ from mcnav._threads import one_thread
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.analysis.summary import Summary
 from mcnav.errors import reading_file
-from mcnav.report.comparison import Row, inputs, outputs, render
+from mcnav.report.comparison import Row, inputs, outputs
+from mcnav.report.comparison import page as comparison_page
+from mcnav.report.html import page_html
 from mcnav.report.model import RunAnalysis
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import RunFolder
@@ -61,7 +63,7 @@ class RunComparison:
     @property
     def page(self) -> str:
         """The comparison as one HTML page."""
-        return render(self.titles, self.summaries, self.manifests, self.rows, self.confidence)
+        return page_html(comparison_page(self.titles, self.summaries, self.manifests, self.rows, self.confidence))
 
 
 def compare_runs(paths: Sequence[str | Path]) -> RunComparison:

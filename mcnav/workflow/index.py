@@ -3,16 +3,34 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 from urllib.parse import quote
+
+from markupsafe import Markup
 
 from mcnav.analysis.summary import Summary
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.files import write_whole
 from mcnav.report import filter_verdict, sentences
+from mcnav.report.document import (
+    CODE,
+    UNIT,
+    WRAPPED,
+    Cell,
+    Column,
+    Listing,
+    Page,
+    Part,
+    Section,
+    Sentence,
+    Table,
+    counted,
+)
 from mcnav.report.format import number
-from mcnav.report.html import filled
+from mcnav.report.html import page_html
 from mcnav.report.model import humanize, shown_units
 from mcnav.store.run_folder import MANIFEST, REPORT, SUMMARY, RunFolder
 
@@ -20,8 +38,41 @@ DEEPEST: Final = 3
 """Folders below the one that is looked through."""
 
 INDEX: Final = "index.html"
+CAPTION: Final = (
+    "All runs with verdicts, the worst first, Monte Carlo sigmas (paired estimates), start date, and the first digits "
+    "of the hash of campaign, engine and versions."
+)
+
+NOTHING: Final = Cell("–")
+"""Cell of what a run does not have."""
+
 HASH: Final = 10
 """Digits shown of what identifies a run."""
+
+
+@dataclass(frozen=True)
+class _Link:
+    """A page in the folder."""
+
+    href: str
+    path: str
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A run folder: its report, and what the page says of it, or why it cannot be read."""
+
+    folder: str
+    report: _Link | None
+    name: str
+    failure: str = ""
+    tone: str = ""
+    verdicts: Cell = NOTHING
+    samples: int | None = None
+    failed: int | None = None
+    sigmas: str = ""
+    started: str = ""
+    digest: str = ""
 
 
 def write_index(folder: Path) -> tuple[Path, int]:
@@ -33,15 +84,14 @@ def write_index(folder: Path) -> tuple[Path, int]:
     runs : int
         Number of runs on the page.
     """
-    runs, others = [], []
+    runs, others = list[_Run](), list[_Link]()
     for place in _below(folder, DEEPEST):
         if (place / MANIFEST).exists():
-            runs.append(_entry(folder, place))
+            runs.append(_read(folder, place))
         else:
             others += [_link(folder, page) for page in sorted(place.glob("*.html")) if page.name != INDEX]
     written = folder / INDEX
-    filters = any(run.get("filter") for run in runs)
-    write_whole(written, filled("index.html", runs=runs, others=others, filters=filters).encode())
+    write_whole(written, page_html(_page(runs, others)).encode())
     return written, len(runs)
 
 
@@ -55,40 +105,93 @@ def _below(folder: Path, depth: int) -> list[Path]:
     return result
 
 
-def _link(folder: Path, page: Path) -> dict[str, str]:
+def _link(folder: Path, page: Path) -> _Link:
     path = Path(os.path.relpath(page, folder)).as_posix()
-    return {"href": quote(path), "path": path}
+    return _Link(quote(path), path)
 
 
-def _entry(folder: Path, place: Path) -> dict[str, Any]:
-    """Build a run's row; a run that cannot be read has the reason."""
-    entry: dict[str, Any] = _link(folder, place / REPORT) | {"folder": place.name, "report": (place / REPORT).exists()}
+def _linked(link: _Link, words: str) -> Markup:
+    return Markup('<a href="{}">{}</a>').format(link.href, words)
+
+
+def _read(folder: Path, place: Path) -> _Run:
+    """Read a run; one that cannot be read has the reason."""
+    report = _link(folder, place / REPORT) if (place / REPORT).exists() else None
     try:
         with reading_file(place / SUMMARY):
             run = RunFolder(place)
             summary, manifest = Summary.of(run.summary()), run.existing_manifest()
-            units = shown_units(summary)
-            counts = summary.counts
-            sigmas = summary.sigma_paired or summary.sigma_linear.tolist()
-            return entry | {
-                "name": summary.campaign,
-                "tone": sentences.tone(summary),
-                "standing": sentences.standing(summary),
-                "headline": sentences.headline(summary),
-                "warning": "" if summary.unsettled is None else sentences.unsettled(summary.unsettled),
-                "filter": filter_verdict.verdict(summary),
-                "filter_tone": filter_verdict.TONES.get(filter_verdict.verdict(summary), ""),
-                "filter_headline": filter_verdict.headline(summary),
-                "samples": f"{summary.samples:,}",
-                "failed": f"{summary.failed:,}",
-                "sigmas": [
-                    (humanize(name), number(sigma * units[name][0], 4), units[name][1])
-                    for name, sigma in zip(summary.names, sigmas, strict=True)
-                ],
-                "date": manifest.started[:10],
-                "hash": manifest.identity.digest[:HASH],
-                "requirements": counts and f"{counts.met} of {counts.of} met",
-                "requirements_tone": counts and sentences.tone_of(counts),
-            }  # fmt: skip
+            return _Run(
+                place.name,
+                report,
+                summary.campaign,
+                tone=sentences.statements(summary)[0].tone,
+                verdicts=_verdicts(summary),
+                samples=summary.samples,
+                failed=summary.failed,
+                sigmas=_sigmas(summary),
+                started=manifest.started[:10],
+                digest=manifest.identity.digest[:HASH],
+            )
     except RunFolderError as failure:
-        return entry | {"name": place.name, "tone": "", "failure": str(failure).replace(str(place), place.name)}
+        return _Run(place.name, report, place.name, str(failure).replace(str(place), place.name))
+
+
+def _page(runs: Sequence[_Run], others: Sequence[_Link]) -> Page:
+    """Return the page: runs with what their reports say, and other pages."""
+    nothing = Markup("There is no finished run in this folder. Create one with {}.").format(
+        CODE("mcnav run campaigns/NAME.toml")
+    )
+    parts: list[Part] = [_run_table(runs)] if runs else [Sentence(nothing)]
+    sections = [Section("runs", f"{len(runs)} {'run' if len(runs) == 1 else 'runs'}", parts)]
+    if others:
+        links = Listing([_linked(page, page.path) for page in others])
+        sections.append(Section("others", "Other pages", [links]))
+    return Page("Runs", "Linear covariance analysis and Monte Carlo", "Runs", sections=sections)
+
+
+def _run_table(runs: Sequence[_Run]) -> Table[_Run]:
+    """Tabulate the runs, of one that cannot be read the reason."""
+
+    def name(run: _Run) -> Cell:
+        return Cell(run.name if run.report is None else _linked(run.report, run.name), below=run.folder)
+
+    def verdict(run: _Run) -> Cell:
+        return Cell(WRAPPED(run.failure), columns=6) if run.failure else run.verdicts
+
+    columns: list[Column[_Run]] = [
+        Column("Run", name, kind="words", of_user=True),
+        Column("Verdicts", verdict, kind="text"),
+        Column("Samples", lambda run: run.samples, form=counted),
+        Column("Failed", lambda run: run.failed, form=counted),
+        Column("1σ of the final errors", lambda run: run.sigmas, kind="words"),
+        Column("Started", lambda run: run.started, kind="label"),
+        Column("Identity", lambda run: CODE(run.digest), kind="label"),
+    ]
+    return Table(CAPTION, columns, runs, name="all-runs", verdict=lambda run: run.tone)
+
+
+def _verdicts(summary: Summary) -> Cell:
+    """Mark the verdicts on linear analysis, requirements and filter as labels, the worst first."""
+    labels = []
+    for statement in sentences.statements(summary):
+        counts, subject = summary.counts, statement.subject
+        words = f"linear {statement.tone}" if subject == "linear" else f"filter {filter_verdict.verdict(summary)}"
+        if subject == "requirements" and counts is not None:
+            words = f"{counts.met} of {counts.of} met"
+        labels.append(
+            Markup('<span class="tag {}" title="{}">{}</span>').format(statement.tone, statement.words, words)
+        )
+    reason = summary.unsettled
+    return Cell(Markup("<br>").join(labels), below="" if reason is None else sentences.unsettled(reason))
+
+
+def _sigmas(summary: Summary) -> Markup:
+    """List the sigmas of the final errors, each with its unit on one line."""
+    units, sigmas = shown_units(summary), summary.sigma_paired or summary.sigma_linear.tolist()
+    listed = []
+    for name, sigma in zip(summary.names, sigmas, strict=True):
+        scale, unit = units[name]
+        words = (humanize(name), number(sigma * scale, 4), UNIT(unit))
+        listed.append(Markup("\N{NO-BREAK SPACE}").join(words))
+    return Markup(", ").join(listed)

@@ -16,6 +16,7 @@ import pytest
 import mcnav
 from mcnav.config.read import read_campaign
 from mcnav.files import write_texts
+from mcnav.report.html import page_html
 from mcnav.report.trajectory import page as trajectory_page
 from mcnav.studies.allocate import write_allocation
 from mcnav.studies.lincov import write_lincov
@@ -314,7 +315,7 @@ def _trajectory(folder: Path, _: Callable[[str], Path]) -> Path:
     rows = fly_segments(start, [Hold(20.0), SpeedChange(80.0), Climb(500.0), Turn(3.0), Climb(-300.0)], 5.0, WGS84)
     truth = rows.truth(WGS84)
     found = describe(NAME, truth, rows, {"start of navigation": 20.0})
-    (written,) = write_texts(folder, {"trajectory.html": trajectory_page(found)})
+    (written,) = write_texts(folder, {"trajectory.html": page_html(trajectory_page(found))})
     return written
 
 

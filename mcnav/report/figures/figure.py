@@ -62,8 +62,13 @@ class Figure:
 
     @property
     def layout(self) -> str:
-        """Number of panels side by side: the style sheet's class."""
-        return "thirds" if self.size[0] == THIRD[0] else "halves"
+        """Class of the style sheet by the number of panels side by side."""
+        return "thirds" if self.beside == 3 else "halves"
+
+    @property
+    def beside(self) -> int:
+        """Number of panels side by side."""
+        return 3 if self.size[0] == THIRD[0] else 2
 
     @property
     def first(self) -> Sequence[Panel]:
@@ -130,7 +135,7 @@ class Figure:
         """
         from mcnav.report.figures.on_axes import drawn
 
-        return drawn(self, width, font_scale, height, columns)
+        return drawn(self.first, self.key, self.size, columns or self.beside, width, font_scale, height)
 
     def save(
         self,
@@ -151,7 +156,7 @@ class Figure:
     def _repr_svg_(self) -> str:
         """Shown by Jupyter: the first panels, and colours as such."""
         panels = list(map(str, self.svgs[: len(self.first)]))
-        columns = min(3 if self.layout == "thirds" else 2, len(panels))
+        columns = min(self.beside, len(panels))
         width, height = self.size
         across, down = width * columns, height * -(-len(panels) // columns)
         size = f'width="{width:g}" height="{height:g}"'

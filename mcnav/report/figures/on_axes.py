@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
@@ -18,9 +18,6 @@ from mcnav.report.figures import marks as m
 from mcnav.report.figures.palette import GRID, INK, MUTED, PAPER, readable_on
 from mcnav.report.figures.paper import CENTIMETRES
 from mcnav.report.figures.ticks import labelled, linear_ticks, log_label, log_ticks, text_width
-
-if TYPE_CHECKING:
-    from mcnav.report.figures.figure import Figure
 
 PX: Final = 1.0 / 96.0
 """A pixel of a page, in."""
@@ -47,13 +44,13 @@ SHAPES: Final = {"dot": "o", "ring": "o", "square": "s", "box": "s", "triangle":
 
 
 def drawn(
-    figure: Figure, width: float | None, font_scale: float, height: float | None = None, columns: int | None = None
-) -> MplFigure:
-    """Draw all panels; see `mcnav.report.figures.figure.Figure.figure`."""
-    panels = figure.first
-    columns = min(columns or (3 if figure.layout == "thirds" else 2), len(panels))
+    panels: Sequence[m.Panel], key: Sequence[m.Series], size: tuple[float, float], columns: int, width: float | None,
+    font_scale: float, height: float | None = None,
+) -> MplFigure:  # fmt: skip
+    """Draw panels of a size, px, in columns, with a key; see `mcnav.report.figures.figure.Figure.figure`."""
+    columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
-    across, down = figure.size[0] * PX * columns, figure.size[1] * PX * rows + 0.4
+    across, down = size[0] * PX * columns, size[1] * PX * rows + 0.4
     shrunk = 1.0 if width is None else width / CENTIMETRES["in"] / across
     inches = across * shrunk, down * shrunk if height is None else height / CENTIMETRES["in"]
     with mpl.rc_context(STYLE | {"font.size": 9.0 * font_scale, "axes.titlesize": 10.0 * font_scale}):
@@ -64,9 +61,9 @@ def drawn(
             draw(panel, axes, font_scale, room)
         for axes in grid.flat[len(panels) :]:
             axes.remove()
-        if figure.key:
-            side_by_side = _legend_columns(figure.key, inches[0] / PX, 9.0 / POINT * font_scale)
-            made.legend(handles=[_handle(each) for each in figure.key], loc="outside upper left", ncols=side_by_side)
+        if key:
+            side_by_side = _legend_columns(key, inches[0] / PX, 9.0 / POINT * font_scale)
+            made.legend(handles=[_handle(each) for each in key], loc="outside upper left", ncols=side_by_side)
     return made
 
 

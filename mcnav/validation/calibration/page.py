@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from markupsafe import Markup
 
 from mcnav.files import write_texts
+from mcnav.report.document import (
+    Cell,
+    Column,
+    Folded,
+    Note,
+    Page,
+    Section,
+    Sentence,
+    Table,
+    counted,
+    label,
+)
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Mark, Panel, Points, Rule, Series
 from mcnav.report.figures.palette import FLOWN, INK, LINEAR, MUTED
-from mcnav.report.html import filled
+from mcnav.report.html import page_html
 from mcnav.sampling.designs import DESIGNS
 from mcnav.validation.calibration.filter_trials import FILTER, run_filter_trials
 from mcnav.validation.calibration.kalman_trials import KALMAN, run_kalman_trials
@@ -66,20 +81,91 @@ MARKS: Final = {
 """Marks of each finding; a power has no finding."""
 
 
+SYSTEMS: Final = Markup(
+    "Systems: <em>linear</em>, the simulation is the linear model; <em>disguised</em>, nonlinear with exactly the "
+    "linear mean and covariance; <em>quadratic</em>, y₁ = x₁ + 0.2 x₂², y₂ = x₁/2 + x₃ + 0.2 x₁x₂; "
+    "<em>corrupted</em>, the first column of the linear model is 5 % too large. For Student's t with five degrees of "
+    "freedom the program reports no intervals. With ten degrees of freedom it reports none for antithetic pairs and "
+    "Sobol nets, and approximate ones with a warning for the other designs."
+)
+"""What the systems are."""
+
+OTHERS: Final[Mapping[str, tuple[Markup, ...]]] = {
+    "noise": (
+        Markup(
+            "Noise: as these systems, with two processes of noise; each sample has a linear outcome with the same "
+            "noise. <em>At the tolerance</em>, sigmas are larger than the linear ones by just the tolerance of 5 %, "
+            "so that they neither agree nor differ; <em>response wrong</em>, the linear model's response to noise is "
+            "5 % too large, in its outcomes as in its covariance; <em>covariance wrong</em>, in its covariance alone; "
+            "<em>twins</em>, two runs of quadratic systems are compared. Linear outcomes are doubted with a "
+            "probability of one in a million where they are right. <em>Free navigation</em>: seven minutes of "
+            "inertial navigation with biases and random walks, simulated and analysed as a run is."
+        ),
+    ),
+    "tails": (
+        Markup(
+            "Requirements: three outputs of three sources and noise at twelve epochs; <em>errors rising</em>, sigmas "
+            "grow threefold; <em>errors steady</em>, the covariance is the same at all epochs. Bounds by order "
+            "statistics are conservative, because ranks are whole numbers; lower bounds over several epochs, because "
+            "they hold at all of them."
+        ),
+    ),
+    "filter": (
+        Markup(
+            "Filters: nine normal errors at 61 epochs, correlated by 0.9 from epoch to epoch, and a filter that "
+            "states one fixed covariance; <em>matched</em>, it is that of the errors; <em>at the tolerance</em>, all "
+            "errors are larger by just 5 %, the tolerance; <em>one error at the tolerance</em>, one of the nine is; "
+            "<em>one error at 10 %</em>, one is larger by just 10 %, and this is the tolerance of some statements; "
+            "<em>20 % optimistic</em>, the position errors are larger by 20 %; <em>one error 20 % larger</em>, one of "
+            "the nine is; <em>two errors that cancel</em>, another one of the same group is smaller, so that the mean "
+            "NEES is as expected; <em>one axis</em>, one position error is twice as large. The rates of departures "
+            "that are found by mistake are below the nominal 5 %, because intervals of neighbouring epochs are not "
+            "independent, and because a departure must be beyond the tolerance."
+        ),
+        Markup(
+            "Kalman filters: position, velocity and a constant bias along three axes, sixty fixes, in closed loop; "
+            "<em>matched</em>, the filter estimates the bias; <em>considering</em>, it considers the bias without "
+            "estimating it; <em>biases neglected</em>, it knows nothing of biases, of which one is larger by 3 %; "
+            "<em>fixed bias</em>, nothing of a bias that is the same in all samples. The largest neglected error is "
+            "named by linear analysis. <em>Aided navigation</em>: the same flight as <em>free navigation</em>, with "
+            "GNSS; <em>considering</em>, the filter considers a bias of its velocity."
+        ),
+    ),
+}
+"""What other systems are, by their group."""
+
+SIGN: Final = Markup('<span class="mark">{}</span>').format
+
+
 def render(table: pd.DataFrame, trials: int) -> str:
     """Render the page from a table of rates, with ``trials`` campaigns of each kind."""
     groups = table["system"].map(_group)
     picked = {key: table[(groups == key[0]) & (table["kind"] == key[1])] for key in TITLES}
-    sections = [_section(own, *key, TITLES[key]) for key, own in picked.items() if len(own)]
-    counted = table[table["finding"] != ""]["finding"].value_counts()
-    return filled(
-        "calibration.html",
-        trials=trials,
-        campaigns=f"{table.groupby(['system', 'sources', 'design', 'samples'])['campaigns'].max().sum():,}",
-        sections=sections,
-        groups=set(groups),
-        findings=[(name, int(counted.get(name, 0)), *words) for name, words in FINDINGS.items()],
+    notes = [SYSTEMS, *(note for group, own in OTHERS.items() if group in set(groups) for note in own)]
+    campaigns = table.groupby(["system", "sources", "design", "samples"])["campaigns"].max().sum()
+    intro = (
+        f"Coverage of intervals, false alarms and power, measured on {campaigns:,} independent synthetic campaigns "
+        f"({trials} of each kind, of inertial navigation a third). The moments of the systems are known in closed "
+        "form. Rates are in per cent, with exact binomial intervals at 95 %. The nominal level of each statement is "
+        "95 % unless given otherwise."
     )
+    sections = [_section(own, *key, TITLES[key]) for key, own in picked.items() if len(own)]
+    return page_html(Page(
+        "Calibration", "Measured error rates", "Calibration: validation of the statistics", [Sentence(intro)],
+        [Section("findings", "Findings", [_finding_table(table), *map(Note, notes)]), *sections],
+    ))  # fmt: skip
+
+
+def _finding_table(table: pd.DataFrame) -> Table[str]:
+    """Tabulate how many rates there are of each finding."""
+    counts = table[table["finding"] != ""]["finding"].value_counts()
+    columns: list[Column[str]] = [
+        Column("Finding", lambda name: Cell(name, tone=FINDINGS[name][0]), kind="label"),
+        Column("Rates", lambda name: int(counts.get(name, 0)), form=counted),
+        Column("Sign", lambda name: FINDINGS[name][1] or "none", kind="label"),
+        Column("Measured rate", lambda name: FINDINGS[name][2], kind="words"),
+    ]
+    return Table("Number of rates by finding, and their signs in the tables below.", columns, list(FINDINGS))
 
 
 def write_calibration(folder: Path, trials: int, jobs: int) -> tuple[pd.DataFrame, list[Path]]:
@@ -101,33 +187,53 @@ def _group(system: str) -> str:
     return next((group for beginning, group in GROUPS.items() if system.startswith(beginning)), "")
 
 
-def _section(table: pd.DataFrame, group: str, kind: str, title: str) -> dict[str, Any]:
-    sizes, name = sorted(table["samples"].unique()), kind.replace(" ", "-")
+def _section(table: pd.DataFrame, group: str, kind: str, title: str) -> Section:
+    name = kind.replace(" ", "-")
     name = f"{group}-{name}" if group else name
-    figure = _figure(table, name, kind, title)
-    return {
-        "title": title,
-        "id": name,
-        "rows": _rows(table, sizes),
-        "figure": figure,
-        "sizes": [f"{size:,}" for size in sizes],
-    }
+    return Section(name, title, [_figure(table, name, kind, title), Folded("All rates", [_rate_table(table)])])
 
 
-def _rows(table: pd.DataFrame, sizes: list[int]) -> list[dict[str, Any]]:
-    """List one row per statement, system, distribution and design, with a cell for every size."""
+@dataclass(frozen=True)
+class _Rates:
+    """Rates of a statement on a system by the number of samples."""
+
+    statement: str
+    system: str
+    sources: str
+    design: str
+    nominal: str
+    by_size: Mapping[int, Cell]
+
+
+def _rate_table(table: pd.DataFrame) -> Table[_Rates]:
+    """Tabulate the rates, one row per statement, system, distribution and design, with a cell for every size."""
     rows = []
     for (statement, system, sources, design), group in table.groupby(["statement", "system", "sources", "design"]):
-        cells = {size: {"rate": "–", "interval": "", "tone": "", "sign": ""} for size in sizes}
+        cells = {}
         for row in group.to_dict("records"):
             tone, sign, _ = FINDINGS.get(row["finding"], ("", "", ""))
-            rate, interval = f"{100.0 * row['measured']:.1f}", f"{100.0 * row['low']:.1f} to {100.0 * row['high']:.1f}"
-            cells[row["samples"]] = {"rate": rate, "interval": interval, "tone": tone, "sign": sign}
+            rate = f"{100.0 * row['measured']:.1f}"
+            text = Markup("{}{}").format(label(rate, tone) if tone else rate, SIGN(sign) if sign else "")
+            cells[row["samples"]] = Cell(text, below=f"{100.0 * row['low']:.1f} to {100.0 * row['high']:.1f}")
         nominal = group["nominal"].iloc[0]
-        rows.append({"statement": statement, "system": system, "sources": sources, "design": design,
-                     "cells": list(cells.values()),
-                     "nominal": "" if nominal != nominal else f"{100.0 * nominal:g}"})  # fmt: skip
-    return rows
+        shown = "–" if nominal != nominal else f"{100.0 * nominal:g}"
+        rows.append(_Rates(statement, system, sources, design, shown, cells))
+
+    def of_size(size: int) -> Column[_Rates]:
+        return Column(f"N = {size:,}", lambda row: row.by_size.get(size, Cell("–")))
+
+    columns: list[Column[_Rates]] = [
+        Column("Statement", lambda row: row.statement, kind="words"),
+        Column("System, sources", lambda row: Cell(row.system, below=row.sources), kind="text"),
+        Column("Design", lambda row: row.design, kind="text"),
+        Column("Nominal", lambda row: row.nominal),
+        *map(of_size, sorted(table["samples"].unique())),
+    ]
+    caption = (
+        "Measured rates, %. A dash: the statement is not made, because the design has too few independent blocks or "
+        "the test does not apply to it."
+    )
+    return Table(caption, columns, rows, style="marked")
 
 
 def _figure(own: pd.DataFrame, name: str, kind: str, title: str) -> Figure:

@@ -8,13 +8,26 @@ from dataclasses import asdict
 from functools import lru_cache
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import pandas as pd
+from markupsafe import Markup
 
 from mcnav.files import write_texts
+from mcnav.report.document import (
+    Cell,
+    Column,
+    Listing,
+    MarkKey,
+    Note,
+    Page,
+    Section,
+    Sentence,
+    Table,
+    counts_in_words,
+)
 from mcnav.report.format import SUPERSCRIPTS, number
-from mcnav.report.html import filled
+from mcnav.report.html import page_html
 from mcnav.validation.reproduce.textbook.budgets import budget_numbers
 from mcnav.validation.reproduce.textbook.filters import (
     bound_numbers,
@@ -53,6 +66,16 @@ KINDS: Final = {Agreement.AGREES: "digits", Agreement.DIFFERS: "inconsistent"}
 """Classes of the style sheet by agreement."""
 
 PHRASES: Final = {Agreement.AGREES: "agree", Agreement.DIFFERS: "differ"}
+
+
+COMPARED: Final = (
+    "Each number is compared with linear covariance analysis, which must have its digits, and with nonlinear "
+    "simulation by the navigator in three dimensions. Standard deviations and means of samples have an interval "
+    f"of {100.0 * CONFIDENCE:g} % confidence, which must contain the number; single simulations have no "
+    "interval and must have the digits. The paired estimate adds to the linear variance what the samples' squares "
+    "differ from those of their linear outcomes: it has hardly any sampling error, and shows what nonlinearity changes."
+)
+"""How each number is compared."""
 
 
 @lru_cache
@@ -100,20 +123,21 @@ def _simulated(each: Number) -> str:
     return f"{number(each.simulated)} ({low} to {high})"
 
 
-def _shown(each: Number) -> dict[str, Any]:
-    return {
-        "quantity": each.quantity,
-        "unit": "" if each.unit == "1" else each.unit,
-        "printed": written(each.printed),
-        "formula": each.formula,
-        "source": list(SOURCES).index(each.source) + 1,
-        "linear": with_another_digit(each.linear, each.printed),
-        "simulated": _simulated(each),
-        "paired": "–" if each.paired is None else with_another_digit(each.paired, each.printed),
-        "kind": KINDS[each.agreement],
-        "agreement": each.agreement.value,
-        "remark": each.remark,
-    }
+def _unit(each: Number) -> str:
+    return "" if each.unit == "1" else each.unit
+
+
+def _linear(each: Number) -> str:
+    return with_another_digit(each.linear, each.printed)
+
+
+def _paired(each: Number) -> str:
+    return "–" if each.paired is None else with_another_digit(each.paired, each.printed)
+
+
+def _source(each: Number) -> str:
+    """Return the number of its source in the list of sources."""
+    return str(list(SOURCES).index(each.source) + 1)
 
 
 def chapters(numbers: Iterable[Number]) -> list[tuple[str, list[Number]]]:
@@ -129,12 +153,10 @@ def markdown(numbers: Sequence[Number]) -> str:
         parts += ["| quantity | published | linear | simulated | paired | formula, source |"]
         parts.append("| --- | --- | --- | --- | --- | --- |")
         for each in members:
-            row = _shown(each)
-            unit, mark = f" [{row['unit']}]" if row["unit"] else "", " ≠" if row["remark"] else ""
+            unit, mark = f" [{_unit(each)}]" if _unit(each) else "", " ≠" if each.remark else ""
             parts.append(
-                f"| {row['quantity']}{unit} | {row['printed']}{mark} | {row['linear']} | {row['simulated']} | "
-                f"{row['paired']} | "
-                f"{row['formula']} ({row['source']}) |"
+                f"| {each.quantity}{unit} | {written(each.printed)}{mark} | {_linear(each)} | {_simulated(each)} | "
+                f"{_paired(each)} | {each.formula} ({_source(each)}) |"
             )
         parts.append("")
     return "\n".join(parts)
@@ -143,17 +165,47 @@ def markdown(numbers: Sequence[Number]) -> str:
 def render(numbers: Sequence[Number]) -> str:
     """Render the page."""
     counted = Counter(each.agreement for each in numbers)
-    return filled(
-        "textbook.html",
-        title=TITLE,
-        total=len(numbers),
-        counts=[(PHRASES[agreement], counted[agreement]) for agreement in Agreement if counted[agreement]],
-        chapters=[(name, CAPTIONS[name], [_shown(each) for each in own]) for name, own in chapters(numbers)],
-        differing=[_shown(each) for each in numbers if each.agreement is Agreement.DIFFERS],
-        sources=list(SOURCES.values()),
-        confidence=f"{100.0 * CONFIDENCE:g}",
-        marks=[(kind, PHRASES[agreement]) for agreement, kind in KINDS.items()],
+    counts = [(PHRASES[agreement], counted[agreement]) for agreement in Agreement if counted[agreement]]
+    intro = Markup("{} published numbers: {}").format(len(numbers), counts_in_words(counts))
+    differing = [each for each in numbers if each.agreement is Agreement.DIFFERS]
+    sections = [Section("differing", "Numbers that differ", [_differing_table(differing)])]
+    key = MarkKey([(kind, PHRASES[agreement]) for agreement, kind in KINDS.items()])
+    for place, (name, own) in enumerate(chapters(numbers), start=1):
+        title = f"{name[0].upper()}{name[1:]}"
+        sections.append(Section(f"chapter-{place}", title, [key, _number_table(CAPTIONS[name], own)]))
+    sections.append(Section("sources", "Sources", [Listing(list(SOURCES.values()), numbered=True)]))
+    return page_html(
+        Page(TITLE, "Published and recomputed numbers", TITLE, [Sentence(intro), Note(COMPARED)], sections)
     )
+
+
+def _quantity(each: Number) -> Cell:
+    return Cell(each.quantity, _unit(each))
+
+
+def _differing_table(numbers: Sequence[Number]) -> Table[Number]:
+    """Tabulate the numbers that were not reproduced."""
+    columns: list[Column[Number]] = [
+        Column("Quantity", _quantity, kind="words"),
+        Column("Published", lambda each: written(each.printed)),
+        Column("Linear", _linear),
+        Column("Cause", lambda each: each.remark, kind="words"),
+    ]
+    return Table("Published numbers that were not reproduced, and the causes.", columns, numbers)
+
+
+def _number_table(caption: str, numbers: Sequence[Number]) -> Table[Number]:
+    """Tabulate the numbers of a chapter."""
+    columns: list[Column[Number]] = [
+        Column("Quantity", _quantity, kind="words"),
+        Column("Published", lambda each: written(each.printed)),
+        Column("Linear", lambda each: Cell(_linear(each), mark=KINDS[each.agreement], hint=each.agreement.value)),
+        Column("Simulated", _simulated),
+        Column("Paired", _paired),
+        Column("Formula", lambda each: each.formula, kind="words"),
+        Column("Source", _source),
+    ]
+    return Table(caption, columns, numbers, style="marked")
 
 
 def write(folder: Path) -> tuple[tuple[Number, ...], list[Path]]:

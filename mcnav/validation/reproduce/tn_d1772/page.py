@@ -7,15 +7,18 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import pandas as pd
+from markupsafe import Markup
 
 from mcnav.files import write_texts
+from mcnav.report import document as shown
+from mcnav.report.document import Column, MarkKey, Note, Page, Section, Sentence, Table, counts_in_words, joined
 from mcnav.report.figures.figure import Figure
 from mcnav.report.format import number
-from mcnav.report.html import filled
+from mcnav.report.html import page_html
 from mcnav.validation.reproduce.tn_d1772 import curves as computed
 from mcnav.validation.reproduce.tn_d1772 import figures as drawn
 from mcnav.validation.reproduce.tn_d1772.claims import Finding, claims, settled
@@ -44,6 +47,30 @@ CAPTIONS: Final = {
     "VI": "Accelerometer outputs taken as zero above 121.92 km.",
 }
 
+TONES: Final = {"holds": "agrees", "in part": "undecided", "does not hold": "differs"}
+"""Tones of verdicts on claims."""
+
+REPORT: Final = Markup(
+    "<em>Study of Inertial Navigation Errors During Reentry to the Earth's Atmosphere</em>, Q. M. Hansen, J. S. White "
+    "and A. Y. K. Pang, 1963, recomputed from its equations. Of {} printed numbers {}"
+)
+
+COMPARED: Final = (
+    "Final errors in km by the planar navigator and by the one in three dimensions: linear, and of samples with an "
+    "interval of 99.9 % confidence; errors of single sources have none. The departure is that of the samples' root "
+    "mean square from that of their linear outcomes, which have the same errors. With an update the filter states a "
+    "sigma of its own, and the planar navigator starts at that time."
+)
+
+ATMOSPHERE: Final = (
+    "The atmosphere is only cited (“reference 4”): it is the ARDC Model Atmosphere of 1959, which reproduces the "
+    "ranges of Table I. Range angles are not wrapped at 180 deg."
+)
+
+IN_CELLS: Final = Markup(
+    "Each cell: printed number above, computed number below (reference engine, the report's polar equations). Tooltips "
+    'give the agreement, as does <a href="tables.csv">tables.csv</a>.'
+)
 
 FIGURES: Final[Mapping[str, tuple[Callable[[], pd.DataFrame], Callable[[pd.DataFrame], Figure]]]] = {
     "1": (computed.figure_1, drawn.figure_1),
@@ -69,21 +96,19 @@ def table(cells: Sequence[Cell]) -> pd.DataFrame:
     frame = pd.DataFrame(cells)
     frame["difference"] = [cell.difference for cell in cells]
     frame["mark"] = [cell.mark.value for cell in cells]
-    shown = ["table", "row", "column", "unit", "printed", "computed", "second", "difference", "tolerance", "mark",
+    order = ["table", "row", "column", "unit", "printed", "computed", "second", "difference", "tolerance", "mark",
              "reason"]  # fmt: skip
-    return frame[shown].rename(columns={"second": "ensemble engine"})
+    return frame[order].rename(columns={"second": "ensemble engine"})
 
 
-def _shown(cell: Cell) -> dict[str, Any]:
-    """Format a cell for the template: one digit more than printed."""
+def _printed(cell: Cell) -> str:
+    return cell.printed.replace("-", "−")
+
+
+def _computed(cell: Cell) -> str:
+    """Format the computed number with one digit more than printed."""
     decimals = len(cell.printed.partition(".")[2]) + 1
-    return vars(cell) | {
-        "printed": cell.printed.replace("-", "−"),
-        "shown": f"{round(cell.computed, decimals) + 0.0:.{decimals}f}".replace("-", "−"),  # and no negative zero
-        "allowed": f"{cell.tolerance:.3g}",
-        "mark": cell.mark.value,
-        "kind": cell.mark.name.lower(),
-    }
+    return f"{round(cell.computed, decimals) + 0.0:.{decimals}f}".replace("-", "−")  # and no negative zero
 
 
 def _between_engines(cells: Sequence[Cell]) -> str:
@@ -97,43 +122,90 @@ def render(
     decided: Sequence[Finding], spatial: Sequence[Finding], compared: Sequence[Comparison],
 ) -> str:  # fmt: skip
     """Render the page; figures by number, findings and numbers of the navigator in three dimensions last."""
-    tables = []
-    for name, members in groupby(cells, key=lambda cell: cell.table):
-        own = list(members)
-        rows = [(row, list(group)) for row, group in groupby(own, key=lambda cell: cell.row)]
-        columns = list(dict.fromkeys((cell.column, cell.unit) for cell in rows[0][1]))
-        shown = [(row, [_shown(cell) for cell in group]) for row, group in rows]
-        caption = f"{CAPTIONS.get(name, '')} {_between_engines(own)}".strip()
-        tables.append({"name": f"Table {name}", "caption": caption, "columns": columns, "rows": shown})
     counted = Counter(cell.mark for cell in cells)
-    return filled(
-        "reproduction.html",
-        title=title,
-        total=len(cells),
-        counts=[(mark, f"{counted[mark]:,}") for mark in Mark if counted[mark]],
-        phrases=PHRASES,
-        notable=[_shown(cell) for cell in cells if cell.mark in (Mark.INCONSISTENT, Mark.DIFFERS)],
-        tables=tables,
-        marks=[(mark.name.lower(), phrase) for mark, phrase in PHRASES.items()],
-        figures=figures,
-        claims=said,
-        settled=decided,
-        spatial=spatial,
-        compared=[_compared(each) for each in compared],
-    )
+    counts = counts_in_words([(PHRASES[mark], counted[mark]) for mark in Mark if counted[mark]])
+    intro = Sentence(REPORT.format(f"{len(cells):,}", counts))
+    sections = [
+        Section("claims", "Claims of the report", [_finding_table(said, "Claim")]),
+        Section("three-dimensions", "In three dimensions",
+                [_finding_table(spatial, "Claim"), _comparison_table(compared)]),
+        Section("settled", "Open questions settled for the reproduction",
+                [_finding_table(decided, "Statement in the report"), Note(ATMOSPHERE)]),
+    ]  # fmt: skip
+    if notable := [cell for cell in cells if cell.mark in (Mark.INCONSISTENT, Mark.DIFFERS)]:
+        sections.append(Section("numbers", "Numbers that do not agree", [_notable_table(notable)]))
+    for name, figure in figures.items():
+        sections.append(Section(f"figure-{name}", f"Figure {name}: {figure.title}", [figure]))
+    for place, (name, members) in enumerate(groupby(cells, key=lambda cell: cell.table)):
+        key = MarkKey([(mark.name.lower(), phrase) for mark, phrase in PHRASES.items()])
+        parts = joined(Note(IN_CELLS) if place == 0 else None, key, _cell_table(name, list(members)))
+        sections.append(Section(f"Table {name}".replace(" ", "-"), f"Table {name}", parts))
+    return page_html(Page(title, "Printed and recomputed numbers", title, [intro], sections))
 
 
-def _compared(each: Comparison) -> dict[str, Any]:
-    """Format a comparison for the template."""
-    numbers = {name: number(getattr(each, name)) for name in ("planar", "planar_simulated", "linear", "own")}
-    interval = "" if np.isnan(each.low) else f" ({number(each.low, 3)} to {number(each.high, 3)})"
-    return {
-        "case": each.case.replace("-", "−"),
-        "result": each.result,
-        **numbers,
-        "simulated": f"{number(each.simulated)}{interval}",
-        "departure": number(100.0 * each.departure, 2),
-    }
+def _finding_table(findings: Sequence[Finding], heading: str) -> Table[Finding]:
+    """Tabulate what is said, what was found, and the verdict."""
+    columns: list[Column[Finding]] = [
+        Column(heading, lambda each: each.said, kind="words"),
+        Column("Finding", lambda each: each.found, kind="words"),
+        Column("Verdict", lambda each: shown.Cell(each.verdict, tone=TONES.get(each.verdict, "")), kind="label"),
+    ]
+    return Table("", columns, findings, style="findings")
+
+
+def _comparison_table(compared: Sequence[Comparison]) -> Table[Comparison]:
+    """Tabulate final errors by the planar navigator and by the one in three dimensions."""
+
+    def simulated(each: Comparison) -> str:
+        interval = "" if np.isnan(each.low) else f" ({number(each.low, 3)} to {number(each.high, 3)})"
+        return f"{number(each.simulated)}{interval}"
+
+    columns: list[Column[Comparison]] = [
+        Column("Case", lambda each: each.case.replace("-", "−"), kind="words"),
+        Column("Error", lambda each: each.result, kind="label"),
+        Column("Planar", lambda each: each.planar),
+        Column("Planar, samples", lambda each: each.planar_simulated),
+        Column("Linear", lambda each: each.linear),
+        Column("Samples", simulated),
+        Column("Departure", lambda each: number(100.0 * each.departure, 2), unit="%"),
+        Column("Filter", lambda each: each.own),
+    ]
+    return Table(COMPARED, columns, compared)
+
+
+def _notable_table(cells: Sequence[Cell]) -> Table[Cell]:
+    """Tabulate printed numbers that are wrong or differ."""
+    columns: list[Column[Cell]] = [
+        Column("Table", lambda cell: cell.table, kind="label"),
+        Column("Row", lambda cell: cell.row, kind="label"),
+        Column("Column", lambda cell: shown.Cell(cell.column, cell.unit), kind="label"),
+        Column("Printed", _printed),
+        Column("Computed", _computed),
+        Column("Cause", lambda cell: cell.reason, kind="words"),
+    ]
+    caption = "Printed numbers that the report itself contradicts, and those that differ from the computed ones."
+    return Table(caption, columns, cells)
+
+
+def _cell_table(name: str, cells: Sequence[Cell]) -> Table[tuple[str, Sequence[Cell]]]:
+    """Tabulate printed and computed numbers as the report has them."""
+    rows = [(row, list(group)) for row, group in groupby(cells, key=lambda cell: cell.row)]
+
+    def number_in(place: int) -> Column[tuple[str, Sequence[Cell]]]:
+        first = rows[0][1][place]
+
+        def content(row: tuple[str, Sequence[Cell]]) -> shown.Cell:
+            cell = row[1][place]
+            hint = f"{cell.mark.value}, tolerance {cell.tolerance:.3g}"
+            return shown.Cell(_printed(cell), below=_computed(cell), mark=cell.mark.name.lower(), hint=hint)
+
+        return Column(first.column, content, unit=first.unit)
+
+    columns: list[Column[tuple[str, Sequence[Cell]]]] = [
+        Column("Row", lambda row: row[0], kind="label"), *map(number_in, range(len(rows[0][1]))),
+    ]  # fmt: skip
+    caption = f"{CAPTIONS.get(name, '')} {_between_engines(cells)}".strip()
+    return Table(f"Table {name}, printed and computed. {caption}", columns, rows, style="marked")
 
 
 def chapter(compared: Sequence[Comparison]) -> str:
