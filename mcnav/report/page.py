@@ -20,6 +20,7 @@ from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
 from mcnav.report.filter_columns import foremost_neglected, groups_table, sensors_table, sigmas_of
 from mcnav.report.html import filled
+from mcnav.report.joint_columns import directions_table, ellipsoids_table, tests_table
 from mcnav.report.left_out import not_modelled
 from mcnav.report.linear_causes import causes_at
 from mcnav.report.model import RunAnalysis
@@ -127,7 +128,9 @@ def _numbers(content: RunAnalysis) -> Values:
         "outputs_table": outputs_table(summary, caption=caption).read,
         **_of_filter(content, answers, together),
         "ellipsoid": tables.ellipsoid(content),
-        "tests": tables.multivariate(content),
+        "tests_table": tests_table(summary).read,
+        "directions_table": directions_table(summary).read,
+        "ellipsoids_table": ellipsoids_table(summary).read,
         "requirements": summary.requirements,
         "requirements_table": requirements_table(summary, "shown", _time_unit(content), together).read,
         "allowed": allowed_by_requirement(summary),

@@ -14,6 +14,7 @@ from mcnav.analysis.summary import Summary
 from mcnav.contract.failure import message_of
 from mcnav.report import export
 from mcnav.report.filter_columns import groups_table, neglected_table, sensors_table, sigmas_table
+from mcnav.report.joint_columns import directions_table, ellipsoids_table, tests_table
 from mcnav.report.output_columns import outputs_table
 from mcnav.report.percentiles import percentiles_table
 from mcnav.report.requirements import allowed_table, requirements_table
@@ -176,31 +177,6 @@ def _variance_breakdown(results: Results) -> list[Row]:
     ]
 
 
-def _tests(results: Results) -> list[Row]:
-    return [
-        {"test": name, "statistic": test.statistic,
-         "degrees_of_freedom": ", ".join(f"{each:g}" for each in test.degrees_of_freedom if each is not None),
-         "p_value": test.p_value, "rank": test.rank}
-        for name, test in results.summary.tests.items()
-        if test
-    ]  # fmt: skip
-
-
-def _ellipsoids(results: Results) -> list[Row]:
-    return [
-        {"level": entry.level, "share": entry.share, "from": entry.interval[0], "to": entry.interval[1]}
-        for entry in results.summary.contained
-    ]
-
-
-def _directions(results: Results) -> list[Row]:
-    """List the principal directions: weights of the outputs in units of their linear sigmas."""
-    names = results.summary.names
-    rows = zip(results.summary.principal_ratios.tolist(), results.summary.principal_directions.tolist(), strict=True)
-    return [{"direction": k, "sigma_ratio": ratio, **dict(zip(names, weights, strict=True))}
-            for k, (ratio, weights) in enumerate(rows)]  # fmt: skip
-
-
 def _failures(results: Results) -> list[Row]:
     failures = results.summary.failures
     return [{"reason": message_of(reason), "samples": count} for reason, count in failures.items()]
@@ -216,9 +192,9 @@ FINAL_TABLES: Final[tuple[Build, ...]] = (
     lambda results: allowed_table(results.summary, results.units),
     _of_rows("covariance", "Covariances and correlations of the final errors", 2, _covariance),
     lambda results: percentiles_table(results.summary, results.units),
-    _of_rows("tests", "Tests of all outputs together", 1, _tests),
-    _of_rows("ellipsoids", "Share of samples within the linear ellipsoids", 1, _ellipsoids),
-    _of_rows("principal_directions", "Principal directions of the difference", 1, _directions),
+    lambda results: tests_table(results.summary),
+    lambda results: ellipsoids_table(results.summary),
+    lambda results: directions_table(results.summary),
     _of_rows("variance_breakdown", "Terms of plain minus linear variance, over the linear variance", 2,
              _variance_breakdown),
     _of_rows("partials", "Partial derivatives P", 2, _partials),

@@ -17,7 +17,6 @@ from mcnav.report.model import RunAnalysis
 from mcnav.report.output_columns import output_rows
 from mcnav.report.result_table import Row
 from mcnav.statistics.estimates import Estimate
-from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.store.manifest import Manifest
 
 TERM_NAMES: Final = {
@@ -186,24 +185,6 @@ def _largest_difference(
     if abs(remainder) <= 2.0 * error:
         return f"{difference}, which explains it."
     return f"{difference}. The remainder is significant and due to higher orders."
-
-
-def multivariate(content: RunAnalysis) -> list[tuple[str, str, str, HypothesisTest | None]]:
-    """List the tests of all outputs together: name, hypothesis tested, symbol of the statistic, result."""
-    joint = content.comparison.joint
-    if joint is None:
-        return []
-    normality = joint.normality
-    skewness, kurtosis = (normality.skewness_test, normality.kurtosis_test) if normality else (None, None)
-    return [
-        ("Covariance, paired", "cov(y) = cov(P·s)", "F", joint.covariance_paired),
-        ("Covariance, likelihood ratio", "cov(y) = P·S·Pᵀ", "χ²", joint.covariance),
-        ("Bias, paired T²", "Monte Carlo and linear errors have the same mean", "F", joint.bias_paired),
-        ("Bias, Hotelling's T²", "the sample mean is the linear one", "F", joint.bias),
-        ("NEES, Kolmogorov-Smirnov", "NEES follows χ²", "D", joint.nees),
-        ("Mardia's skewness", "the outputs have the symmetry of a normal distribution", "χ²", skewness),
-        ("Mardia's kurtosis", "the outputs have the tails of a normal distribution", "z", kurtosis),
-    ]
 
 
 def simulated_budget(content: RunAnalysis) -> dict[str, Any] | None:
