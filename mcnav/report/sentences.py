@@ -69,18 +69,22 @@ class Statement:
 
 
 def statements(summary: Summary) -> list[Statement]:
-    """State the verdicts on linear analysis, on the requirements and on the filter, the worst first."""
-    remarks = (certain_but_small(summary), stopping(summary))
-    stated = [
-        Statement("linear", _on_linear(summary), tone(summary), _known(*findings(summary), *remarks),
-                  _known(caveat(summary), failures(summary)))
-    ]  # fmt: skip
+    """State the verdicts on linear analysis, on the requirements and on the filter, the worst first.
+
+    Where linear analysis agrees and a requirement is not met, its tone is ``partly``: nothing is green.
+    """
+    details = _known(*findings(summary), certain_but_small(summary), stopping(summary))
+    warnings = _known(caveat(summary), failures(summary))
+    linear = Statement("linear", _on_linear(summary), standing(summary), details, warnings)
+    stated = [(tone(summary), linear)]
     if (counts := summary.counts) is not None:
-        stated.append(Statement("requirements", _on_requirements(counts), tone_of(counts)))
-    if filter_verdict.verdict(summary):
-        words, on_filter = filter_verdict.headline(summary), filter_verdict.TONES[filter_verdict.verdict(summary)]
-        stated.append(Statement("filter", words, on_filter, _known(filter_verdict.explanation(summary))))
-    return sorted(stated, key=lambda statement: WORST.index(statement.tone))
+        met = tone_of(counts)
+        stated.append((met, Statement("requirements", _on_requirements(counts), met)))
+    if verdict := filter_verdict.verdict(summary):
+        words, honesty = filter_verdict.headline(summary), filter_verdict.TONES[verdict]
+        explained = _known(filter_verdict.explanation(summary))
+        stated.append((honesty, Statement("filter", words, honesty, explained)))
+    return [statement for _, statement in sorted(stated, key=lambda each: WORST.index(each[0]))]
 
 
 def _known(*sentences: str) -> tuple[str, ...]:

@@ -173,15 +173,16 @@ def _run_table(runs: Sequence[_Run]) -> Table[_Run]:
 
 def _verdicts(summary: Summary) -> Cell:
     """Mark the verdicts on linear analysis, requirements and filter as labels, the worst first."""
-    labels = []
-    for statement in sentences.statements(summary):
-        counts, subject = summary.counts, statement.subject
-        words = f"linear {statement.tone}" if subject == "linear" else f"filter {filter_verdict.verdict(summary)}"
-        if subject == "requirements" and counts is not None:
-            words = f"{counts.met} of {counts.of} met"
-        labels.append(
-            Markup('<span class="tag {}" title="{}">{}</span>').format(statement.tone, statement.words, words)
-        )
+    counts = summary.counts
+    words = {
+        "linear": f"linear {sentences.tone(summary)}",
+        "requirements": "" if counts is None else f"{counts.met} of {counts.of} met",
+        "filter": f"filter {filter_verdict.verdict(summary)}",
+    }
+    labels = [
+        Markup('<span class="tag {}" title="{}">{}</span>').format(each.tone, each.words, words[each.subject])
+        for each in sentences.statements(summary)
+    ]
     reason = summary.unsettled
     return Cell(Markup("<br>").join(labels), below="" if reason is None else sentences.unsettled(reason))
 
