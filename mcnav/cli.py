@@ -273,31 +273,31 @@ def run(
         )
     _print_notes((*notes, *done.notices))
     _print_run(content.name, done, target, form, with_report=not no_report)
-    if check and any(entry["finding"] != "met" for entry in done.summary["requirements"]):
+    if check and any(entry.finding != "met" for entry in done.results.requirements):
         raise typer.Exit(CHECK_FAILED)
-    if done.summary["failed"]:
+    if done.results.failed:
         raise typer.Exit(SOME_FAILED)
 
 
 def _print_run(name: str, done: Run, target: Path, form: Format, with_report: bool) -> None:
     """Print the results of a run, and where they are."""
-    from mcnav.report import export, requirements, terminal
+    from mcnav.report import export, output_columns, requirements, terminal
 
-    summary, runs = done.summary, {name: done.summary}
+    summary, runs = done.results, {name: done.results}
     console = out if form == "table" else err
     if form != "table":
-        rows, asked = export.output_rows(runs), requirements.requirement_rows(summary)
-        _export(form, rows, {"runs": export.run_rows(runs), "outputs": rows, "requirements": asked})
+        rows, asked = output_columns.output_rows(runs), requirements.requirements_table(summary)
+        _export(form, rows, {"runs": export.run_rows(runs), "outputs": rows, "requirements": asked.rows})
     if (warning := terminal.warnings(runs)) is not None:
         console.print(warning)
     if form == "table":
         console.print(terminal.comparison(runs))
         console.print()
     console.print(terminal.verdict(summary), soft_wrap=False)
-    if summary["requirements"]:
+    if summary.requirements:
         console.print()
         console.print(terminal.requirements(summary))
-    stored = summary["samples"] - done.simulated
+    stored = summary.samples - done.simulated
     if stored > 0:
         console.print(f"\n{stored:,} samples were stored, {done.simulated:,} simulated now")
     result = ("report", "report.html") if with_report else ("summary", "summary.json")
@@ -440,28 +440,29 @@ def compare(
 
     Example: mcnav compare reports/11_cruise reports/other --html both.html
     """
+    from mcnav.analysis.summary import Summary
     from mcnav.errors import reading_file
     from mcnav.files import write_whole
     from mcnav.report import comparison, export, terminal
+    from mcnav.report.output_columns import output_rows
     from mcnav.report.show import escaped
     from mcnav.report.terminal_parts import printed
     from mcnav.workflow.analyse import summary_of
     from mcnav.workflow.compare import compare_runs
 
-    runs: dict[str, dict[str, Any]] = {str(folder): summary_of(folder) for folder in folders}
-    verdicts = []
-    for name, summary in runs.items():
+    runs, verdicts = dict[str, Summary](), []
+    for name, summary in {str(folder): summary_of(folder) for folder in folders}.items():
         with reading_file(Path(name) / "summary.json"):
-            runs[name] = shown = escaped(summary)
+            runs[name] = shown = Summary.of(escaped(summary))
             terminal.comparison({name: shown})
-            verdicts.append((f"\n{name}: {shown['campaign']}", terminal.verdict(shown)))
+            verdicts.append((f"\n{name}: {shown.campaign}", terminal.verdict(shown)))
     several = len(folders) > 1
     result = compare_runs(folders) if several or html is not None else None
     console = out if form == "table" else err
     if (warning := terminal.warnings(runs)) is not None:
         console.print(warning)
     if form != "table":
-        rows = export.output_rows(runs)
+        rows = output_rows(runs)
         tables: dict[str, Any] = {"runs": export.run_rows(runs), "outputs": rows}
         if result is not None and several:
             tables["outputs"] = rows = export.with_changes(rows, list(runs), result.rows)

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
@@ -26,11 +26,12 @@ from mcnav._threads import one_thread
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.config.sweep_values import POINTS
 from mcnav.errors import reading_file, suggestion
-from mcnav.report import filter_verdict, sentences
+from mcnav.report import sentences
 from mcnav.report.arrays import arrays
 from mcnav.report.dataset import dataset
 from mcnav.report.figures.figure import Figure
 from mcnav.report.model import RunAnalysis
+from mcnav.report.output_columns import outputs_frame
 from mcnav.report.page import figures
 from mcnav.report.result_table import Units
 from mcnav.report.sweep import frame
@@ -52,6 +53,13 @@ SHOWN = """<div><p><strong>{{ name }}</strong>: {{ headline }}</p><p>{{ explanat
 <tbody>{% for index, row in table.iterrows() %}<tr><th>{{ index }}</th>
 {% for value in row %}<td>{{ "%.5g" | format(value) if value is number else value }}</td>{% endfor %}</tr>{% endfor %}
 </tbody></table></div>"""
+
+
+NAMES: Final = {
+    "ratio_paired": "paired ratio", "ratio_paired_from": "from", "ratio_paired_to": "to",
+    "ratio_plain": "plain ratio", "ratio_plain_from": "plain from", "ratio_plain_to": "plain to",
+}  # fmt: skip
+"""Columns of `FlownRun.outputs` that have other names than in data."""
 
 
 class FlownRun:
@@ -82,13 +90,13 @@ class FlownRun:
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """The content of ``summary.json``."""
-        return self.content.summary
+        """The content of ``summary.json`` by key, in SI; matrices are arrays."""
+        return self.content.summary.as_mapping
 
     @property
     def verdict(self) -> str:
         """``agrees``, ``partly``, ``differs`` or ``undecided``."""
-        return sentences.tone(self.summary)
+        return sentences.tone(self.content.summary)
 
     @cached_property
     def samples(self) -> pd.DataFrame:
@@ -99,26 +107,12 @@ class FlownRun:
     def outputs(self) -> pd.DataFrame:
         """Linear beside Monte Carlo, a row an output; sigmas and bias in the unit of the column ``unit``.
 
-        ``from`` and ``to`` bound the paired ratio.
+        ``from`` and ``to`` bound the paired ratio. The columns are those of `mcnav.report.output_columns` that reports
+        show.
         """
-        outputs, nothing = self.content.comparison.outputs, (np.nan, np.nan)  # empty when too few samples succeeded
-        count = len(outputs)
-        scale = self.content.output_scale[:count]
-        columns = {
-            "unit": self.content.output_units[:count],
-            "sigma linear": [output.sigma_linear for output in outputs] * scale,
-            "sigma paired": [output.sigma_paired for output in outputs] * scale,
-            "paired ratio": [np.nan if output.paired.ratio is None else output.paired.ratio for output in outputs],
-            "from": [(output.paired.interval or nothing)[0] for output in outputs],
-            "to": [(output.paired.interval or nothing)[1] for output in outputs],
-            "bias": [output.bias.value for output in outputs] * scale,
-            "verdict": [sentences.output_words(each.sigma_linear, each.paired.verdict.value) for each in outputs],
-            "sigma plain": [output.sigma_sample for output in outputs] * scale,
-            "plain ratio": [np.nan if output.plain.ratio is None else output.plain.ratio for output in outputs],
-            "plain from": [(output.plain.interval or nothing)[0] for output in outputs],
-            "plain to": [(output.plain.interval or nothing)[1] for output in outputs],
-        }
-        return pd.DataFrame(columns, index=pd.Index(self._keys("outputs")[:count], name="output"))
+        compared = bool(self.content.summary.verdicts)  # not when too few samples succeeded
+        table = outputs_frame(self.content.summary).rename(columns=lambda name: NAMES.get(name, name.replace("_", " ")))
+        return table if compared else table.iloc[:0]
 
     @cached_property
     def epochs(self) -> pd.DataFrame:
@@ -239,20 +233,20 @@ class FlownRun:
             Environment(autoescape=True)
             .from_string(SHOWN)
             .render(
-                name=self.summary["campaign"],
+                name=self.content.summary.campaign,
                 headline=self._headline,
-                explanation=sentences.explanation(self.summary),
+                explanation=sentences.explanation(self.content.summary),
                 table=self.outputs,
             )
         )
 
     def __repr__(self) -> str:
-        return f"{self.summary['campaign']}: {self._headline}"
+        return f"{self.content.summary.campaign}: {self._headline}"
 
     @property
     def _headline(self) -> str:
-        """The verdicts on linear analysis and, if there is one, on the filter."""
-        return f"{sentences.headline(self.summary)} {filter_verdict.headline(self.summary)}".rstrip()
+        """The verdicts, the worst first."""
+        return sentences.headline(self.content.summary)
 
 
 def _check_units(units: str) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure
+from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import Output
 
 Point = tuple[float, ...]
@@ -117,7 +116,7 @@ class Confirmation:
     place: tuple[int, ...]
     point: Point
     folder: Path
-    summary: Mapping[str, Any]
+    summary: Summary
     values: Array
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mcnav.analysis.run_comparison import Change
+from mcnav.analysis.summary import Summary
 from mcnav.errors import shortened
 from mcnav.report import filter_verdict, sentences
 from mcnav.report.document import (
@@ -185,7 +186,7 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
 
 def page(
     titles: Sequence[str],
-    summaries: Sequence[Mapping[str, Any]],
+    summaries: Sequence[Summary],
     manifests: Sequence[Manifest],
     rows: Sequence[Row],
     confidence: float,
@@ -211,28 +212,33 @@ def terminal(
     return [changed if changed.rows else Sentence(f"The runs have {SAME}."), change_table(titles, rows, confidence)]
 
 
-def _verdict_table(
-    titles: Sequence[str], summaries: Sequence[Mapping[str, Any]]
-) -> Table[tuple[str, Mapping[str, Any]]]:
+def _verdict_table(titles: Sequence[str], summaries: Sequence[Summary]) -> Table[tuple[str, Summary]]:
     """Tabulate the verdicts on linear analysis and, where there is one, on the filter of each run."""
     filters = any(filter_verdict.verdict(summary) for summary in summaries)
 
-    def of_filter(row: tuple[str, Mapping[str, Any]]) -> Cell:
+    def on_linear(summary: Summary) -> str:
+        return sentences.headline(summary, ("linear", "requirements"))
+
+    def of_filter(row: tuple[str, Summary]) -> Cell:
         words = filter_verdict.verdict(row[1])
         if not words:
             return Cell("–")
         return Cell(words, tone=filter_verdict.TONES.get(words, ""), behind=filter_verdict.headline(row[1]))
 
-    verdict: Column[tuple[str, Mapping[str, Any]]] = Column(
+    verdict: Column[tuple[str, Summary]] = Column(
         "Verdict",
-        lambda row: Cell(sentences.tone(row[1]), tone=sentences.standing(row[1]), behind=sentences.headline(row[1])),
+        lambda row: Cell(
+            sentences.tone(row[1]),
+            tone=sentences.standing(row[1]),
+            behind=sentences.headline(row[1], ("linear", "requirements")),
+        ),
         kind="words",
     )
-    columns: list[Column[tuple[str, Mapping[str, Any]]]] = [
+    columns: list[Column[tuple[str, Summary]]] = [
         Column("Run", lambda row: row[0], kind="label", of_user=True),
-        Column("Campaign", lambda row: str(row[1]["campaign"]), kind="words", of_user=True),
-        Column("Samples", lambda row: row[1]["samples"], form=counted),
-        Column("Failed", lambda row: row[1]["failed"], form=counted),
+        Column("Campaign", lambda row: row[1].campaign, kind="words", of_user=True),
+        Column("Samples", lambda row: row[1].samples, form=counted),
+        Column("Failed", lambda row: row[1].failed, form=counted),
         verdict,
         *([Column("Filter", of_filter, kind="words")] if filters else []),
     ]
@@ -301,9 +307,7 @@ def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float) 
     return Table(caption, columns, rows, f"Change from {titles[0]}", keys=2)
 
 
-def _budgets(
-    titles: Sequence[str], manifests: Sequence[Manifest], summaries: Sequence[Mapping[str, Any]]
-) -> list[Part]:
+def _budgets(titles: Sequence[str], manifests: Sequence[Manifest], summaries: Sequence[Summary]) -> list[Part]:
     """Tabulate for each output of the first run the effect of one sigma of each source and process, run by run."""
     parts = list[Part]()
     for output in manifests[0].model.outputs:
@@ -313,8 +317,8 @@ def _budgets(
             names = [each.name for each in manifest.model.outputs]
             if output.name not in names:
                 continue
-            contributions = summary["budget"]["contributions"][names.index(output.name)]
-            labels = [*labels_in(summary), *(humanize(each["name"]) for each in summary.get("processes", ()))]
+            contributions = summary.budget.contributions[names.index(output.name)]
+            labels = [*labels_in(summary), *(humanize(each.name) for each in summary.processes)]
             for label, value in zip(labels, contributions, strict=True):
                 rows.setdefault(label, [ABSENT] * len(manifests))[at] = number(value * scale, 4)
         shown: list[Values] = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]

@@ -78,7 +78,7 @@ def dataset(content: RunAnalysis, units: Units = "SI") -> xr.Dataset:
         if table.name in PREFIXES:
             columns, further = _over_time(table)
             values, coordinates = values | columns, coordinates | further
-    attributes = {key: summary[key] for key in ("campaign", "samples", "seed", "engine", "verdict")}
+    attributes = {key: getattr(summary, key) for key in ("campaign", "samples", "seed", "engine", "verdict")}
     return xr.Dataset(values, coordinates, {**attributes, "units": units})
 
 

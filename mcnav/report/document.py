@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Generic, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, Literal, TypeAlias, TypeVar
 
 from markupsafe import Markup
 
-from mcnav.report.figures.figure import Figure
 from mcnav.report.format import number
+
+if TYPE_CHECKING:
+    from mcnav.report.figures.figure import Figure  # slow to import: a terminal shows none
 
 Place = Literal["page", "terminal"]
 """Where a part is shown."""
@@ -121,6 +123,8 @@ class Column(Generic[Row]):
         The only place where it is shown.
     of_user : bool
         Whether it has names that are the user's, which may be written from right to left.
+    spare : int
+        Above zero in columns that a narrow terminal may leave out, those with the largest number first.
     """
 
     heading: str
@@ -131,6 +135,7 @@ class Column(Generic[Row]):
     unit: str = ""
     place: Place | None = None
     of_user: bool = False
+    spare: int = 0
 
     def cell(self, row: Row) -> Cell:
         """Return the cell of a row."""
@@ -167,6 +172,8 @@ class Table(Generic[Row]):
         Returns the verdict of a row, by which readers can choose rows.
     faint : callable, optional
         Returns whether the terminal shows a row faintly.
+    elsewhere : str
+        Where the columns are that a narrow terminal leaves out.
     """
 
     caption: str
@@ -178,6 +185,7 @@ class Table(Generic[Row]):
     name: str = ""
     verdict: Callable[[Row], str] | None = None
     faint: Callable[[Row], bool] | None = None
+    elsewhere: str = ""
 
     def columns_in(self, place: Place) -> list[Column[Row]]:
         """Return the columns that are shown in a place."""

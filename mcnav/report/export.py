@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import Output, Source
-from mcnav.report import filter_verdict, sentences
-from mcnav.report.model import shown_units
-from mcnav.report.result_table import Row, Units
+from mcnav.report import sentences
+from mcnav.report.result_table import Row
 from mcnav.units import conversion
 
 if TYPE_CHECKING:
@@ -36,63 +36,20 @@ FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 """Beginnings of a text that spreadsheets take for a formula."""
 
 
-def output_rows(runs: Mapping[str, Mapping[str, Any]], units: Units = "shown") -> list[Row]:
-    """List linear and Monte Carlo sigmas, one row per output and run; ``runs`` are summaries by run name."""
-    shown_in = {
-        (entry["name"], entry["unit"]): shown_units(run)[entry["name"]][1]
-        for run in [*runs.values()][::-1]
-        for entry in run["outputs"]
-    }
-    rows = []
-    for name, unit in dict.fromkeys(
-        (entry["name"], entry["unit"]) for run in runs.values() for entry in run["outputs"]
-    ):
-        for title, run in runs.items():
-            at = [(entry["name"], entry["unit"]) for entry in run["outputs"]]
-            if (name, unit) in at:
-                shown = shown_in[name, unit] if units == "shown" else unit
-                scale = conversion(unit, shown)
-                rows.append({"run": title, "output": name, "unit": shown} | _sigmas(run, at.index((name, unit)), scale))
-    return rows
-
-
-def _sigmas(summary: Mapping[str, Any], i: int, scale: float) -> Row:
-    """Return sigmas, ratios and verdict of one output; none where nothing was compared."""
-
-    def at(key: str, factor: float = 1.0) -> Any:
-        values = summary.get(key)
-        value = None if values is None or i >= len(values) else values[i]
-        return value if value is None or factor == 1.0 else value * factor
-
-    row: Row = {"sigma_linear": at("sigma_linear", scale)}
-    for kind, sigma, ratio in (
-        ("paired", "sigma_paired", "sigma_ratio_paired"), ("plain", "sigma_sample", "sigma_ratio"),
-    ):  # fmt: skip
-        bounds = at(f"{ratio}_interval") or (None, None)
-        low, high = bounds if None not in bounds else (None, None)
-        row |= {f"sigma_{kind}": at(sigma, scale), f"ratio_{kind}": at(ratio)}
-        row |= {f"ratio_{kind}_from": low, f"ratio_{kind}_to": high}
-    if summary.get("beyond_range"):
-        row = dict.fromkeys(row) | {"sigma_plain": row["sigma_plain"]}
-        return row | {"verdict": sentences.BEYOND, "samples": summary["samples"]}
-    verdicts = sentences.verdict_words(summary)
-    return row | {"verdict": verdicts[i] if verdicts else None, "samples": summary["samples"]}
-
-
-def run_rows(runs: Mapping[str, Mapping[str, Any]]) -> list[Row]:
+def run_rows(runs: Mapping[str, Summary]) -> list[Row]:
     """List the verdicts, one row per run."""
     same = ("campaign", "samples", "failed", "engine", "seed", "design", "verdict", "verdict_matrix")
     return [
         {"run": title}
-        | {key: run.get(key) for key in same}
+        | {key: getattr(run, key) for key in same}
         | {"headline": sentences.headline(run)}
-        | ({"filter": filter_verdict.verdict(run)} if run.get("filter") else {})
+        | ({"filter": run.filter.verdict} if run.filter else {})
         for title, run in runs.items()
     ]
 
 
 def with_changes(rows: Sequence[Row], runs: Sequence[str], changes: Sequence[RowOfChange]) -> list[Row]:
-    """Add to `output_rows` the change of each output from the first run; rows of the first run have none."""
+    """Add to the rows of outputs the change of each from the first run; rows of the first run have none."""
     changed: dict[tuple[str, str], Row] = {}
     for row in changes:
         cells = row.cells

@@ -1,4 +1,4 @@
-"""Entries of ``summary.json`` on a filter; over time it is in ``epochs.parquet`` and ``filter.parquet``."""
+"""Entries of a summary on a filter; over time it is in ``epochs.parquet`` and ``filter.parquet``."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from mcnav.analysis.filter_consistency import (
     SigmaConsistency,
 )
 from mcnav.analysis.filter_remarks import sentence
+from mcnav.analysis.summary import Departure, FilterRatio, FilterSummary, NeglectedEntry, SensorEntry
 
 
-def filter_entries(consistency: FilterConsistency) -> dict[str, Any]:
-    """Return the entries of a summary on a filter.
+def filter_entries(consistency: FilterConsistency) -> Mapping[str, Any]:
+    """Return the keys of a summary on a filter.
 
     ``covariance_filter`` is the mean of what the samples' filters state at the end, after the last update, and
     ``sigma_filter`` the root of its diagonal. ``nees_filter_mean`` is the mean NEES of the navigation errors at the
@@ -41,72 +42,73 @@ def filter_entries(consistency: FilterConsistency) -> dict[str, Any]:
     }
 
 
-def _table(consistency: FilterConsistency) -> dict[str, Any]:
+def _table(consistency: FilterConsistency) -> FilterSummary:
     """Return the verdict, and of every table what holds at the end or over the whole flight."""
-    return {
-        "verdict": consistency.verdict.value,
-        "group": consistency.group,
-        "output": consistency.output,
-        "factor": consistency.factor,
-        "factor_interval": consistency.interval,
-        "time": consistency.label,
-        "begin": consistency.begin,
-        "end": consistency.end,
-        "worst": consistency.worst,
-        "samples": consistency.samples,
-        "tolerance": consistency.tolerance,
-        "confidence": consistency.confidence,
-        "samples_needed": consistency.samples_needed,
-        "neglected": [asdict(each) for each in consistency.neglected],
-        "neglected_at": consistency.neglected_at,
-        "neglected_output": consistency.neglected_output,
-        "remarks": list(consistency.remarks),
-        "verdict_groups": consistency.on_groups.value,
-        "verdict_outputs": consistency.on_outputs.value,
-        "departures": [_departure(each) for each in consistency.departures],
-        "groups": {group.name: _group(group, consistency) for group in consistency.groups},
-        "outputs": {output.name: _sigma(output, consistency) for output in consistency.outputs},
-        "states": {state.name: _sigma(state, consistency) for state in consistency.states},
-        "sensors": {sensor.name: _sensor(sensor) for sensor in consistency.sensors},
-    }
+    return FilterSummary(
+        verdict=consistency.verdict.value,
+        group=consistency.group,
+        output=consistency.output,
+        factor=consistency.factor,
+        factor_interval=consistency.interval,
+        time=consistency.label,
+        begin=consistency.begin,
+        end=consistency.end,
+        worst=consistency.worst,
+        samples=consistency.samples,
+        tolerance=consistency.tolerance,
+        confidence=consistency.confidence,
+        samples_needed=consistency.samples_needed,
+        neglected=[NeglectedEntry(**asdict(each)) for each in consistency.neglected],
+        neglected_at=consistency.neglected_at,
+        neglected_output=consistency.neglected_output,
+        remarks=list(consistency.remarks),
+        verdict_groups=consistency.on_groups.value,
+        verdict_outputs=consistency.on_outputs.value,
+        departures=[_departure(each) for each in consistency.departures],
+        groups={group.name: _group(group, consistency) for group in consistency.groups},
+        outputs={output.name: _sigma(output, consistency) for output in consistency.outputs},
+        states={state.name: _sigma(state, consistency) for state in consistency.states},
+        sensors={sensor.name: _sensor(sensor) for sensor in consistency.sensors},
+    )
 
 
-def _departure(each: CertainDeparture) -> dict[str, Any]:
-    return {
-        "verdict": each.verdict.value,
-        "of": "group" if each.size else "output",
-        "name": each.name,
-        "factor": each.factor,
-        "factor_interval": each.interval,
-        "begin": each.begin,
-        "end": each.end,
-        "worst": each.worst,
-    }
+def _departure(each: CertainDeparture) -> Departure:
+    return Departure(
+        verdict=each.verdict.value,
+        of="group" if each.size else "output",
+        name=each.name,
+        factor=each.factor,
+        factor_interval=each.interval,
+        begin=each.begin,
+        end=each.end,
+        worst=each.worst,
+    )
 
 
-def _finding(finding: Finding, consistency: FilterConsistency) -> dict[str, Any]:
+def _finding(finding: Finding, consistency: FilterConsistency) -> Mapping[str, Any]:
+    """Return the keys that a finding over time has in every table."""
     times = {
         key: None if epoch is None else float(consistency.times[epoch])
         for key, epoch in (("begin", finding.begin), ("end", finding.end), ("worst", finding.worst))
     }
     verdict = {"verdict": finding.verdict.value, "factor": finding.factor, "factor_interval": finding.interval}
-    return verdict | times | {"samples_needed": finding.samples_needed, "remark": finding.remark}
+    return {**verdict, **times, "samples_needed": finding.samples_needed, "remark": finding.remark}
 
 
-def _group(group: GroupConsistency, consistency: FilterConsistency) -> dict[str, Any]:
-    return {
-        "size": group.size,
-        "nees_mean": group.nees.value[-1],
-        "nees_interval": group.nees.each[-1],
-        "nees_bounds": group.bounds_each,
-        "ratio": group.ratio.value[-1],
-        "ratio_interval": group.ratio.each[-1],
-        "ratio_linear": None if group.linear is None else group.linear[-1],
+def _group(group: GroupConsistency, consistency: FilterConsistency) -> FilterRatio:
+    return FilterRatio(
+        size=group.size,
+        nees_mean=group.nees.value[-1],
+        nees_interval=group.nees.each[-1],
+        nees_bounds=group.bounds_each,
+        ratio=group.ratio.value[-1],
+        ratio_interval=group.ratio.each[-1],
+        ratio_linear=None if group.linear is None else group.linear[-1],
         **_finding(group.finding, consistency),
-    }
+    )
 
 
-def _sigma(each: SigmaConsistency, consistency: FilterConsistency) -> dict[str, Any]:
+def _sigma(each: SigmaConsistency, consistency: FilterConsistency) -> FilterRatio:
     linear = each.linear
     shares: Mapping[str, Any] = {}
     if each.within_1 is not None and each.within_3 is not None:
@@ -116,36 +118,36 @@ def _sigma(each: SigmaConsistency, consistency: FilterConsistency) -> dict[str, 
             "within_3": each.within_3.value[-1],
             "within_3_bounds": each.bounds_3,
         }
-    return {
-        "unit": each.unit,
-        "sigma_true": each.true[-1],
-        "sigma_filter": each.filter[-1],
-        "ratio": each.ratio.value[-1],
-        "ratio_interval": each.ratio.each[-1],
-        "ratio_linear": None if linear is None else linear[-1],
+    return FilterRatio(
+        unit=each.unit,
+        sigma_true=each.true[-1],
+        sigma_filter=each.filter[-1],
+        ratio=each.ratio.value[-1],
+        ratio_interval=each.ratio.each[-1],
+        ratio_linear=None if linear is None else linear[-1],
         **shares,
         **_finding(each.finding, consistency),
-    }
+    )
 
 
-def _sensor(sensor: SensorConsistency) -> dict[str, Any]:
+def _sensor(sensor: SensorConsistency) -> SensorEntry:
     accepted, rejected = sensor.updates
     white = sensor.whiteness
-    return {
-        "size": sensor.size,
-        "accepted": accepted,
-        "rejected": rejected,
-        "nis_mean": sensor.nis_whole,
-        "nis_interval": sensor.interval_whole,
-        "nis_bounds": sensor.bounds_whole,
-        "nis_beyond": sensor.beyond,
-        "correlation": white.correlation,
-        "correlation_interval": white.interval,
-        "correlation_bound": white.bound,
-        "correlation_beyond": white.beyond,
-        "verdict": sensor.finding.verdict.value,
-        "factor": sensor.finding.factor,
-        "factor_interval": sensor.finding.interval,
-        "samples_needed": sensor.finding.samples_needed,
-        "remark": sensor.finding.remark,
-    }
+    return SensorEntry(
+        size=sensor.size,
+        accepted=accepted,
+        rejected=rejected,
+        nis_mean=sensor.nis_whole,
+        nis_interval=sensor.interval_whole,
+        nis_bounds=sensor.bounds_whole,
+        nis_beyond=sensor.beyond,
+        correlation=white.correlation,
+        correlation_interval=white.interval,
+        correlation_bound=white.bound,
+        correlation_beyond=white.beyond,
+        verdict=sensor.finding.verdict.value,
+        factor=sensor.finding.factor,
+        factor_interval=sensor.finding.interval,
+        samples_needed=sensor.finding.samples_needed,
+        remark=sensor.finding.remark,
+    )

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
+from mcnav.analysis.summary import FilterSummary, Summary
 from mcnav.report.format import number
 from mcnav.report.model import humanize
 
@@ -20,30 +20,30 @@ LEAST: Final = 0.01
 """Smallest share of one that is named."""
 
 
-def verdict(summary: Mapping[str, Any]) -> str:
+def verdict(summary: Summary) -> str:
     """Return the verdict on the filter in one word; empty without a filter."""
-    return str(summary["filter"]["verdict"]) if summary.get("filter") else ""
+    return summary.filter.verdict if summary.filter else ""
 
 
-def headline(summary: Mapping[str, Any]) -> str:
+def headline(summary: Summary) -> str:
     """State the verdict on the filter; empty without a filter."""
-    return str(summary["filter_verdict"]) if summary.get("filter") else ""
+    return summary.filter_verdict if summary.filter else ""
 
 
-def explanation(summary: Mapping[str, Any]) -> str:
+def explanation(summary: Summary) -> str:
     """Name what makes the filter optimistic, and what else there is to say; empty where there is nothing."""
-    result = summary.get("filter")
+    result = summary.filter
     if not result:
         return ""
     stated = headline(summary).lower()
-    remarks = [remark for remark in result["remarks"] if remark.lower() not in stated]
+    remarks = [remark for remark in result.remarks if remark.lower() not in stated]
     return " ".join(filter(None, [_neglected(result), *remarks]))
 
 
-def _neglected(neglected: Mapping[str, Any]) -> str:
+def _neglected(result: FilterSummary) -> str:
     """Name the errors that make a filter optimistic, with their shares; empty where the verdict names the only one."""
-    named = [each for each in neglected["neglected"] if each["share"] >= LEAST][:NAMED]
-    shares = [f"{humanize(each['name'])} {100.0 * each['share']:.0f} %" for each in named]
+    named = [each for each in result.neglected if each.share >= LEAST][:NAMED]
+    shares = [f"{humanize(each.name)} {100.0 * each.share:.0f} %" for each in named]
     return f"Neglected errors: {', '.join(shares)}." if len(shares) > 1 else ""
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from scipy import special
 
+from mcnav.analysis.summary import CombinationEntry, Joint, Summary
 from mcnav.report.format import number, percent
 from mcnav.report.model import humanize, shown_units
 from mcnav.statistics.power import sensible_step
@@ -40,27 +41,28 @@ def joined(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def combination_words(result: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
+def combination_words(result: CombinationEntry, summary: Summary) -> str:
     """Name a combination of a summary's ``joint``, in the units shown, without terms below `LEAST`.
 
-    >>> outputs = [{"name": "y", "unit": "m"}, {"name": "y2", "unit": "m"}]
-    >>> combination_words({"lead": "y2", "weights": [-2.0, 1.0], "shares": [-1.0, 1.0]}, {"outputs": outputs})
+    >>> two = Summary.model_construct(outputs=[Named(name="y", unit="m"), Named(name="y2", unit="m")])
+    >>> of_both = dict(sigma_linear=1.0, sigma_paired=1.1, mean_error=0.0)
+    >>> combination_words(CombinationEntry(lead="y2", weights=[-2.0, 1.0], shares=[-1.0, 1.0], **of_both), two)
     'y2 − 2 y'
     """
-    units, names = shown_units(summary), [entry["name"] for entry in summary["outputs"]]
-    scale = units[result["lead"]][0]
-    shares = dict(zip(names, result["shares"], strict=True))
-    weights = dict(zip(names, result["weights"], strict=True))
-    others = [name for name in sorted(names, key=lambda name: -abs(shares[name])) if name != result["lead"]]
+    units, names = shown_units(summary), summary.names
+    scale = units[result.lead][0]
+    shares = dict(zip(names, result.shares, strict=True))
+    weights = dict(zip(names, result.weights, strict=True))
+    others = [name for name in sorted(names, key=lambda name: -abs(shares[name])) if name != result.lead]
     named = [name for name in others if abs(shares[name]) >= LEAST]
-    words = humanize(result["lead"])
+    words = humanize(result.lead)
     for name in named:
         size = abs(weights[name]) * scale / units[name][0]
         factor = "" if math.isclose(size, 1.0, rel_tol=5e-5) else f"{_plain(size)} "
         words += f" {'−' if weights[name] < 0.0 else '+'} {factor}{humanize(name)}"
     if any(ROUNDING < abs(shares[name]) < LEAST for name in others):
         words += " and smaller terms"
-    own = list(dict.fromkeys(units[name][1] for name in (result["lead"], *named)))
+    own = list(dict.fromkeys(units[name][1] for name in (result.lead, *named)))
     return f"{words} ({', '.join(own)})" if len(own) > 1 else words
 
 
@@ -70,44 +72,37 @@ def _plain(size: float) -> str:
     return shown.rstrip("0").rstrip(".") if "." in shown and "·" not in shown else shown
 
 
-def subject(summary: Mapping[str, Any]) -> str:
+def subject(summary: Summary) -> str:
     """Name what of all outputs together is not that of linear analysis."""
-    joint = summary.get("joint") or {}
-    if joint.get("cause") != "mean" or joint["dispersion_verdict"] != "agrees":
+    joint = summary.joint
+    if joint is None or joint.shifted is None or joint.cause != "mean" or joint.dispersion_verdict != "agrees":
         return "the joint distribution of the outputs"
-    named = [share for share in joint["shifted"]["shares"] if abs(share) >= LEAST]
-    return f"the mean of {humanize(joint['shifted']['lead']) if len(named) == 1 else 'the outputs'}"
+    named = [share for share in joint.shifted.shares if abs(share) >= LEAST]
+    return f"the mean of {humanize(joint.shifted.lead) if len(named) == 1 else 'the outputs'}"
 
 
-def foremost(summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """Return the combination of a summary's ``joint`` that shows why the joint distribution is not the linear one."""
-    joint = summary.get("joint") or {"cause": None}
-    match joint["cause"]:
-        case None:
-            return None
-        case "unpredicted":
-            return dict(joint["unpredicted"][0])
-        case "mean":
-            return dict(joint["shifted"])
-        case _:
-            return dict(joint["differing"])
-
-
-def shortly(summary: Mapping[str, Any]) -> str:
+def shortly(summary: Summary, joint: Joint) -> str:
     """Describe in a few words what differs most in all outputs together."""
-    joint, ratio = summary["joint"], summary["direction_ratio"]
-    if joint["cause"] == "unpredicted":
-        result = joint["unpredicted"][0]
+    ratio = summary.direction_ratio
+    if joint.cause == "unpredicted":
+        result = joint.unpredicted[0]
         linear, simulated, _ = _sigmas(result, summary)
         return f"σ {simulated} in place of {linear} in {combination_words(result, summary)}"
-    if joint["cause"] == "mean":
-        return f"mean {_shift(summary)}"
-    return f"σ ratio {number(ratio, 5)} in {combination_words(joint['differing'], summary)}"
+    if joint.cause == "mean":
+        return f"mean {_shift(summary, joint)}"
+    return f"σ ratio {number(ratio, 5)} in {combination_words(_known(joint.differing), summary)}"
 
 
-def explain(summary: Mapping[str, Any]) -> str:
+def _known(combination: CombinationEntry | None) -> CombinationEntry:
+    """Refuse a summary without a combination of outputs that the verdict rests on."""
+    if combination is None:
+        raise ValueError("joint: has no combination of outputs")
+    return combination
+
+
+def explain(summary: Summary) -> str:
     """Explain the verdict on all outputs together; empty where there is none."""
-    verdict, joint = summary["verdict_matrix"], summary.get("joint")
+    verdict, joint = summary.verdict_matrix, summary.joint
     if verdict is None:
         return ""
     if verdict == "agrees":
@@ -116,76 +111,75 @@ def explain(summary: Mapping[str, Any]) -> str:
     if joint is None:  # a summary of an earlier version
         return f"{start}: {_nees(summary)}."
     parts = {"unpredicted": _of_unpredicted, "mean": _of_mean, "dispersion": _of_dispersion}
-    told = parts[joint["cause"]](summary, start)
-    needed = joint["samples_needed"]
+    told = parts[joint.cause or ""](summary, joint, start)
+    needed = joint.samples_needed
     if verdict == "undecided" and needed:
-        told += f" About {sensible_step(needed, summary['samples']):,} samples would decide."
+        told += f" About {sensible_step(needed, summary.samples):,} samples would decide."
     return told
 
 
-def _nees(summary: Mapping[str, Any]) -> str:
-    return f"the mean NEES is {_mean_nees(summary):.4g}, and linear analysis predicts {summary['nees_dimension']}"
+def _nees(summary: Summary) -> str:
+    return f"the mean NEES is {_mean_nees(summary):.4g}, and linear analysis predicts {summary.nees_dimension}"
 
 
-def _mean_nees(summary: Mapping[str, Any]) -> float:
-    mean = summary["nees_mean_paired"]
-    return float(summary["nees_mean"] if mean is None or mean <= 0.0 else mean)
+def _mean_nees(summary: Summary) -> float:
+    mean = summary.nees_mean_paired
+    mean = summary.nees_mean if mean is None or mean <= 0.0 else mean
+    return math.nan if mean is None else mean
 
 
-def _agreement(summary: Mapping[str, Any]) -> str:
+def _agreement(summary: Summary) -> str:
     """State that the mean NEES agrees, and what is off in spite of it."""
-    also = " as well" if summary["verdict"] == "agrees" else ""
+    also = " as well" if summary.verdict == "agrees" else ""
     told = f"The mean NEES of all outputs together agrees{also}: it is {_mean_nees(summary):.4g}, and linear analysis "
-    told += f"predicts {summary['nees_dimension']}."
-    joint, ratio = summary.get("joint"), summary["direction_ratio"]
+    told += f"predicts {summary.nees_dimension}."
+    joint, ratio = summary.joint, summary.direction_ratio
     if joint is None:
         return told
-    if joint["differing"] and ratio is not None and abs(ratio - 1.0) > summary["tolerance"]:
-        words = combination_words(joint["differing"], summary)
+    if joint.differing and ratio is not None and abs(ratio - 1.0) > summary.tolerance:
+        words = combination_words(joint.differing, summary)
         told += f" It is a mean over all combinations; farthest off is {words}, with a sigma ratio of {number(ratio)}."
     shifted = [
-        f"{humanize(output['name'])} ({abs(bias) / sigma:.2g})"
-        for output, bias, error, sigma in zip(
-            *(summary[key] for key in ("outputs", "bias", "bias_standard_error", "sigma_linear")), strict=False
+        f"{humanize(name)} ({abs(bias) / sigma:.2g})"
+        for name, bias, error, sigma in zip(
+            summary.names, summary.bias, summary.bias_standard_error, summary.sigma_linear, strict=False
         )
-        if sigma and _is_certain(bias, error, summary["confidence_each"]) and abs(bias) > summary["tolerance"] * sigma
+        if sigma and _is_certain(bias, error, summary.confidence_each) and abs(bias) > summary.tolerance * sigma
     ]
     return f"{told} The mean is off, in sigmas: {joined(shifted)}." if shifted else told
 
 
-def _is_certain(bias: float, error: float | None, confidence: float) -> bool:
+def _is_certain(bias: float, error: float, confidence: float) -> bool:
     """Return whether a bias is not zero; a normal interval, for errors of many samples."""
-    return error is not None and abs(bias) > float(special.ndtri(0.5 + 0.5 * confidence)) * error
+    return abs(bias) > float(special.ndtri(0.5 + 0.5 * confidence)) * error
 
 
-def _sigmas(sigmas: Mapping[str, Any], summary: Mapping[str, Any]) -> tuple[str, str, str]:
+def _sigmas(sigmas: CombinationEntry, summary: Summary) -> tuple[str, str, str]:
     """Return linear and simulated sigma of a combination, and the linear one of its lead output, with units."""
-    scale, unit = shown_units(summary)[sigmas["lead"]]
-    names = [entry["name"] for entry in summary["outputs"]]
-    own = summary["sigma_linear"][names.index(sigmas["lead"])]
-    sizes = (sigmas["sigma_linear"], sigmas["sigma_paired"], own)
-    linear, simulated, own = (f"{number(None if each is None else each * scale, 3)} {unit}".strip() for each in sizes)
-    return linear, simulated, own
+    scale, unit = shown_units(summary)[sigmas.lead]
+    names = summary.names
+    own = summary.sigma_linear[names.index(sigmas.lead)]
+    sizes = (sigmas.sigma_linear, sigmas.sigma_paired, own)
+    linear, simulated, alone = (f"{number(each * scale, 3)} {unit}".strip() for each in sizes)
+    return linear, simulated, alone
 
 
-def _of_unpredicted(summary: Mapping[str, Any], start: str) -> str:
+def _of_unpredicted(summary: Summary, joint: Joint, start: str) -> str:
     """Name combinations that linear analysis holds fixed; single outputs have a sentence of their own."""
-    entries = [each for each in summary["joint"]["unpredicted"] if np.count_nonzero(each["weights"]) > 1]
-    verdict = summary["joint"]["nees_verdict"]
+    entries = [each for each in joint.unpredicted if np.count_nonzero(each.weights) > 1]
+    verdict = joint.nees_verdict
     rest = {"agrees": "", "differs": ", which differs too", "undecided": ", which is undecided"}[verdict]
     rest = f"In all other directions {_nees(summary)}{rest}."
     if not entries:
         return f"{start} with it. {rest}"
-    told, names = [], [entry["name"] for entry in summary["outputs"]]
+    told, names = [], summary.names
     for unpredicted in entries[:NAMED]:
         linear, simulated, own = _sigmas(unpredicted, summary)
-        share = number(
-            100.0 * unpredicted["sigma_paired"] / summary["sigma_linear"][names.index(unpredicted["lead"])], 2
-        )
+        share = number(100.0 * unpredicted.sigma_paired / summary.sigma_linear[names.index(unpredicted.lead)], 2)
         words = f"{combination_words(unpredicted, summary)}: linear sigma {linear}, simulated {simulated}"
-        told.append(f"{words} ({share} % of that of {humanize(unpredicted['lead'])}, {own})")
+        told.append(f"{words} ({share} % of that of {humanize(unpredicted.lead)}, {own})")
     more = f", and {len(entries) - NAMED} more" if len(entries) > NAMED else ""
-    nearly = "nearly " if all(each["sigma_linear"] for each in entries) else ""
+    nearly = "nearly " if all(each.sigma_linear for each in entries) else ""
     return (
         f"{start}: what linear analysis holds {nearly}fixed is dispersed{' otherwise' if nearly else ''}. "
         f"{'; '.join(told)}{more}. What depends on this, such as a difference of outputs or an inverse of P·S·Pᵀ, is "
@@ -193,33 +187,31 @@ def _of_unpredicted(summary: Mapping[str, Any], start: str) -> str:
     )
 
 
-def _shift(summary: Mapping[str, Any], named: str = "") -> str:
+def _shift(summary: Summary, joint: Joint, named: str = "") -> str:
     """State by how many sigmas the mean is off, and in what combination, unless it is ``named``."""
-    joint = summary["joint"]
-    shift = joint["shifted"]
-    scale, unit = shown_units(summary)[shift["lead"]]
-    size = f"{number(shift['mean_error'] * scale, 3)} {unit}".strip()
-    return f"off by {joint['mean_error']:.3g} sigma in {named or combination_words(shift, summary)} (by {size})"
+    shift = _known(joint.shifted)
+    scale, unit = shown_units(summary)[shift.lead]
+    size = f"{number(shift.mean_error * scale, 3)} {unit}".strip()
+    return f"off by {joint.mean_error:.3g} sigma in {named or combination_words(shift, summary)} (by {size})"
 
 
-def _of_mean(summary: Mapping[str, Any], start: str) -> str:
+def _of_mean(summary: Summary, joint: Joint, start: str) -> str:
     """Tell the mean error from the dispersion, which may agree."""
-    joint, dimension = summary["joint"], summary["nees_dimension"]
     words = {"agrees": "agrees", "differs": "differs too", "undecided": "is undecided"}
     nees = (
-        f"the mean NEES is {_mean_nees(summary):.4g} about the linear mean and {joint['nees_about_mean']:.4g} about "
-        f"the sample mean, and linear analysis predicts {dimension}"
+        f"the mean NEES is {_mean_nees(summary):.4g} about the linear mean and {joint.nees_about_mean:.4g} about "
+        f"the sample mean, and linear analysis predicts {summary.nees_dimension}"
     )
-    told = f"The mean is {_shift(summary)}; the dispersion {words[joint['dispersion_verdict']]}: {nees}."
-    if joint["dispersion_verdict"] != "agrees":
+    told = f"The mean is {_shift(summary, joint)}; the dispersion {words[joint.dispersion_verdict or '']}: {nees}."
+    if joint.dispersion_verdict != "agrees":
         return f"{start}. {told}"
     return f"{told} Linear sigmas hold about the sample mean, not about the linear one."
 
 
-def _of_dispersion(summary: Mapping[str, Any], start: str) -> str:
+def _of_dispersion(summary: Summary, joint: Joint, start: str) -> str:
     """Describe the combination of outputs whose dispersion differs most, and what that means."""
-    joint, ratio = summary["joint"], summary["direction_ratio"]
-    dispersion, told = joint["differing"], f"{start}: {_nees(summary)}."
+    ratio = summary.direction_ratio
+    dispersion, told = _known(joint.differing), f"{start}: {_nees(summary)}."
     if ratio is None or not math.isfinite(ratio):  # no variance is left in the paired estimate
         return told
     linear, simulated, own = _sigmas(dispersion, summary)
@@ -228,32 +220,29 @@ def _of_dispersion(summary: Mapping[str, Any], start: str) -> str:
         f" It differs most in {combination_words(dispersion, summary)}: linear sigma {linear}, simulated {simulated}, "
     )
     told += size
-    alone = sum(abs(share) > ROUNDING for share in dispersion["shares"]) == 1
-    told += "." if alone else f"; the linear sigma of {humanize(dispersion['lead'])} alone is {own}."
-    if joint["mean_error"] ** 2 > NOTABLE * abs(_mean_nees(summary) - summary["nees_dimension"]):
-        same = combination_words(joint["shifted"], summary) == combination_words(dispersion, summary)
-        told += f" The mean is {_shift(summary, 'it' if same else '')}."
-    if summary["verdict_matrix"] != "differs" or summary["verdict"] != "agrees" or alone:
+    alone = sum(abs(share) > ROUNDING for share in dispersion.shares) == 1
+    told += "." if alone else f"; the linear sigma of {humanize(dispersion.lead)} alone is {own}."
+    if joint.mean_error**2 > NOTABLE * abs(_mean_nees(summary) - summary.nees_dimension):
+        same = combination_words(_known(joint.shifted), summary) == combination_words(dispersion, summary)
+        told += f" The mean is {_shift(summary, joint, 'it' if same else '')}."
+    if summary.verdict_matrix != "differs" or summary.verdict != "agrees" or alone:
         return told
-    names = [entry["name"] for entry in summary["outputs"]]
-    cancels = (
-        ratio > 1.0
-        and dispersion["sigma_linear"] < CANCELLING * summary["sigma_linear"][names.index(dispersion["lead"])]
-    )
+    names = summary.names
+    cancels = ratio > 1.0 and dispersion.sigma_linear < CANCELLING * summary.sigma_linear[names.index(dispersion.lead)]
     why = "By linear analysis these errors nearly cancel, in the simulation less so: the" if cancels else "The"
     return f"{told} {why} sigmas of single outputs hold, but an error ellipsoid or an inverse of P·S·Pᵀ does not."
 
 
-def explain_unpredicted(summary: Mapping[str, Any], names: Sequence[str]) -> str:
+def explain_unpredicted(summary: Summary, names: Sequence[str]) -> str:
     """Explain outputs, by their keys, that linear analysis holds fixed and that are dispersed."""
-    units, keys = shown_units(summary), [entry["name"] for entry in summary["outputs"]]
-    simulated = {name: float(summary["sigma_sample"][keys.index(name)]) for name in names}
+    units, keys = shown_units(summary), summary.names
+    simulated = {name: summary.sigma_sample[keys.index(name)] for name in names}
     shown = [f"{number(simulated[name] * units[name][0], 3)} {units[name][1]}".strip() for name in names]
     one = len(names) == 1
     told = (
         f"Linear analysis predicts no dispersion of {joined([humanize(name) for name in names])}: "
         f"{_reason(summary, [keys.index(name) for name in names])}. The simulated sigma{'' if one else 's'} of "
-        f"{summary['samples'] - summary['failed']:,} samples {'is' if one else 'are'} {joined(shown)}."
+        f"{summary.samples - summary.failed:,} samples {'is' if one else 'are'} {joined(shown)}."
     )
     quadratic, others = _quadratic(summary, simulated)
     parts = []
@@ -270,19 +259,19 @@ def explain_unpredicted(summary: Mapping[str, Any], names: Sequence[str]) -> str
     ])  # fmt: skip
 
 
-def _reason(summary: Mapping[str, Any], rows: Sequence[int]) -> str:
+def _reason(summary: Summary, rows: Sequence[int]) -> str:
     """Tell partial derivatives of zero from contributions that cancel."""
-    spread = np.sqrt(np.maximum(np.diag(np.array(summary["start_covariance"], dtype=float)), 0.0))
-    terms = np.abs(np.array(summary["partials"], dtype=float)) * spread
+    spread = np.sqrt(np.maximum(np.diag(summary.start_covariance), 0.0))
+    terms = np.abs(summary.partials) * spread
     if np.all(terms[list(rows)] <= ROUNDING * max(float(terms.max(initial=0.0)), 0.0)):
         return "the partial derivatives at the nominal are zero"
     return "at the nominal the partial derivatives are zero, or their contributions cancel"
 
 
-def _quadratic(summary: Mapping[str, Any], simulated: Mapping[str, float]) -> tuple[list[str], list[str]]:
+def _quadratic(summary: Summary, simulated: Mapping[str, float]) -> tuple[list[str], list[str]]:
     """Split outputs into those whose dispersion second-order terms predict, and others."""
-    record, keys = summary.get("second_order") or {}, [entry["name"] for entry in summary["outputs"]]
-    predicted = np.array(record.get("quadratic") or np.zeros((len(keys), len(keys))), dtype=float).diagonal()
+    keys, terms = summary.names, summary.second_order and summary.second_order.quadratic
+    predicted = np.array(terms or np.zeros((len(keys), len(keys))), dtype=float).diagonal()
     sigma = {name: math.sqrt(max(float(predicted[keys.index(name)]), 0.0)) for name in simulated}
     matching = [name for name, quadratic in simulated.items() if abs(sigma[name] - quadratic) <= MATCHING * quadratic]
     return matching, [name for name in simulated if name not in matching]

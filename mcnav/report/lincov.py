@@ -23,7 +23,7 @@ from mcnav.report.lincov_words import (
     worst_first,
 )
 from mcnav.report.model import scale_of
-from mcnav.report.requirements import TONES, stated
+from mcnav.report.requirements import TONES, NamedRequirement, stated
 from mcnav.units import conversion
 
 COARSEST_SHARE: Final = 0.001
@@ -157,10 +157,7 @@ def requirement_rows(answer: LinearAnswer) -> list[RequirementRow]:
     for place, each in enumerate(answer.requirements):
         required = each.requirement
         limited = [names[i] for i in required.outputs]
-        entry = {
-            "kind": required.kind, "outputs": limited, "limits": required.limits, "probability": required.probability,
-            "when": required.when,
-        }  # fmt: skip
+        entry = NamedRequirement(required.kind, limited, required.limits, required.probability, required.when)
         rows.append(RequirementRow(
             requirement=stated(entry, units),
             finding=finding(each),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.linear_range import BeyondRange
 from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.running_ratios import Convergence
+from mcnav.analysis.summary import HigherOrder, Summary
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.contract.history import History
@@ -56,7 +56,7 @@ class RunAnalysis:
     beyond: BeyondRange | None = None
 
     @cached_property
-    def summary(self) -> Mapping[str, Any]:
+    def summary(self) -> Summary:
         """The content of ``summary.json``."""
         return summarise(
             self.manifest,
@@ -110,10 +110,10 @@ class RunAnalysis:
         return self.samples.index
 
     @property
-    def higher_order(self) -> Mapping[str, Any] | None:
+    def higher_order(self) -> HigherOrder | None:
         """Moments in closed form, SI; none where there are none: see `mcnav.lincov.nonlinear_corrections`."""
-        higher_order: Mapping[str, Any] = self.summary.get("higher_order") or {}
-        return higher_order if "sigma" in higher_order else None
+        higher_order = self.summary.higher_order
+        return None if higher_order is None or higher_order.sigma is None else higher_order
 
     @property
     def dispersed(self) -> bool:
@@ -184,16 +184,17 @@ def labels_of(sources: Sequence[Variable | Source], outputs: Sequence[Variable |
     return source_labels([each.name for each in sources], [each.name for each in outputs])
 
 
-def labels_in(summary: Mapping[str, Any]) -> list[str]:
+def labels_in(summary: Summary) -> list[str]:
     """Return names for people of the sources of a summary."""
-    return source_labels(*([entry["name"] for entry in summary[key]] for key in ("sources", "outputs")))
+    return source_labels([source.name for source in summary.sources], summary.names)
 
 
-def shown_units(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
+def shown_units(summary: Summary) -> dict[str, tuple[float, str]]:
     """Return for each output of a summary the factor from SI and the unit shown."""
-    outputs = summary["outputs"]
-    shown = summary["shown_in"]["outputs"] if "shown_in" in summary else [entry["unit"] for entry in outputs]
-    return {entry["name"]: (conversion(entry["unit"], unit), unit) for entry, unit in zip(outputs, shown, strict=True)}
+    return {
+        output.name: (conversion(output.unit, shown), shown)
+        for output, shown in zip(summary.outputs, summary.units_shown, strict=True)
+    }
 
 
 def humanize(name: str) -> str:

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
 
 from mcnav.analysis.filter_causes import MEAN
+from mcnav.analysis.summary import RequirementEntry, Summary
 from mcnav.report import sentences
+from mcnav.report.document import Cell, Column, Table
 from mcnav.report.format import number
-from mcnav.report.model import RunAnalysis, humanize, labels_in, shown_units
+from mcnav.report.model import humanize, labels_in, shown_units
+from mcnav.report.result_table import ResultColumn, ResultTable, Units, in_units
 
 RADII: Final = {
     "cep": "circular error probable",
@@ -25,37 +30,43 @@ NAMED: Final = 3
 TONES: Final = {"met": "agrees", "not met": "differs", "undecided": "undecided"}
 
 
-def tone_of(counts: Mapping[str, int]) -> str:
-    """Return ``agrees`` when all requirements are met, ``differs`` when one is not met, else ``undecided``."""
-    return "differs" if counts["not_met"] else "undecided" if counts["undecided"] else "agrees"
+@dataclass(frozen=True)
+class NamedRequirement:
+    """See `mcnav.analysis.requirements.Requirement`; outputs by name."""
+
+    kind: str
+    outputs: Sequence[str]
+    limits: Sequence[float]
+    probability: float | None
+    when: str = ""
 
 
-def stated(entry: Mapping[str, Any], shown_in: Mapping[str, tuple[float, str]]) -> str:
-    """Put one of a summary's ``requirements`` in words; ``shown_in`` is that of `shown_units`."""
-    names, limits = entry["outputs"], entry["limits"]
-    if entry["kind"] == "sigma_ratio":
+def stated(entry: NamedRequirement | RequirementEntry, shown_in: Mapping[str, tuple[float, str]]) -> str:
+    """Put a requirement in words; ``shown_in`` is that of `shown_units`."""
+    names, limits = entry.outputs, entry.limits
+    if entry.kind == "sigma_ratio":
         return f"every sigma within ±{100.0 * limits[0]:g} % of the linear one"
-    when = f", {entry['when']}" if entry.get("when") else ""
-    if entry["kind"] in RADII:
+    when = f", {entry.when}" if entry.when else ""
+    if entry.kind in RADII:
         scale, unit = shown_in[names[0]]
         together = f"{', '.join(map(humanize, names[:-1]))} and {humanize(names[-1])}"
-        return f"{RADII[entry['kind']]} of {together} below {limits[0] * scale:g} {unit}{when}"
+        return f"{RADII[entry.kind]} of {together} below {limits[0] * scale:g} {unit}{when}"
     sides = []
     for name, limit in zip(names, limits, strict=True):
         scale, unit = shown_in[name]
         sides.append(f"|{humanize(name)}| below {limit * scale:g} {unit}")
-    return f"{' and '.join(sides)} in {100.0 * entry['probability']:g} % of samples{when}"
+    return f"{' and '.join(sides)} in {100.0 * (entry.probability or 0.0):g} % of samples{when}"
 
 
-def requirement_causes(summary: Mapping[str, Any], entry: Mapping[str, Any]) -> list[tuple[str, float]]:
+def requirement_causes(summary: Summary, entry: RequirementEntry) -> list[tuple[str, float]]:
     """List the largest causes of the errors that a requirement of a summary limits, for people, with their shares."""
-    sources = [source["name"] for source in summary["sources"]]
+    sources = [source.name for source in summary.sources]
     labels = dict(zip(sources, labels_in(summary), strict=True))
     causes = []
-    for cause in list(entry.get("causes") or ())[:NAMED]:
-        name = str(cause["name"]).removeprefix(MEAN)
-        of_mean = "mean of " if name != cause["name"] else ""
-        causes.append((f"{of_mean}{labels.get(name, humanize(name))}", float(cause["share"])))
+    for cause in entry.causes[:NAMED]:
+        name = cause.name.removeprefix(MEAN)
+        of_mean = "mean of " if name != cause.name else ""
+        causes.append((f"{of_mean}{labels.get(name, humanize(name))}", cause.share))
     return causes
 
 
@@ -68,71 +79,198 @@ def listed(causes: Sequence[tuple[str, float]]) -> str:
     return ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in causes) or "–"
 
 
-def requirement_rows(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """List the requirements with their findings, one per row."""
-    units = shown_units(summary)
-    keys = ("finding", "samples_needed", "remark")
+@dataclass(frozen=True)
+class RequirementRow:
+    """A requirement of a run, the factor from SI to the unit of its numbers, and that unit."""
+
+    summary: Summary
+    entry: RequirementEntry
+    scale: float
+    unit: str
+    time_unit: str = ""
+
+    @property
+    def words(self) -> str:
+        """What is required."""
+        return stated(self.entry, shown_units(self.summary))
+
+    @property
+    def tone(self) -> str:
+        """Tone of the finding."""
+        return TONES[self.entry.finding]
+
+    @property
+    def causes(self) -> list[tuple[str, float]]:
+        """Largest causes of the errors that it limits, with their shares."""
+        return requirement_causes(self.summary, self.entry)
+
+    def scaled(self, value: float | None) -> float | None:
+        """Return a value in the unit of this row."""
+        return None if value is None else value * self.scale
+
+    def shown(self, value: float | None, missing: str = "∞") -> str:
+        """Format a value: a ratio, a probability, or an error with its unit."""
+        kind, scaled = self.entry.kind, self.scaled(value)
+        if kind == "sigma_ratio":
+            return number(scaled, 5)
+        if scaled is None or not math.isfinite(scaled):
+            return "–" if kind == "box" else missing
+        return f"{100.0 * scaled:.3f} %" if kind == "box" else f"{number(scaled, 4)} {self.unit}"
+
+    @property
+    def estimate(self) -> Cell:
+        """The estimate; over time the largest one, and when that is."""
+        entry = self.entry
+        over_time = entry.time is not None and entry.samples is not None
+        words = f"largest at {entry.time:.4g} {self.time_unit}, of {entry.samples:,} samples" if over_time else ""
+        return Cell(self.shown(entry.estimate, "–"), below=words)
+
+    @property
+    def linear(self) -> Cell:
+        """The value by linear analysis, and whether it meets the requirement."""
+        known = self.entry.kind != "sigma_ratio" and self.entry.linear is not None
+        met = "met" if self.entry.linear_meets else "not met"
+        return Cell(self.shown(self.entry.linear, "–"), below=met if known else "–")
+
+    @property
+    def to_decide(self) -> str:
+        """How many samples would decide, and why nothing was decided."""
+        needed = self.entry.samples_needed
+        decides = sentences.more_samples(needed, self.summary.samples) if needed else ""
+        return "; ".join(filter(None, (decides, self.entry.remark)))
+
+
+COLUMNS: Final[tuple[ResultColumn[RequirementRow], ...]] = (
+    ResultColumn("requirement", lambda row: row.words,
+                 (Column("Requirement", lambda row: row.words, "requirement", kind="words"),)),
+    ResultColumn("finding", lambda row: row.entry.finding, (
+        Column("Finding", lambda row: Cell(row.entry.finding, tone=row.tone), "finding",
+               kind="text"),)),
+    ResultColumn("unit", lambda row: row.unit),
+    ResultColumn("estimate", lambda row: row.scaled(row.entry.estimate),
+                 (Column("Monte Carlo", lambda row: row.estimate, place="page"),)),
+    ResultColumn("lower_bound", lambda row: row.scaled(row.entry.interval[0]),
+                 (Column("Lower bound", lambda row: row.shown(row.entry.interval[0]), place="page"),)),
+    ResultColumn("upper_bound", lambda row: row.scaled(row.entry.interval[1]),
+                 (Column("Upper bound", lambda row: row.shown(row.entry.interval[1]), place="page"),)),
+    ResultColumn("linear", lambda row: row.scaled(row.entry.linear),
+                 (Column("Linear, Gaussian", lambda row: row.linear, place="page"),)),
+    ResultColumn("linear_meets", lambda row: row.entry.linear_meets),
+    ResultColumn("samples_needed", lambda row: row.entry.samples_needed,
+                 (Column("To decide", lambda row: row.to_decide, "to decide", kind="words"),)),
+    ResultColumn("time", lambda row: row.entry.time),
+    ResultColumn("remark", lambda row: row.entry.remark),
+)  # fmt: skip
+
+CAUSES: Final = ResultColumn[RequirementRow]("largest_causes", lambda row: listed(row.causes) if row.causes else "", (
+    Column("Largest causes", lambda row: listed(row.causes), "largest linear causes of these errors",
+           kind="words"),))  # fmt: skip
+
+
+def requirement_rows(summary: Summary, units: Units = "shown", time_unit: str = "") -> list[RequirementRow]:
+    """List the requirements; ratios and probabilities have no unit."""
+    shown_in = {
+        output.name: in_units(output.unit, shown, units)
+        for output, shown in zip(summary.outputs, summary.units_shown, strict=True)
+    }
+    rows = []
+    for entry in summary.requirements:
+        scale, unit = (1.0, "") if entry.kind in ("sigma_ratio", "box") else shown_in[entry.outputs[0]]
+        rows.append(RequirementRow(summary, entry, scale, unit, time_unit))
+    return rows
+
+
+def requirements_table(
+    summary: Summary, units: Units = "shown", time_unit: str = "", confidence: str = ""
+) -> ResultTable:
+    """Tabulate the requirements with their findings, estimates, bounds and linear values.
+
+    ``time_unit`` is that of the run's histories, ``confidence`` that of bounds.
+    """
+    rows = requirement_rows(summary, units, time_unit)
+    explained = any(entry.causes for entry in summary.requirements)
+    columns = (*COLUMNS, CAUSES) if explained else COLUMNS
+    caption = _caption(summary, explained, confidence)
+    return ResultTable.of_entries("requirements", "Requirements", 1, columns, rows, caption)
+
+
+def _caption(summary: Summary, explained: bool, confidence: str) -> str:
+    over_time = any(entry.time is not None for entry in summary.requirements)
+    parts = [
+        f"Requirements of the campaign's [accept] table. Bounds are one-sided at {confidence} each and "
+        "distribution-free (order statistics, exact binomial); for sigmas they are the limits of the interval of the "
+        "paired ratio farthest from one."
+    ]
+    if over_time:
+        parts.append(
+            "Over time all values are the largest of the epochs; the lower bound holds for all epochs together, and "
+            "only the campaign's first samples have errors over time."
+        )
+    if explained:
+        when = ", over time at the epoch with the largest estimate" if over_time else ""
+        parts.append(f"Causes: share of the linear mean square of the errors that the requirement limits{when}.")
+    return " ".join(parts)
+
+
+@dataclass(frozen=True)
+class AllowedSigma:
+    """The largest sigma of a source that meets a requirement; NaN: not without the source, infinite: any meets it."""
+
+    requirement: str
+    source: str
+    label: str
+    unit: str
+    sigma: float
+    largest: float
+
+    @property
+    def largest_words(self) -> str:
+        """The largest sigma with its unit."""
+        if math.isfinite(self.largest):
+            return f"{number(self.largest)} {self.unit}"
+        return "any" if math.isinf(self.largest) else "none"
+
+
+ALLOWED: Final[tuple[ResultColumn[AllowedSigma], ...]] = (
+    ResultColumn("requirement", lambda row: row.requirement),
+    ResultColumn("source", lambda row: row.source, (Column("Source", lambda row: row.label),)),
+    ResultColumn("unit", lambda row: row.unit),
+    ResultColumn("sigma", lambda row: row.sigma, (Column("σ now", lambda row: f"{number(row.sigma)} {row.unit}"),)),
+    ResultColumn("largest_sigma", lambda row: row.largest, (Column("Largest σ", lambda row: row.largest_words),)),
+)
+
+ALLOWED_CAPTION: Final = (
+    "Largest sigma of each source that meets the requirement by linear analysis, with the other sources unchanged. "
+    "“None”: the others exceed the limit without it."
+)
+
+
+def allowed_sigmas(summary: Summary, units: Units = "shown") -> list[AllowedSigma]:
+    """List the largest sigma of each source that meets each requirement by linear analysis, the others unchanged."""
+    words, labels = shown_units(summary), labels_in(summary)
+    sigmas = np.sqrt(np.maximum(summary.start_covariance.diagonal(), 0.0))
+    shown_in = summary.shown_in.sources or [source.unit for source in summary.sources]
+    scales = [in_units(source.unit, shown, units) for source, shown in zip(summary.sources, shown_in, strict=True)]
     return [
-        {
-            "requirement": stated(entry, units),
-            **{key: entry[key] for key in keys},
-            "causes": requirement_causes(summary, entry),
-        }
-        for entry in summary["requirements"]
+        AllowedSigma(stated(entry, words), source.name, label, unit, sigma * scale, largest * scale)
+        for entry in summary.requirements
+        if entry.largest_sigmas is not None
+        for source, label, (scale, unit), sigma, largest in zip(
+            summary.sources, labels, scales, sigmas.tolist(), entry.largest_sigmas.tolist(), strict=True
+        )
+        if sigma > 0.0
     ]
 
 
-def detailed_rows(content: RunAnalysis) -> list[dict[str, Any]]:
-    """Add to `requirement_rows` the estimates in the units shown, the linear values and the largest source sigmas."""
-    summary, rows = content.summary, []
-    units = shown_units(summary)
-    for row, entry in zip(requirement_rows(summary), summary["requirements"], strict=True):
-        low, high = entry["interval"]
-        shown = partial(_shown, entry["kind"], *units[entry["outputs"][0]])
-        needed = row["samples_needed"]
-        rows.append(
-            row
-            | {"estimate": shown(entry["estimate"], "–"), "low": shown(low), "high": shown(high)}
-            | {
-                "tone": TONES[row["finding"]],
-                "largest_at": _largest_at(content, entry),
-                "linear": shown(entry["linear"], "–"),
-                "gaussian": "–"
-                if entry["kind"] == "sigma_ratio" or entry["linear"] is None
-                else "met"
-                if entry["linear_meets"]
-                else "not met",
-                "needed": needed and sentences.more_samples(needed, summary["samples"]),
-                "largest": [] if entry["largest_sigmas"] is None else _largest(content, entry["largest_sigmas"]),
-            }
-        )
-    return rows
+def allowed_table(summary: Summary, units: Units = "shown") -> ResultTable:
+    """Tabulate the largest source sigmas that meet the requirements."""
+    title = "Largest source sigmas that meet each requirement, by linear analysis"
+    return ResultTable.of_entries("allowed_sigmas", title, 2, ALLOWED, allowed_sigmas(summary, units), ALLOWED_CAPTION)
 
 
-def _largest_at(content: RunAnalysis, entry: Mapping[str, Any]) -> str:
-    """Return when a requirement over time has its largest estimate, and of how many samples; else empty."""
-    if entry.get("time") is None or content.development is None:
-        return ""
-    unit = content.development.label.partition(" [")[2].removesuffix("]")
-    return f"largest at {entry['time']:.4g} {unit}, of {entry['samples']:,} samples"
-
-
-def _shown(kind: str, scale: float, unit: str, value: float | None, missing: str = "∞") -> str:
-    """Format a value of a requirement: a ratio, a probability, or an error in the unit shown."""
-    if kind == "sigma_ratio":
-        return number(value, 5)
-    if value is None or not math.isfinite(value):
-        return "–" if kind == "box" else missing
-    return f"{100.0 * value:.3f} %" if kind == "box" else f"{number(value * scale, 4)} {unit}"
-
-
-def _largest(content: RunAnalysis, sigmas: Any) -> list[tuple[str, str, str]]:
-    """List each source with its sigma and the largest one that meets the requirement."""
-    rows = []
-    for j, now in enumerate(content.model.covariance.diagonal() ** 0.5):
-        if now > 0.0:
-            scale, unit, largest = content.source_scale[j], content.source_units[j], float(sigmas[j])
-            words = "none" if math.isnan(largest) else "any" if math.isinf(largest) else ""
-            rows.append((content.source_names[j], f"{number(now * scale)} {unit}",
-                         words or f"{number(largest * scale)} {unit}"))  # fmt: skip
-    return rows
+def allowed_by_requirement(summary: Summary) -> dict[str, Table[AllowedSigma]]:
+    """Return a table of the largest source sigmas for each requirement that has them."""
+    table, rows = allowed_table(summary).read, dict[str, list[AllowedSigma]]()
+    for row in allowed_sigmas(summary):
+        rows.setdefault(row.requirement, []).append(row)
+    return {words: replace(table, rows=some) for words, some in rows.items()}

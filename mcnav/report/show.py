@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from mcnav.analysis.filter_remarks import instant
+from mcnav.analysis.summary import Summary
 from mcnav.errors import suggestion
-from mcnav.report import filter_verdict, terminal
+from mcnav.report import terminal
+from mcnav.report.filter_columns import groups_table, sensors_table, sigmas_of
 from mcnav.report.fitted_table import FittedTable, numbers, texts
-from mcnav.report.format import interval, number, share
+from mcnav.report.format import share
 from mcnav.report.model import humanize, labels_in
-from mcnav.report.result_table import ResultTable, Row, Units
-from mcnav.report.result_tables import CORRELATIONS, final_tables
+from mcnav.report.result_table import ResultTable, Units
+from mcnav.report.result_tables import CORRELATIONS
+from mcnav.report.terminal_parts import fitted
 from mcnav.units import printable
 
 LONGEST: Final = 2_000
@@ -43,18 +46,17 @@ def unknown_table(tables: Mapping[str, ResultTable], name: str) -> str:
     return f"the run has no table {printable(name)!r}{suggestion(name, list(tables))}"
 
 
-def show(summary: Mapping[str, Any], units: Units = "shown") -> RenderableType:
-    """Show verdicts, sigmas, budget, requirements and consistency of the filter."""
-    tables = final_tables(summary, units)
+def show(summary: Summary, tables: Mapping[str, ResultTable], units: Units = "shown") -> RenderableType:
+    """Show verdicts, sigmas, budget, requirements and consistency of the filter; ``tables`` are all of the run."""
     parts: list[RenderableType] = [terminal.comparison({"": summary}), terminal.verdict(summary)]
-    if (warning := terminal.warnings({summary["campaign"]: summary})) is not None:
+    if (warning := terminal.warnings({summary.campaign: summary})) is not None:
         parts.insert(0, warning)
-    if any(summary["sigma_linear"]) and not summary.get("beyond_range"):
+    if any(summary.sigma_linear) and not summary.beyond_range:
         parts.append(budget(summary, tables["budget"]))
-    if summary["requirements"]:
+    if summary.requirements:
         parts.append(terminal.requirements(summary))
-    if summary.get("filter"):
-        parts += _filter(summary, tables)
+    if summary.filter:
+        parts += _filter(summary, units)
     return Group(*_spaced(parts))
 
 
@@ -65,11 +67,10 @@ def _spaced(parts: Sequence[RenderableType]) -> Iterator[RenderableType]:
         yield part
 
 
-def budget(summary: Mapping[str, Any], table: ResultTable) -> FittedTable:
+def budget(summary: Summary, table: ResultTable) -> FittedTable:
     """Tabulate the shares of the largest causes in the linear variance of each output, in per cent."""
-    labels = [*labels_in(summary), *(humanize(entry["name"]) for entry in summary.get("processes") or ())]
-    names = [entry["name"] for key in ("sources", "processes") for entry in summary.get(key) or ()]
-    outputs = [entry["name"] for entry in summary["outputs"]]
+    labels = [*labels_in(summary), *(humanize(process.name) for process in summary.processes)]
+    names, outputs = summary.causes_of_errors, summary.names
     shares: dict[str, list[float]] = {name: [] for name in (*names, CORRELATIONS)}
     for row in table.rows:
         shares[row["cause"]].append(math.nan if row["share"] is None else row["share"])
@@ -93,45 +94,12 @@ def budget(summary: Mapping[str, Any], table: ResultTable) -> FittedTable:
     return shown
 
 
-def _filter(summary: Mapping[str, Any], tables: Mapping[str, ResultTable]) -> list[RenderableType]:
+def _filter(summary: Summary, units: Units) -> list[RenderableType]:
     """Tabulate the verdicts on groups of states and outputs, and the innovations of sensors."""
-    result, parts = summary["filter"], list[RenderableType]()
-    unit, rows = str(result["time"]).rpartition("[")[2].removesuffix("]"), dict[tuple[str, str], list[Row]]()
-    if "filter_groups" in tables:
-        rows["Filter: true over filter sigma by groups of states", "group"] = tables["filter_groups"].rows
-    if "filter_sigmas" in tables:
-        outputs = [row for row in tables["filter_sigmas"].rows if row["kind"] == "output"]
-        rows["Filter: true over filter sigma of each output", "output"] = outputs
-    for (title, kind), entries in rows.items():
-        sized = kind == "output"
-        headings = (*(("true σ", "filter σ") if sized else ()), "ratio at the end", "interval", "worst ratio")
-        columns = [*texts(kind), *numbers(*headings, f"at [{unit}]"), *texts("verdict")]
-        shown = FittedTable(title, columns)
-        for row in entries:
-            name = f"{humanize(row['state'])} [{row['unit']}]" if sized else humanize(row["group"])
-            sigmas = [number(row["sigma_true"]), number(row["sigma_filter"])] if sized else []
-            verdict = Text(row["verdict"], style=terminal.COLOURS[filter_verdict.TONES[row["verdict"]]])
-            when = "–" if row["time_worst"] is None else instant(row["time_worst"], "")
-            ends = interval(row["ratio_from"], row["ratio_to"])
-            shown.add(name, *sigmas, number(row["ratio"]), ends, number(row["worst_ratio"]), when, verdict)
-        parts.append(shown)
-    if "filter_sensors" in tables:
-        parts.append(_sensors(tables["filter_sensors"]))
-    return parts
-
-
-def _sensors(table: ResultTable) -> FittedTable:
-    headings = numbers("accepted", "rejected", "mean NIS", "expected"), numbers("correlation", "bound")
-    shown = FittedTable("Innovations over the whole flight", [
-        *texts("sensor"), *headings[0], *texts("NIS"), *headings[1], *texts("innovations"),
-    ])  # fmt: skip
-    for row in table.rows:
-        nis, white = row["nis"], row["correlation"]
-        words = "–" if nis is None else "beyond bounds" if row["nis_beyond"] else "within bounds"
-        told = "–" if white is None else "correlated" if row["correlation_beyond"] else "white"
-        shown.add(humanize(row["sensor"]), number(row["accepted"]), number(row["rejected"]), number(nis),
-                  str(row["components"]), words, number(white), number(row["correlation_bound"], 2), told)  # fmt: skip
-    return shown
+    groups, sensors = groups_table(summary).read, sensors_table(summary).read
+    groups = replace(groups, title=f"Filter: {groups.title[:1].lower()}{groups.title[1:]}")
+    tables = (groups, sigmas_of(summary, "output", units), sensors)
+    return [fitted(table) for table in tables if table is not None and table.rows]
 
 
 def tabulate(table: ResultTable) -> FittedTable:

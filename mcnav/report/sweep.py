@@ -98,7 +98,7 @@ def table(sweep: Sweep) -> Mapping[str, object]:
                 "point": dict(zip((v.path for v in sweep.variables), each.point, strict=True)),
                 "folder": str(each.folder),
                 "verdict": verdict_at(sweep, each),
-                "samples": each.summary["samples"],
+                "samples": each.summary.samples,
                 "values": each.values,
             }
             for each in sweep.confirmations

@@ -232,15 +232,15 @@ def requirement_table(sweep: Sweep, confirmation: Confirmation) -> Table[_Requir
     for index, measure in enumerate(sweep.measures):
         if measure.requirement is None:
             continue
-        entry, at = confirmation.summary["requirements"][measure.requirement], (*confirmation.place, index)
+        entry, at = confirmation.summary.requirements[measure.requirement], (*confirmation.place, index)
         (scale,) = drawn.scales_of([measure])
-        estimate = None if entry["estimate"] is None else entry["estimate"] * scale
+        estimate = None if entry.estimate is None else entry.estimate * scale
         rows.append(_Requirement(
             title_of(measure, sweep, True),
             f"{number(sweep.values[at] * scale)} {measure.shown_in}",
             "met" if sweep.margins[at] <= 0.0 else "not met",
             f"{number(estimate)} {measure.shown_in}",
-            entry["finding"],
+            entry.finding,
         ))  # fmt: skip
     columns: list[Column[_Requirement]] = [
         Column("Requirement", lambda row: row.requirement, kind="words"),
@@ -255,7 +255,7 @@ def requirement_table(sweep: Sweep, confirmation: Confirmation) -> Table[_Requir
 def _checks(sweep: Sweep) -> list[Part]:
     """Arrange what Monte Carlo says at each point where it was run."""
     summary = sweep.confirmations[0].summary
-    within = f"{100.0 * summary['tolerance']:g} % at {100.0 * summary['confidence']:g} % confidence"
+    within = f"{100.0 * summary.tolerance:g} % at {100.0 * summary.confidence:g} % confidence"
     parts: list[Part] = [Note(
         "Each point is an ordinary run of the campaign, judged by itself: a sigma agrees within "
         f"{within}. Final errors are compared, and requirements at their own times."
@@ -264,7 +264,7 @@ def _checks(sweep: Sweep) -> list[Part]:
         tone = verdict_at(sweep, each)
         folder = each.folder.relative_to(each.folder.parent.parent).as_posix()
         told = Markup('{} {} <a href="{}/report.html">Report</a>, {:,} samples.').format(
-            label(tone, tone), sentences.headline(each.summary), folder, each.summary["samples"]
+            label(tone, tone), sentences.headline(each.summary), folder, each.summary.samples
         )
         requirements = requirement_table(sweep, each)
         parts += [

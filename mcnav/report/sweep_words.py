@@ -10,9 +10,9 @@ import numpy as np
 from mcnav.analysis.accuracy_measures import BOX, DRMS, SIGMA, Measure
 from mcnav.analysis.curve_refinement import MOST_ADDED
 from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
-from mcnav.report.export import output_rows
 from mcnav.report.figures import sweep as drawn
 from mcnav.report.model import humanize
+from mcnav.report.output_columns import output_rows
 from mcnav.report.result_table import Row
 
 OPTIMISTIC: Final = 1.05
@@ -182,7 +182,7 @@ def disagreements(sweep: Sweep, confirmation: Confirmation) -> list[str]:
     for index, measure in enumerate(sweep.measures):
         if measure.requirement is None:
             continue
-        finding = confirmation.summary["requirements"][measure.requirement]["finding"]
+        finding = confirmation.summary.requirements[measure.requirement].finding
         linear = "met" if sweep.margins[(*confirmation.place, index)] <= 0.0 else "not met"
         if {finding, linear} == {"met", "not met"}:
             names.append(f"{title_of(measure, sweep)}: linear analysis finds it {linear}, Monte Carlo {finding}")
@@ -192,7 +192,7 @@ def disagreements(sweep: Sweep, confirmation: Confirmation) -> list[str]:
 def confirmation_rows(sweep: Sweep, confirmation: Confirmation) -> list[Row]:
     """List the paired estimates of the outputs that the measures are of."""
     concerned = {sweep.outputs[place].name for measure in sweep.measures for place in measure.outputs}
-    rows = output_rows({"": dict(confirmation.summary)})
+    rows = output_rows({"": confirmation.summary})
     return [row for row in rows if row["output"] in concerned]
 
 
@@ -201,7 +201,7 @@ def verdict_at(sweep: Sweep, confirmation: Confirmation) -> str:
     verdicts = [row["verdict"] for row in confirmation_rows(sweep, confirmation)]
     if "differs" in verdicts or disagreements(sweep, confirmation):
         return "differs"
-    if confirmation.summary.get("unsettled") or not verdicts or set(verdicts) & {"undecided", None}:
+    if confirmation.summary.unsettled or not verdicts or set(verdicts) & {"undecided", None}:
         return "undecided"
     return "agrees"
 
@@ -216,7 +216,7 @@ def confirmed_words(sweep: Sweep) -> tuple[str, str]:
     if undecided := verdicts.count("undecided"):
         where = f"{undecided} of {count} points whether linear analysis holds: more samples would"
         return f"Monte Carlo does not decide at {where}", "undecided"
-    joint = sum(each.summary.get("verdict_matrix") == "differs" for each in sweep.confirmations)
+    joint = sum(each.summary.verdict_matrix == "differs" for each in sweep.confirmations)
     words = f"Monte Carlo agrees with linear analysis at all {count} points where it was run"
     if joint:
         return f"{words}, except for the joint distribution of all outputs at {joint} of them", "partly"

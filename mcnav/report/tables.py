@@ -10,12 +10,13 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.variance_breakdown import TERMS, VarianceBreakdown
-from mcnav.report import export, joint_words, sentences
+from mcnav.report import joint_words, sentences
 from mcnav.report.figures.sources import SHOWN, contributors, flown_shares
 from mcnav.report.format import number, share, signed, with_error
 from mcnav.report.model import RunAnalysis
+from mcnav.report.output_columns import output_rows
+from mcnav.report.result_table import Row
 from mcnav.statistics.estimates import Estimate
-from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.store.manifest import Manifest
 
 TERM_NAMES: Final = {
@@ -44,32 +45,18 @@ INTERACTION: Final = 0.01
 """Excess of a total over a first-order Sobol index that counts as an interaction."""
 
 
-def outputs(content: RunAnalysis) -> list[dict[str, Any]]:
-    """List sigmas, ratios, verdict, bias and largest sources of each output; see `mcnav.report.export.output_rows`."""
-    unscented, higher = content.summary["unscented"].get("covariance"), content.higher_order
+def answers(content: RunAnalysis) -> list[Row]:
+    """Add to the estimates of each output (`mcnav.report.output_columns`) its largest sources."""
     rows = []
-    for i, row in enumerate(export.output_rows({"": content.summary})):
-        scale, output = content.output_scale[i], content.comparison.outputs[i]
-        bias, error = (100.0 * each / (output.sigma_linear or math.nan)
-                       for each in (output.bias.value, output.bias.standard_error))  # fmt: skip
-        needed, shares = output.paired.samples_needed, np.nan_to_num(content.budget.shares[i])
-        rows.append(
-            row
-            | {
-                "name": content.output_names[i],
-                "tone": "" if row["verdict"] == sentences.NOT_DISTURBED else row["verdict"],
-                "needed": needed and sentences.more_samples(needed, content.summary["samples"]),
-                "detectable": 100.0 * output.detectable_paired,
-                "bias": with_error(bias, error).split(" ") if output.sigma_linear > 0.0 else [],
-                "sigma_unscented": None if unscented is None else math.sqrt(max(unscented[i][i], 0.0)) * scale,
-                "sigma_higher_order": higher["sigma"][i] * scale if higher else None,
-                "largest": [
-                    (content.cause_names[j], f"{100.0 * shares[j]:.0f}")
-                    for j in np.argsort(-shares, kind="stable")[:LARGEST]
-                    if shares[j] >= LEAST
-                ],
-            }
-        )
+    for i, row in enumerate(output_rows({"": content.summary})):
+        shares = np.nan_to_num(content.budget.shares[i])
+        largest = [
+            (content.cause_names[j], f"{100.0 * shares[j]:.0f}")
+            for j in np.argsort(-shares, kind="stable")[:LARGEST]
+            if shares[j] >= LEAST
+        ]
+        tone = "" if row["verdict"] == sentences.NOT_DISTURBED else row["verdict"]
+        rows.append(row | {"name": content.output_names[i], "tone": tone, "largest": largest})
     return rows
 
 
@@ -127,9 +114,9 @@ def input_files(manifest: Manifest) -> list[dict[str, Any]]:
 def ellipsoid(content: RunAnalysis) -> dict[str, str] | None:
     """Describe the NEES and the combination of outputs that differs most; none without a covariance matrix."""
     result, confidence = content.comparison.ellipsoid, content.comparison.confidence_each
-    if result is None:
+    joint = content.summary.joint
+    if result is None or joint is None or joint.differing is None:
         return None
-    joint = content.summary["joint"]
     plain, paired = (with_error(each.value, each.reach(confidence)) for each in (result.nees, result.nees_paired))
     return {
         "dimension": f"{result.dimension}",
@@ -139,9 +126,9 @@ def ellipsoid(content: RunAnalysis) -> dict[str, str] | None:
         "about_mean": number(result.nees_about_mean),
         "nees_verdict": result.judgement.verdict.value,
         "verdict": result.verdict.value,
-        "remark": joint_words.shortly(content.summary),
+        "remark": joint_words.shortly(content.summary, joint),
         "ratio": number(float(result.direction_ratios[result.farthest]), 5),
-        "combination": joint_words.combination_words(joint["differing"], content.summary),
+        "combination": joint_words.combination_words(joint.differing, content.summary),
     }
 
 
@@ -198,24 +185,6 @@ def _largest_difference(
     if abs(remainder) <= 2.0 * error:
         return f"{difference}, which explains it."
     return f"{difference}. The remainder is significant and due to higher orders."
-
-
-def multivariate(content: RunAnalysis) -> list[tuple[str, str, str, HypothesisTest | None]]:
-    """List the tests of all outputs together: name, hypothesis tested, symbol of the statistic, result."""
-    joint = content.comparison.joint
-    if joint is None:
-        return []
-    normality = joint.normality
-    skewness, kurtosis = (normality.skewness_test, normality.kurtosis_test) if normality else (None, None)
-    return [
-        ("Covariance, paired", "cov(y) = cov(P·s)", "F", joint.covariance_paired),
-        ("Covariance, likelihood ratio", "cov(y) = P·S·Pᵀ", "χ²", joint.covariance),
-        ("Bias, paired T²", "Monte Carlo and linear errors have the same mean", "F", joint.bias_paired),
-        ("Bias, Hotelling's T²", "the sample mean is the linear one", "F", joint.bias),
-        ("NEES, Kolmogorov-Smirnov", "NEES follows χ²", "D", joint.nees),
-        ("Mardia's skewness", "the outputs have the symmetry of a normal distribution", "χ²", skewness),
-        ("Mardia's kurtosis", "the outputs have the tails of a normal distribution", "z", kurtosis),
-    ]
 
 
 def simulated_budget(content: RunAnalysis) -> dict[str, Any] | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -12,91 +11,52 @@ from rich.text import Text
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison
+from mcnav.analysis.summary import Summary
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.contract.quantities import Output, Source
 from mcnav.lincov.start_times import StartTimeStudy
-from mcnav.report import filter_verdict, sentences, start_time_words
-from mcnav.report.export import output_rows, partial_rows
+from mcnav.report import sentences, start_time_words
+from mcnav.report.export import partial_rows
 from mcnav.report.fitted_table import FittedTable, numbers, texts
-from mcnav.report.format import interval
 from mcnav.report.model import humanize, labels_of, scale_of
-from mcnav.report.requirements import TONES, listed, requirement_rows
-
-COLOURS = {"agrees": "green", "partly": "yellow", "undecided": "yellow", "differs": "red"}
-"""By verdict (`mcnav.report.sentences.tone`)."""
+from mcnav.report.output_columns import outputs_of_runs
+from mcnav.report.requirements import requirements_table
+from mcnav.report.terminal_parts import COLOURS, fitted
 
 ELSEWHERE = "report.html or --format csv"
 """Where a narrow terminal's missing columns are."""
 
 
-def verdict(summary: Mapping[str, Any]) -> RenderableType:
-    """State the verdict in sentences, that on a filter as well."""
-    lines = [Text(sentences.headline(summary), style=f"bold {COLOURS[sentences.standing(summary)]}")]
-    remarks = (sentences.certain_but_small, sentences.stopping, sentences.caveat, sentences.failures)
-    result = [*sentences.findings(summary), *(remark(summary) for remark in remarks)]
-    lines += [Text(sentence) for sentence in result if sentence]
-    return Group(*lines, *filter_lines(summary))
+def verdict(summary: Summary) -> RenderableType:
+    """State the verdicts on linear analysis, requirements and filter in sentences, the worst first."""
+    lines = []
+    for statement in sentences.statements(summary):
+        lines.append(Text(statement.words, style=f"bold {COLOURS[statement.tone]}"))
+        lines += [Text(sentence) for sentence in (*statement.details, *statement.warnings)]
+    return Group(*lines)
 
 
-def filter_lines(summary: Mapping[str, Any]) -> list[Text]:
-    """List the sentences on a filter; none without a filter."""
-    lines = filter_verdict.verdict(summary)
-    if not lines:
-        return []
-    stated = Text(filter_verdict.headline(summary), style=f"bold {COLOURS[filter_verdict.TONES[lines]]}")
-    return [stated, *(Text(sentence) for sentence in [filter_verdict.explanation(summary)] if sentence)]
-
-
-def comparison(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType:
+def comparison(runs: Mapping[str, Summary]) -> RenderableType:
     """Tabulate linear and Monte Carlo sigmas of runs by name, one line per output and run."""
     several, first = len(runs) > 1, next(iter(runs.values()))
-    title = f"{first['campaign']}: {first['samples']:,} samples, {first['engine']} engine"
-    columns = [
-        *texts("final error, 1σ", *(["run"] if several else [])),
-        *numbers("linear σ", "paired σ", "paired ratio", "paired interval"),
-        *texts("verdict"),
-        *numbers("plain σ", "plain ratio", "plain interval", spare=True),
-    ]
-    title, keys = (f"{len(runs)} runs", 2) if several else (title, 1)
-    table = FittedTable(title, columns, keys, ELSEWHERE)
-    for row in output_rows(runs):
-        sigmas = []
-        for kind in ("paired", "plain"):
-            ends = interval(row[f"ratio_{kind}_from"], row[f"ratio_{kind}_to"])
-            sigmas.append((_shown(row[f"sigma_{kind}"], ".5g"), _shown(row[f"ratio_{kind}"], ".4f"), ends))
-        label = f"{humanize(row['output'])} [{row['unit']}]"
-        text = Text(row["verdict"] or "–", style=COLOURS.get(row["verdict"], ""))
-        run = [row["run"]] if several else []
-        table.add(label, *run, _shown(row["sigma_linear"], ".5g"), *sigmas[0], text, *sigmas[1])
-    return table
+    title = f"{first.campaign}: {first.samples:,} samples, {first.engine} engine"
+    return fitted(outputs_of_runs(runs, f"{len(runs)} runs" if several else title, ELSEWHERE))
 
 
 def _shown(value: float | None, form: str) -> str:
     return "–" if value is None or not math.isfinite(value) else format(value, form)
 
 
-def warnings(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType | None:
+def warnings(runs: Mapping[str, Summary]) -> RenderableType | None:
     """Warn of runs without a valid linear model; none where all have one."""
-    result = [(name, sentences.unsettled(summary)) for name, summary in runs.items()]
-    lines = [Text(f"{name}: {words}", style="bold red") for name, words in result if words]
+    result = [(name, summary.unsettled) for name, summary in runs.items()]
+    lines = [Text(f"{name}: {sentences.unsettled(reason)}", style="bold red") for name, reason in result if reason]
     return Group(*lines) if lines else None
 
 
-def requirements(summary: Mapping[str, Any]) -> RenderableType:
+def requirements(summary: Summary) -> RenderableType:
     """Tabulate the requirements and their findings."""
-    rows = requirement_rows(summary)
-    explained = any(row["causes"] for row in rows)
-    columns = texts(
-        "finding", "requirement", "to decide", *(["largest linear causes of these errors"] if explained else [])
-    )
-    table = FittedTable("Requirements", columns, keys=2)
-    for row in rows:
-        needed, colour = row["samples_needed"], COLOURS[TONES[row["finding"]]]
-        decides = [sentences.more_samples(needed, summary["samples"])] if needed else []
-        words = "; ".join([*decides, *([row["remark"]] if row["remark"] else [])])
-        causes = [listed(row["causes"])] if explained else []
-        table.add(Text(row["finding"], style=colour), row["requirement"], words, *causes)
-    return table
+    return fitted(requirements_table(summary).read)
 
 
 def partials(sources: Sequence[Source], outputs: Sequence[Output], matrix: Array) -> RenderableType:

@@ -39,8 +39,10 @@ def printed(parts: Sequence[Part]) -> RenderableType:
 
 def fitted(table: Table[Any]) -> FittedTable:
     """Lay a table out for the width of a terminal."""
-    columns = [Column(each.heading_in("terminal"), each.kind != "number") for each in table.columns_in("terminal")]
-    laid = FittedTable(table.title, columns, table.keys)
+    columns = [
+        Column(each.heading_in("terminal"), each.kind != "number", each.spare) for each in table.columns_in("terminal")
+    ]
+    laid = FittedTable(table.title, columns, table.keys, table.elsewhere)
     for row, cells in zip(table.rows, table.cells_in("terminal"), strict=True):
         faint = table.faint is not None and table.faint(row)
         laid.add(*(_text(cell, faint) for cell in cells))

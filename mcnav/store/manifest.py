@@ -8,29 +8,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal, Self
 
-import numpy as np
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    GetCoreSchemaHandler,
-    ValidationError,
-    field_validator,
-    model_validator,
-)
-from pydantic_core import CoreSchema, core_schema
+from pydantic import ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from mcnav._types import Array
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.quantities import Of
 from mcnav.contract.scenario import ScenarioError
-from mcnav.files import to_json
+from mcnav.records import Json, Matrices, Matrix, Number, Record, Vector
 from mcnav.sampling.designs import DESIGNS, SamplingDesign
 from mcnav.store.chunk_files import MOST_SAMPLES, ChunkFile, Count, Digest, SampleSchema, Words
 from mcnav.systems.user.settings import check_unit
@@ -41,59 +27,13 @@ FORMAT: Final = 1
 MOST_KEYS: Final = 250_000
 """Keys of a campaign: a file of a million bytes, the longest that is read, cannot have more."""
 
-Json = dict[str, Any]
-"""A table of JSON, or of TOML."""
-
 Positive = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,199}$")]
-Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
-"""JSON has no value for what is not finite: null is read as NaN."""
-
-
-def _unchanged(array: Array) -> Array:
-    return array
-
-
-@dataclass(frozen=True)
-class _Nested:
-    """Reads an array from nested lists of numbers, null being NaN; `Record.to_json` converts it back."""
-
-    lists: Any
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        def read(value: Any, lists: core_schema.ValidatorFunctionWrapHandler) -> Array:
-            return value if isinstance(value, np.ndarray) else np.array(lists(value), dtype=float)
-
-        return core_schema.no_info_wrap_validator_function(
-            read,
-            handler.generate_schema(self.lists),
-            serialization=core_schema.plain_serializer_function_ser_schema(_unchanged),
-        )
-
-
-Vector = Annotated[Array, _Nested(list[float | None])]
-Matrix = Annotated[Array, _Nested(list[list[float | None]])]
-Matrices = Annotated[Array, _Nested(list[list[list[float | None]]])]
 
 
 class ManifestError(ValueError):
     """Content that is no manifest of this program."""
-
-
-class Record(BaseModel):
-    """A table of the manifest."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, strict=True, populate_by_name=True)
-
-    def completed(self, fields: Mapping[str, object]) -> Self:
-        """Return the record with further fields, which are checked; those that are none stay unset."""
-        given = {name: getattr(self, name) for name in self.model_fields_set}
-        return type(self).model_validate(given | {name: value for name, value in fields.items() if value is not None})
-
-    def to_json(self) -> Json:
-        """Return the fields that were set, as JSON holds them."""
-        return dict(to_json(self.model_dump(exclude_unset=True, by_alias=True)))
 
 
 class Variable(Record):
@@ -288,7 +228,7 @@ class Identity(Record):
     chunks: int | None = None
     revision: int | None = None
     code: CodeRecord | None = None
-    files: dict[Words, Digest] = {}
+    files: Mapping[Words, Digest] = {}
 
     @field_validator("campaign")
     @classmethod

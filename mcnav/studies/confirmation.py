@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from mcnav.analysis.accuracy_measures import DRMS, SIGMA, Measure
+from mcnav.analysis.summary import Summary
 from mcnav.analysis.sweep import Confirmation, Point
 from mcnav.errors import CampaignError, Problem
 from mcnav.progress import Progress
@@ -76,20 +77,20 @@ def confirm(
     confirmations = []
     for place, point in chosen:
         folder = path / FOLDER / "_".join(f"{number + 1:02d}" for number in place)
-        summary = run_campaign(points.campaign_at(point), folder, None, jobs, progress=progress).summary
+        summary = run_campaign(points.campaign_at(point), folder, None, jobs, progress=progress).results
         values = [_value(each, summary) if known else np.nan for each, known in zip(measures, final, strict=True)]
         confirmations.append(Confirmation(place, point, folder, summary, np.array(values)))
     return sorted(confirmations, key=lambda each: each.place)
 
 
-def _value(measure: Measure, summary: Mapping[str, Any]) -> float:
+def _value(measure: Measure, summary: Summary) -> float:
     """Return the Monte Carlo estimate of a measure; NaN where a run has none."""
     if measure.requirement is not None:
-        estimate = summary["requirements"][measure.requirement]["estimate"]
-        return float("nan") if estimate is None else float(estimate)
-    if measure.kind not in (SIGMA, DRMS) or summary["covariance_paired"] is None:
+        estimate = summary.requirements[measure.requirement].estimate
+        return float("nan") if estimate is None else estimate
+    if measure.kind not in (SIGMA, DRMS):
         return float("nan")
     picked = list(measure.outputs)
-    variance = np.array(summary["covariance_paired"], dtype=float)[np.ix_(picked, picked)].trace()
-    mean = np.array(summary["mean_linear"], dtype=float)[picked] if measure.kind == DRMS else np.zeros(1)
+    variance = summary.covariance_paired[np.ix_(picked, picked)].trace()
+    mean = summary.mean_linear[picked] if measure.kind == DRMS else np.zeros(1)
     return float(np.sqrt(variance + (mean**2).sum()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,25 +12,28 @@ import pyarrow as pa
 
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
+from mcnav.analysis.block_moments import ReducedSamples
 from mcnav.analysis.budget import error_budget
-from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored, reduce_summary
+from mcnav.analysis.comparison import Comparison, Criterion, Model, compare_reduced, reduce_stored, reduce_summary
 from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
+from mcnav.analysis.linear_range import BeyondRange
 from mcnav.analysis.requirements import Requirement, RequirementResult, judge_requirement, requirements_from
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
 from mcnav.analysis.running_ratios import convergence
+from mcnav.analysis.summary import Summary
 from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
 from mcnav.contract.quantities import Output
 from mcnav.errors import RunFolderError, reading_file
-from mcnav.files import to_json
 from mcnav.lincov.block_sums import Normalization
-from mcnav.report.failures import failures_in, grouped
+from mcnav.report.failures import Failures, failures_in, grouped
 from mcnav.report.model import RunAnalysis
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.filter_sums import FilterMeans
+from mcnav.store.chunk_files import Samples
 from mcnav.store.histories import STORED
 from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
@@ -51,7 +55,7 @@ def report_run(path: str | Path) -> dict[str, Any]:
     folder.existing_manifest()
     with folder.lock(), one_thread(), reading_file(folder.path):
         folder.finished_manifest()
-        return write_results(folder, analyse(folder))
+        return write_results(folder, analyse(folder)).to_json()
 
 
 def samples_of(path: str | Path) -> pd.DataFrame:
@@ -75,7 +79,10 @@ def samples_of(path: str | Path) -> pd.DataFrame:
 
 
 def summary_of(path: str | Path) -> dict[str, Any]:
-    """Read the summary of a finished run folder; `RunFolderError` when there is none, or it is damaged."""
+    """Read the summary of a finished run folder as `json.load` does; see `mcnav.analysis.summary.Summary`.
+
+    Raises `RunFolderError` when there is none, or it is damaged.
+    """
     folder = RunFolder(Path(path))
     folder.check_exists()
     summary = folder.summary()
@@ -84,6 +91,13 @@ def summary_of(path: str | Path) -> dict[str, Any]:
             f"{folder.path / SUMMARY_FILE}: is not a summary of this program; run mcnav report on the folder"
         )
     return summary
+
+
+def stored_summary(path: Path) -> Summary:
+    """Read the summary of a finished run folder; `RunFolderError` when there is none, or it is damaged."""
+    content = summary_of(path)
+    with reading_file(path / SUMMARY_FILE):
+        return Summary.of(content)
 
 
 def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysis:
@@ -114,31 +128,13 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     blocks = design.blocks(samples.index)
     with side_threads(1) as beside:
         in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion)
-        linear = samples.linear if model.processes else None
-        reduced = reduce_stored(model, samples.errors, samples.outputs, blocks, linear)
-        failures = failures_in(samples.status, samples.index.tolist())
-        frame = summary_frame(manifest)
-        if frame is not None:
-            whole = collect_summary(folder.chunk_folder, manifest.chunks)
-            reduced = reduce_summary(model, frame, whole.sums, whole.samples, reduced.stored)
-            failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
+        reduced, failures = _reduce(folder, manifest, model, samples)
         comparison = compare_reduced(model, reduced, criterion, design)
         filtered = filter_evidence(folder, manifest, comparison.failed)
     over_time = any(requirement.epochs for requirement in requirements)
     histories = error_histories(folder, manifest, design) if over_time and unfinished is None else None
-
     beyond = beyond_range(manifest.model, model)
-    most = STORED_ROWS if frame is not None else None
-
-    def judged(requirement: Requirement) -> RequirementResult:
-        if requirement.epochs:
-            result = judge_over_time(requirement, histories, criterion.confidence)
-        else:
-            result = judge_requirement(
-                requirement, model, samples.outputs, blocks, comparison, criterion.confidence, most
-            )
-        return explain(result, manifest.model, model, beyond)
-
+    judge = _Judge(manifest, model, criterion, comparison, samples.outputs, blocks, histories, beyond)
     return RunAnalysis(
         folder=folder,
         manifest=manifest,
@@ -151,11 +147,50 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         convergence=convergence(reduced.moments, comparison, design),
         tails=in_tails.result(),
         left_out=failure_bias(model, reduced),
-        requirements=tuple(map(judged, requirements)),
+        requirements=tuple(map(judge.result, requirements)),
         failures=failures,
         filter=None if filtered is None else assess_filter(filtered, criterion),
         beyond=beyond,
     )
+
+
+def _reduce(folder: RunFolder, manifest: Manifest, model: Model, samples: Samples) -> tuple[ReducedSamples, Failures]:
+    """Reduce the samples to sums, and group those that failed by reason; where a summary is stored, by its sums."""
+    linear = samples.linear if model.processes else None
+    blocks = manifest.sampling_design.blocks(samples.index)
+    reduced = reduce_stored(model, samples.errors, samples.outputs, blocks, linear)
+    frame = summary_frame(manifest)
+    if frame is None:
+        return reduced, failures_in(samples.status, samples.index.tolist())
+    whole = collect_summary(folder.chunk_folder, manifest.chunks)
+    failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
+    return reduce_summary(model, frame, whole.sums, whole.samples, reduced.stored), failures
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """What requirements are judged by."""
+
+    manifest: Manifest
+    model: Model
+    criterion: Criterion
+    comparison: Comparison
+    outputs: Array
+    blocks: IndexArray
+    histories: ErrorHistories | None
+    beyond: BeyondRange | None
+
+    def result(self, requirement: Requirement) -> RequirementResult:
+        """Judge a requirement, and add what linear analysis says of it."""
+        confidence = self.criterion.confidence
+        if requirement.epochs:
+            result = judge_over_time(requirement, self.histories, confidence)
+        else:
+            most = STORED_ROWS if self.manifest.store == SUMMARY else None
+            result = judge_requirement(
+                requirement, self.model, self.outputs, self.blocks, self.comparison, confidence, most
+            )
+        return explain(result, self.manifest.model, self.model, self.beyond)
 
 
 def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> FilterEvidence | None:
@@ -230,7 +265,7 @@ def linear_filter(model: ModelRecord, record: FilterRecord) -> LinearFilter | No
     )
 
 
-def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True) -> dict[str, Any]:
+def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True) -> Summary:
     """Write the summary of an analysed run, and its report or none; return the summary.
 
     An earlier report, which may be of fewer samples, is deleted when none is written.
@@ -241,10 +276,11 @@ def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True)
         page = render(analysis).encode()  # refuses a folder without history or campaign before anything is written
     else:
         (folder.path / REPORT).unlink(missing_ok=True)
-    folder.write_json(SUMMARY_FILE, analysis.summary)
+    summary = analysis.summary.as_stored
+    folder.write_json(SUMMARY_FILE, summary.to_json())
     if report:
         folder.write(REPORT, page)
-    return dict(to_json(analysis.summary))
+    return summary
 
 
 def summary_frame(manifest: Manifest) -> Normalization | None:

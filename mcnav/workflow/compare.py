@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mcnav._threads import one_thread
 from mcnav.analysis.run_comparison import SampleSet, change
+from mcnav.analysis.summary import Summary
 from mcnav.errors import reading_file
 from mcnav.report.comparison import Row, change_table, input_table, inputs, outputs
 from mcnav.report.comparison import page as comparison_page
@@ -18,7 +19,7 @@ from mcnav.report.html import page_html, parts_html
 from mcnav.report.model import RunAnalysis
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import RunFolder
-from mcnav.workflow.analyse import analyse, summary_of
+from mcnav.workflow.analyse import analyse, stored_summary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,7 +40,7 @@ class RunComparison:
     """
 
     titles: tuple[str, ...]
-    summaries: tuple[Mapping[str, Any], ...]
+    summaries: tuple[Summary, ...]
     manifests: tuple[Manifest, ...]
     rows: tuple[Row, ...]
     confidence: float
@@ -79,7 +80,7 @@ def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
         When one holds no finished run, or is damaged.
     """
     with one_thread():
-        summaries = tuple(summary_of(Path(path)) for path in paths)
+        summaries = tuple(stored_summary(Path(path)) for path in paths)
         runs, sample_sets = [], []
         for path in paths:
             with reading_file(Path(path)):

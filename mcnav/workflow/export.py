@@ -7,7 +7,7 @@ from typing import Final
 
 from mcnav._threads import one_thread
 from mcnav.errors import reading_file
-from mcnav.files import to_json, write_whole
+from mcnav.files import write_whole
 from mcnav.report.arrays import arrays, as_mat, as_npz
 from mcnav.report.export import as_csv
 from mcnav.report.model import RunAnalysis
@@ -27,7 +27,7 @@ FIGURES: Final = "figures"
 
 def result_tables(content: RunAnalysis, units: Units = "shown") -> dict[str, ResultTable]:
     """Return all tables of a run by name: final results, and those over the flight."""
-    return final_tables(to_json(content.summary), units) | tables_over_time(content, units)
+    return final_tables(content.summary.as_stored, units) | tables_over_time(content, units)
 
 
 def default_folder(path: Path) -> Path:
@@ -65,7 +65,7 @@ def write_export(content: RunAnalysis, folder: Path, units: Units = "shown") -> 
         for file, table in by_file.items()
     ]
     files = {CONTENTS: as_csv(listed).encode()} | {file: as_csv(table.rows).encode() for file, table in by_file.items()}
-    files |= {"matrices.npz": as_npz(result), "matrices.mat": as_mat(result, f"mcnav: {content.summary['campaign']}")}
+    files |= {"matrices.npz": as_npz(result), "matrices.mat": as_mat(result, f"mcnav: {content.summary.campaign}")}
     for file, written in files.items():
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         write_whole(folder / file, written)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 from urllib.parse import quote
 
 from markupsafe import Markup
 
+from mcnav.analysis.summary import Summary
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.files import write_whole
 from mcnav.report import filter_verdict, sentences
@@ -31,7 +32,6 @@ from mcnav.report.document import (
 from mcnav.report.format import number
 from mcnav.report.html import page_html
 from mcnav.report.model import humanize, shown_units
-from mcnav.report.requirements import tone_of
 from mcnav.store.run_folder import MANIFEST, REPORT, SUMMARY, RunFolder
 
 DEEPEST: Final = 3
@@ -39,7 +39,7 @@ DEEPEST: Final = 3
 
 INDEX: Final = "index.html"
 CAPTION: Final = (
-    "All runs with verdict, requirements met, Monte Carlo sigmas (paired estimates), start date, and the first digits "
+    "All runs with verdicts, the worst first, Monte Carlo sigmas (paired estimates), start date, and the first digits "
     "of the hash of campaign, engine and versions."
 )
 
@@ -67,9 +67,7 @@ class _Run:
     name: str
     failure: str = ""
     tone: str = ""
-    verdict: Cell = NOTHING
-    filter: Cell = NOTHING
-    met: Cell = NOTHING
+    verdicts: Cell = NOTHING
     samples: int | None = None
     failed: int | None = None
     sigmas: str = ""
@@ -122,17 +120,15 @@ def _read(folder: Path, place: Path) -> _Run:
     try:
         with reading_file(place / SUMMARY):
             run = RunFolder(place)
-            summary, manifest = run.summary(), run.existing_manifest()
+            summary, manifest = Summary.of(run.summary()), run.existing_manifest()
             return _Run(
                 place.name,
                 report,
-                str(summary["campaign"]),
-                tone=sentences.tone(summary),
-                verdict=_verdict(summary),
-                filter=_of_filter(summary),
-                met=_met(summary),
-                samples=int(summary["samples"]),
-                failed=int(summary["failed"]),
+                summary.campaign,
+                tone=sentences.statements(summary)[0].tone,
+                verdicts=_verdicts(summary),
+                samples=summary.samples,
+                failed=summary.failed,
                 sigmas=_sigmas(summary),
                 started=manifest.started[:10],
                 digest=manifest.identity.digest[:HASH],
@@ -156,21 +152,16 @@ def _page(runs: Sequence[_Run], others: Sequence[_Link]) -> Page:
 
 def _run_table(runs: Sequence[_Run]) -> Table[_Run]:
     """Tabulate the runs, of one that cannot be read the reason."""
-    filters = any(run.filter != NOTHING for run in runs)
-    others = 8 if filters else 7
 
     def name(run: _Run) -> Cell:
         return Cell(run.name if run.report is None else _linked(run.report, run.name), below=run.folder)
 
     def verdict(run: _Run) -> Cell:
-        return Cell(WRAPPED(run.failure), columns=others) if run.failure else run.verdict
+        return Cell(WRAPPED(run.failure), columns=6) if run.failure else run.verdicts
 
-    of_filter: Column[_Run] = Column("Filter", lambda run: run.filter, kind="label")
     columns: list[Column[_Run]] = [
         Column("Run", name, kind="words", of_user=True),
-        Column("Verdict", verdict, kind="label"),
-        *([of_filter] if filters else []),
-        Column("Requirements", lambda run: run.met, kind="label"),
+        Column("Verdicts", verdict, kind="text"),
         Column("Samples", lambda run: run.samples, form=counted),
         Column("Failed", lambda run: run.failed, form=counted),
         Column("1σ of the final errors", lambda run: run.sigmas, kind="words"),
@@ -180,29 +171,28 @@ def _run_table(runs: Sequence[_Run]) -> Table[_Run]:
     return Table(CAPTION, columns, runs, name="all-runs", verdict=lambda run: run.tone)
 
 
-def _verdict(summary: Mapping[str, Any]) -> Cell:
-    words, hint = sentences.tone(summary), sentences.headline(summary)
-    return Cell(words, tone=sentences.standing(summary), hint=hint, below=sentences.unsettled(summary))
+def _verdicts(summary: Summary) -> Cell:
+    """Mark the verdicts on linear analysis, requirements and filter as labels, the worst first."""
+    counts = summary.counts
+    words = {
+        "linear": f"linear {sentences.tone(summary)}",
+        "requirements": "" if counts is None else f"{counts.met} of {counts.of} met",
+        "filter": f"filter {filter_verdict.verdict(summary)}",
+    }
+    labels = [
+        Markup('<span class="tag {}" title="{}">{}</span>').format(each.tone, each.words, words[each.subject])
+        for each in sentences.statements(summary)
+    ]
+    reason = summary.unsettled
+    return Cell(Markup("<br>").join(labels), below="" if reason is None else sentences.unsettled(reason))
 
 
-def _of_filter(summary: Mapping[str, Any]) -> Cell:
-    words = filter_verdict.verdict(summary)
-    if not words:
-        return NOTHING
-    return Cell(words, tone=filter_verdict.TONES.get(words, ""), hint=filter_verdict.headline(summary))
-
-
-def _met(summary: Mapping[str, Any]) -> Cell:
-    counts = sentences.met(summary)
-    return Cell(f"{counts['met']} of {counts['of']} met", tone=tone_of(counts)) if counts else NOTHING
-
-
-def _sigmas(summary: Mapping[str, Any]) -> Markup:
+def _sigmas(summary: Summary) -> Markup:
     """List the sigmas of the final errors, each with its unit on one line."""
-    units, sigmas = shown_units(summary), summary["sigma_paired"] or summary["sigma_linear"]
+    units, sigmas = shown_units(summary), summary.sigma_paired or summary.sigma_linear.tolist()
     listed = []
-    for output, sigma in zip(summary["outputs"], sigmas, strict=True):
-        scale, unit = units[output["name"]]
-        words = (humanize(output["name"]), number(None if sigma is None else sigma * scale, 4), UNIT(unit))
+    for name, sigma in zip(summary.names, sigmas, strict=True):
+        scale, unit = units[name]
+        words = (humanize(name), number(sigma * scale, 4), UNIT(unit))
         listed.append(Markup("\N{NO-BREAK SPACE}").join(words))
     return Markup(", ").join(listed)

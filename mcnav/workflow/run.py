@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
+from mcnav.analysis.summary import Summary
 from mcnav.config.read import Campaign
 from mcnav.config.stopping import StoppingRule
 from mcnav.entries.inputs import InputFile
@@ -45,17 +46,22 @@ class Run:
 
     Attributes
     ----------
-    summary : dict
-        The content of ``summary.json``.
+    results : Summary
+        The content of ``summary.json``; ``summary`` is the same by key.
     simulated : int
         Samples that were simulated now; the others were stored already.
     notices : tuple of str
         Damage that was found and mended, a line each.
     """
 
-    summary: dict[str, Any]
+    results: Summary
     simulated: int
     notices: tuple[str, ...] = ()
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The content of ``summary.json``."""
+        return self.results.to_json()
 
 
 def run_campaign(

@@ -7,6 +7,7 @@ from typing import Literal
 
 from rich.console import RenderableType
 
+from mcnav.analysis.summary import Summary
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.report import show
 from mcnav.report.export import as_csv, as_json
@@ -30,9 +31,9 @@ def show_run(
     """
     run = summary_of(folder)
     with reading_file(folder / SUMMARY):
-        summary = show.escaped(run)
+        summary = Summary.of(show.escaped(run))
         tables = final_tables(summary, units)
-        shown = show.show(summary, units)
+        shown = show.show(summary, tables, units)
     if table is not None and table not in tables:
         raise RunFolderError(f"--table: {show.unknown_table(tables, table)}")
     if form == "csv":

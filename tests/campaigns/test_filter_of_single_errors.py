@@ -51,7 +51,8 @@ def run(folder: Path, stated: list[float], samples: int) -> dict[str, Any]:
 
 def banner(folder: Path) -> tuple[str, str, str]:
     """Return tone, headline and explanation of the filter's banner."""
-    tone, headline, explanation = BANNER.findall((folder / "run" / "report.html").read_text(encoding="utf-8"))[-1]
+    banners = BANNER.findall((folder / "run" / "report.html").read_text(encoding="utf-8"))
+    ((tone, headline, explanation),) = [each for each in banners if "filter" in each[1]]
     return tone, headline, explanation
 
 

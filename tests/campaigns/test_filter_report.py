@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from mcnav.report.export import run_rows
-from mcnav.workflow.analyse import report_run, summary_of
+from mcnav.workflow.analyse import report_run, stored_summary
 from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign
@@ -65,7 +65,7 @@ def test_comparisons_and_indexes_have_a_column(runs: Path) -> None:
 
 
 def test_tables_in_full(runs: Path) -> None:
-    rows = run_rows({name: summary_of(runs / name) for name in ("filtered", "plain")})
+    rows = run_rows({name: stored_summary(runs / name) for name in ("filtered", "plain")})
     assert rows[0]["filter"] == "optimistic"
     assert "filter" not in rows[1]
 

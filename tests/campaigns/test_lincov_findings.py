@@ -252,16 +252,18 @@ def test_numbers_beyond_the_range_of_linear_analysis_are_not_shown(tmp_path: Pat
 
 def test_a_run_beyond_the_range_of_linear_analysis_says_no(tmp_path: Path) -> None:
     campaign = adrift(3.0, samples=16)
-    summary = run_campaign(campaign, tmp_path / "run", None, 1).summary
+    summary = run_campaign(campaign, tmp_path / "run", None, 1).results
     page = (tmp_path / "run" / "report.html").read_text()
     begin = linear_covariance(campaign).beyond
     assert begin is not None
     assert begin.time is not None
-    assert summary["beyond_range"]["begin"] * 60.0 == pytest.approx(begin.time)
+    assert summary.beyond_range is not None
+    assert summary.beyond_range.begin is not None
+    assert summary.beyond_range.begin * 60.0 == pytest.approx(begin.time)
     said = f"No: errors are beyond the range of linear analysis from {begin.time / 60.0:.3g} min on (velocity down)."
     assert sentences.headline(summary) == said
     assert said in page
-    down = summary["sigma_linear"][2]
+    down = summary.sigma_linear[2]
     assert down > 6_378_140.0
     console = Console(width=400)
     with console.capture() as captured:

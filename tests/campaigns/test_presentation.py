@@ -18,10 +18,12 @@ from mcnav.analysis.tails import tails
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.contract.quantities import Output, Source
 from mcnav.report import sentences, terminal
-from mcnav.report.export import output_rows, partial_rows
+from mcnav.report.export import partial_rows
 from mcnav.report.figures.matrices import certain_differences
 from mcnav.report.fitted_table import Column, FittedTable, OpenConsole
+from mcnav.report.output_columns import output_rows
 from mcnav.statistics.power import SMALLEST_STEP, sensible_step
+from mcnav.workflow.analyse import stored_summary
 from tests.commands import in_process
 
 WIDTHS = (20, 40, 60, 80, 100, 200)
@@ -86,7 +88,7 @@ def left_out(shown: str) -> str:
 @pytest.mark.parametrize("width", WIDTHS)
 def test_no_width_shortens_a_number_of_the_comparison(nine: Path, width: int) -> None:
     """Every number of its rows stands in the table to the digits shown, or its column is named as left out."""
-    summary = json.loads((nine / "run" / "summary.json").read_text())
+    summary = stored_summary(nine / "run")
     rows = output_rows({"nine": summary})
     shown = printed(terminal.comparison({"nine": summary}), width)
     numbers, gone = set(NUMBER.findall(shown)), left_out(shown)
@@ -120,7 +122,7 @@ def test_no_width_shortens_a_partial_derivative(width: int) -> None:
 
 def test_into_a_pipe_the_width_is_unlimited(nine: Path) -> None:
     """One line for each output, with every column, whatever the width said to be."""
-    summary = json.loads((nine / "run" / "summary.json").read_text())
+    summary = stored_summary(nine / "run")
     shown = printed(terminal.comparison({"nine": summary}), 30, pipe=True)
     assert len(shown.splitlines()) == 2 + 9
     assert "plain interval" in shown
@@ -184,7 +186,7 @@ def test_partials_of_every_start_time_are_files(nine: Path) -> None:
 
 def test_paired_sigma_stands_with_the_paired_ratio(nine: Path) -> None:
     """Sigmas and ratio of one line belong together: paired over linear is the ratio shown, to the digits shown."""
-    summary = json.loads((nine / "run" / "summary.json").read_text())
+    summary = stored_summary(nine / "run")
     table = terminal.comparison({"nine": summary})
     headings = [column.heading for column in table.columns]
     outputs = mcnav.open_run(nine / "run").outputs
@@ -205,8 +207,8 @@ def test_paired_sigma_stands_with_the_paired_ratio(nine: Path) -> None:
 def test_what_nothing_disturbs_does_not_agree(nine: Path) -> None:
     """It is said in the terminal, the report, the notebook and the comparison; the summary keeps its verdict."""
     words = "not disturbed by any source"
-    summary = json.loads((nine / "run" / "summary.json").read_text())
-    assert summary["verdicts"][-1] == "agrees"
+    summary = stored_summary(nine / "run")
+    assert summary.verdicts[-1] == "agrees"
     assert output_rows({"nine": summary})[-1]["verdict"] == words
     run = mcnav.open_run(nine / "run")
     assert run.outputs["verdict"].iloc[-1] == words
@@ -214,7 +216,7 @@ def test_what_nothing_disturbs_does_not_agree(nine: Path) -> None:
     assert page.count(words) == 2  # card and table
     done = in_process("compare", nine / "run", nine / "other")
     assert done.stdout.count(words) == 3, done.stdout  # twice as a verdict, once as a change
-    agreeing = dict(summary, verdict="agrees", verdicts=["agrees"] * 9)
+    agreeing = summary.model_copy(update={"verdict": "agrees", "verdicts": ["agrees"] * 9})
     assert "In every other output" in sentences.explanation(agreeing)
     assert sentences.explanation(agreeing).endswith(f"still is {words}.")
 

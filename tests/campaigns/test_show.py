@@ -61,7 +61,7 @@ def test_a_run(runs: Path) -> None:
     for sigma in summary["sigma_paired"][2:]:
         assert f"{sigma:.5g}" in done.stdout
     assert "Requirements: 1 of 2 met, 1 not met." in done.stdout
-    assert "not met  |altitude| below 10 km in 99 % of samples" in done.stdout
+    assert "|altitude| below 10 km in 99 % of samples  not met" in done.stdout
     heading, *rows = done.stdout.partition("share of the variance, %\n")[2].partition("\n\n")[0].splitlines()
     assert heading.split() == ["error", "altitude", "range", "altitude", "rate", "range", "rate"]
     assert rows[-1].startswith("correlations")

@@ -250,9 +250,9 @@ def test_monte_carlo_of_a_requirement_stands_beside_the_linear_value(aided: Path
     found, files = write_sweep(aided, plan, aided.parent / "out", 2)
     (index,) = (number for number, measure in enumerate(found.measures) if measure.requirement is not None)
     for each in found.confirmations:
-        entry = each.summary["requirements"][0]
-        assert each.values[index] == entry["estimate"]
-        assert found.values[(*each.place, index)] == pytest.approx(entry["linear"], rel=1e-9)
+        entry = each.summary.requirements[0]
+        assert each.values[index] == entry.estimate
+        assert found.values[(*each.place, index)] == pytest.approx(entry.linear, rel=1e-9)
     assert "Requirements." in files[-1].read_text(encoding="utf-8")
 
 

@@ -13,7 +13,7 @@ from mcnav.report.figures.dispersion import ELLIPSES_LINEAR, FLIGHTS, SCATTERED,
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, Steps, Text
 from mcnav.report.figures.palette import AREA, LINEAR
-from mcnav.report.joint_words import combination_words, foremost
+from mcnav.report.joint_words import combination_words
 from mcnav.report.model import RunAnalysis
 
 COUNTED: Final = Series("flown", "Monte Carlo", AREA, "area")
@@ -40,7 +40,8 @@ def combination(content: RunAnalysis) -> Figure | None:
 
     None where the joint distribution agrees, or too few samples are stored.
     """
-    ellipsoid, entry = content.comparison.ellipsoid, foremost(content.summary)
+    ellipsoid, joint = content.comparison.ellipsoid, content.summary.joint
+    entry = None if joint is None else joint.foremost
     figure = None if ellipsoid is None else ellipsoid.foremost
     if figure is None or entry is None or len(content.flown) < 2:
         return None
@@ -57,8 +58,8 @@ def combination(content: RunAnalysis) -> Figure | None:
         panels.append(_scatter(content, figure, values, beside, Axis(_short(label), unit)))
         key += [FLIGHTS, ELLIPSES_LINEAR]
     samples = f"{len(values):,} samples"
-    if content.summary["kept"]:
-        samples = f"the first {len(values):,} of {content.summary['samples']:,} samples, which are stored"
+    if content.summary.kept:
+        samples = f"the first {len(values):,} of {content.summary.samples:,} samples, which are stored"
     return Figure(
         name="combination",
         title=f"Samples along {label}",

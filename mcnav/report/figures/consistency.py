@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -18,6 +18,7 @@ from mcnav.report.figures.marks import Axis, Band, Line, Mark, Panel, Points, Ru
 from mcnav.report.figures.outages import outages, shading_key
 from mcnav.report.figures.palette import AREA, BAND, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.figures.ticks import limits
+from mcnav.report.filter_columns import GROUP_TITLES
 from mcnav.report.model import RunAnalysis, humanize
 
 WIDE: Final = 8.0
@@ -34,11 +35,6 @@ INTERVAL: Final = Series("interval", "its interval at each epoch", AREA, "area")
 BY_LINEAR: Final = Series("linear", "linear analysis", LINEAR, "dashed")
 BOUNDS: Final = Series("bounds", "bounds of a consistent filter, all epochs together", BAND, "area")
 TOLERANCE: Final = Series("tolerance", "tolerance", BAND, "area")
-
-GROUP_TITLES: Final[Mapping[str, str]] = {
-    "all": "all estimated states", "navigation": "navigation errors", "sensors": "errors of instruments and sensors",
-}  # fmt: skip
-"""Groups of states for people, where their names do not say it."""
 
 Columns = dict[str, Sequence[Any] | NDArray[Any]]
 

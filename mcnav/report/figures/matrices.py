@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from typing import Final
 
@@ -78,8 +78,6 @@ def matrices(content: RunAnalysis) -> Figure:
         halves = np.tril(both[0]) + np.triu(both[1], 1)
         title = "Correlation: linear below, paired above"
         panels = [panel(title, halves, halves, coefficient), of_correlations, of_covariances]
-    pairs = list(product(range(len(names)), repeat=2))
-    rows, across = np.transpose(pairs)
     each, together = (f"{100.0 * level:.4g} %" for level in (comparison.confidence_each, content.criterion.confidence))
     return Figure(
         name="matrices",
@@ -88,21 +86,30 @@ def matrices(content: RunAnalysis) -> Figure:
         "difference, as numbers on coloured squares.",
         panels=panels,
         key=(POSITIVE, NEGATIVE),
-        columns={
-            "row": [names[i] for i in rows],
-            "column": [names[j] for j in across],
-            "unit": [f"{content.output_units[i]}·{content.output_units[j]}" for i, j in pairs],
-            "covariance, linear": (linear * square)[rows, across],
-            "covariance, Monte Carlo": (flown * square)[rows, across],
-            "correlation, linear": both[0][rows, across],
-            "correlation, Monte Carlo": both[1][rows, across],
-        },
+        columns=_columns(content),
         size=THIRD if few else (HALF[0], 60.0 + 36.0 * len(names)),
         caption=("Colours of covariances are in units of the linear sigmas. " if few else "")
         + "Differences are scaled to their largest entry and coloured only if their interval excludes zero (sigmas at "
         f"{each} each, correlations jointly at {together}). "
         + ("Covariances below 0.0005 σᵢσⱼ are shown as zero." if few else "The table has the covariances."),
     )
+
+
+def _columns(content: RunAnalysis) -> Mapping[str, Sequence[str] | Array]:
+    """Return covariances, in the units shown, and correlations of each pair of outputs."""
+    names, units, square = content.output_names, content.output_units, np.outer(*2 * [content.output_scale])
+    linear, flown = content.comparison.covariance_linear, content.comparison.covariance_paired
+    pairs = list(product(range(len(names)), repeat=2))
+    rows, across = np.transpose(pairs)
+    return {
+        "row": [names[i] for i in rows],
+        "column": [names[j] for j in across],
+        "unit": [f"{units[i]}·{units[j]}" for i, j in pairs],
+        "covariance, linear": (linear * square)[rows, across],
+        "covariance, Monte Carlo": (flown * square)[rows, across],
+        "correlation, linear": correlations(linear)[rows, across],
+        "correlation, Monte Carlo": correlations(flown)[rows, across],
+    }
 
 
 def certain_differences(comparison: Comparison, confidence: float) -> tuple[Mask, Mask]:

@@ -17,6 +17,7 @@ from mcnav.analysis.requirements import (
     requirements_from,
 )
 from mcnav.report import sentences
+from tests import summaries
 
 MODEL = Model(np.array([[1.0, 0.0], [0.0, 2.0]]), np.zeros(2), np.zeros(2), np.eye(2))
 P9973 = 3.0 * 0.99999  # of a standard normal, absolute
@@ -226,24 +227,30 @@ def test_requirements_by_name() -> None:
     assert requirements_from([entry], [{"name": "a"}, {"name": "b"}]) == (Requirement("cep", (1, 0), (3.0,), 0.5),)
 
 
-AGREES = {"verdict": "agrees", "verdict_matrix": "agrees", "sigma_linear": [1.0]}
-
-
 @pytest.mark.parametrize(
     ("findings", "sentence", "standing"),
     [
         ([], "", "agrees"),
-        (["met", "met"], " Requirements: 2 of 2 met.", "agrees"),
-        (["not met", "undecided"], " Requirements: 0 of 2 met, 1 not met, 1 undecided.", "partly"),
-        (["met", "undecided"], " Requirements: 1 of 2 met, 1 undecided.", "partly"),
+        (["met", "met"], "Requirements: 2 of 2 met.", "agrees"),
+        (["not met", "undecided"], "Requirements: 0 of 2 met, 1 not met, 1 undecided.", "partly"),
+        (["met", "undecided"], "Requirements: 1 of 2 met, 1 undecided.", "partly"),
     ],
 )
 def test_requirements_have_a_say_beside_the_verdict(findings: list[str], sentence: str, standing: str) -> None:
-    """The headline tells both; it is green only when linear analysis agrees and every requirement is met."""
-    summary = AGREES | {"requirements": [{"finding": finding} for finding in findings]}
-    assert sentences.headline(summary) == f"Yes: the linear covariance analysis can be trusted here.{sentence}"
-    assert sentences.standing(summary) == standing
-    assert sentences.tone(summary) == "agrees"
-    differs = summary | {"verdict": "differs"}
-    assert sentences.headline(differs) == f"No: the linear covariance analysis does not hold here.{sentence}"
+    """The headline tells both, the worst first; it is green only when all is well."""
+    keys = {
+        "verdict_matrix": "agrees",
+        "sigma_linear": [1.0],
+        "requirements": list(map(summaries.requirement, findings)),
+    }
+    agrees, differs = summaries.summary(**keys), summaries.summary(**keys, verdict="differs")
+    yes, no = (
+        "Yes: the linear covariance analysis can be trusted here.",
+        "No: the linear covariance analysis does not hold here.",
+    )
+    worst_first = (sentence, yes) if standing == "partly" else (yes, sentence)
+    assert sentences.headline(agrees) == " ".join(filter(None, worst_first))
+    assert sentences.standing(agrees) == standing
+    assert sentences.tone(agrees) == "agrees"
+    assert sentences.headline(differs) == " ".join(filter(None, (no, sentence)))
     assert sentences.standing(differs) == "differs"

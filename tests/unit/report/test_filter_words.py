@@ -12,17 +12,32 @@ import pytest
 from rich.console import Console
 
 from mcnav.analysis.filter_consistency import FilterConsistency, Finding, Honesty, NeglectedError, Whiteness
-from mcnav.report import filter_tables, filter_verdict
+from mcnav.analysis.summary import Summary
+from mcnav.report import filter_tables, filter_verdict, terminal
+from mcnav.report.document import Cell, Table
+from mcnav.report.filter_columns import foremost_neglected, group_rows, groups_table, sensors_table, sigmas_of
 from mcnav.report.filter_summary import filter_entries
-from mcnav.report.terminal import filter_lines
+from tests import summaries
 from tests.filters import OUTPUTS, TIMES, consistency
 
 NEGLECTED = [NeglectedError("gyro_scale_factor_z", 9e2, 0.0, 0.7), NeglectedError("initial_tilt", 4e2, 1e2, 0.296),
              NeglectedError("gnss_noise", 5e-1, 4e-1, 0.004)]  # fmt: skip
 
 
-def summary(found: FilterConsistency) -> dict[str, Any]:
-    return filter_entries(found)
+def summary(found: FilterConsistency | None) -> Summary:
+    """Return a summary with the outputs of a filter, whose sources are two of the errors that it neglects."""
+    outputs = [{"name": name, "unit": unit} for name, (unit, *_) in OUTPUTS.items()]
+    shown_in = {"outputs": [shown for _, (_, shown, _) in OUTPUTS.items()]}
+    sources = [{"name": "initial_tilt", "unit": "rad"}, {"name": "gyro_scale_factor_z", "unit": ""}]
+    entries = {} if found is None else filter_entries(found)
+    return summaries.summary(outputs=outputs, shown_in=shown_in, sources=sources, **entries)
+
+
+def page(table: Table[Any] | None) -> list[dict[str, Cell]]:
+    """Return the cells of a page by their headings, row by row."""
+    assert table is not None
+    headings = [column.heading for column in table.columns_in("page")]
+    return [dict(zip(headings, row, strict=True)) for row in table.cells_in("page")]
 
 
 def rows(found: FilterConsistency | None, sigma: float | None = 2.0) -> list[dict[str, Any]]:
@@ -35,9 +50,8 @@ def rows(found: FilterConsistency | None, sigma: float | None = 2.0) -> list[dic
 
 
 def test_no_filter() -> None:
-    assert [said({}) for said in (filter_verdict.verdict, filter_verdict.headline, filter_verdict.explanation)] == [
-        "", "", "",
-    ]  # fmt: skip
+    told = (filter_verdict.verdict, filter_verdict.headline, filter_verdict.explanation)
+    assert [said(summary(None)) for said in told] == ["", "", ""]
     assert rows(None) == []
 
 
@@ -56,19 +70,15 @@ def test_an_optimistic_filter_and_what_it_neglects() -> None:
         f"At 24 min the sigma of position north is {worst.true[24]:.1f} m; the filter states {worst.filter[24]:.1f} m "
         "(factor of this output alone: 3.27)."
     )
-    content: Any = SimpleNamespace(filter=found, source_names=["initial tilt error"],
-                                   manifest=SimpleNamespace(model=SimpleNamespace(
-                                       sources=[SimpleNamespace(name="initial_tilt")])))  # fmt: skip
-    assert filter_tables.neglected(content) == [
-        {"name": "gyro scale factor z", "true": "30.00 m", "believed": "0 m", "share": "70.0 %"},
-        {"name": "initial tilt error", "true": "20.00 m", "believed": "10.00 m", "share": "29.6 %"},
-        {"name": "gnss noise", "true": "0.7071 m", "believed": "0.6325 m", "share": "0.40 %"},
+    neglected = [[cell.text for cell in row.values()] for row in page(foremost_neglected(summary(found)))]
+    assert neglected == [
+        ["gyro scale factor z", "30.00 m", "0 m", "70.0 %"],
+        ["initial tilt", "20.00 m", "10.00 m", "29.6 %"],
+        ["gnss noise", "0.7071 m", "0.6325 m", "0.40 %"],
     ]
-    small = [*NEGLECTED, NeglectedError("lever_arm", 12.0, 3.6, 0.002)]
-    content.filter = consistency(3.3, neglected=small)
-    assert filter_tables.neglected(content)[2:] == [  # √12.5 and 2
-        {"name": "2 others", "true": "3.536 m", "believed": "2.000 m", "share": "0.60 %"},
-    ]
+    small = consistency(3.3, neglected=[*NEGLECTED, NeglectedError("lever_arm", 12.0, 3.6, 0.002)])
+    last = page(foremost_neglected(summary(small)))[-1]
+    assert [cell.text for cell in last.values()] == ["2 others", "3.536 m", "2.000 m", "0.60 %"]  # √12.5 and 2
 
 
 def test_the_ratio_farthest_from_one_of_a_consistent_filter() -> None:
@@ -98,11 +108,9 @@ def test_a_remark_that_is_the_verdict_is_not_repeated() -> None:
 @pytest.mark.parametrize(("factor", "word"), [(1.0, "consistent"), (3.3, "optimistic"), (0.5, "pessimistic")])
 def test_the_terminal_has_the_verdict(factor: float, word: str) -> None:
     console = Console(file=StringIO(), width=200)
-    for line in filter_lines(summary(consistency(factor))):
-        console.print(line)
+    console.print(terminal.verdict(summary(consistency(factor))))
     assert isinstance(console.file, StringIO)
-    assert console.file.getvalue().startswith(f"The filter is {word}")
-    assert filter_lines({}) == []
+    assert f"The filter is {word}" in console.file.getvalue()
 
 
 def test_answers_at_the_end_and_where_the_sigma_is_largest() -> None:
@@ -141,16 +149,16 @@ def test_findings() -> None:
         replace(found.groups[1], finding=few),
         replace(found.groups[2], finding=departed),
     )
-    first, second, third = filter_tables.findings(replace(found, groups=groups))["groups"]
-    assert (first["name"], first["size"], first["worst"], first["certain"]) == (
-        "all estimated states", 15, "22 min", "20 to 24 min",
-    )  # fmt: skip
-    assert (first["tone"], first["remark"]) == ("", "")  # all states decide nothing where navigation is a group
-    assert third["tone"] == "differs"
-    assert (second["certain"], second["remark"]) == ("", "about 1,300 samples")
-    listed = filter_tables.findings(found)
-    assert [len(listed[kind]) for kind in ("outputs", "states")] == [len(found.outputs), len(found.states)]
-    assert [row["decides"] for row in listed["groups"]] == [False, True, True, True, True, False]  # all, …, sensors
+    first, second, third = page(groups_table(summary(replace(found, groups=groups))).read)[:3]
+    assert [first[heading].text for heading in ("Errors", "States", "At", "Certain")] == [
+        "all estimated states", "15", "22 min", "20 to 24 min",
+    ]  # fmt: skip
+    assert (first["Verdict"].tone, first["Verdict"].below) == (None, "does not decide")  # where navigation is a group
+    assert third["Verdict"].tone == "differs"
+    assert (second["Certain"].text, second["Verdict"].below) == ("–", "about 1,300 samples")
+    listed = [page(sigmas_of(summary(found), kind)) for kind in ("output", "state")]
+    assert list(map(len, listed)) == [len(found.outputs), len(found.states)]
+    assert [row.decides for row in group_rows(summary(found))] == [False, True, True, True, True, False]
 
 
 def test_sensors() -> None:
@@ -158,8 +166,8 @@ def test_sensors() -> None:
     found = consistency(rejected=6.0)
     never = replace(found.sensors[1], accepted=0.0 * TIMES, rejected=0.0 * TIMES, nis_whole=None,
                     whiteness=Whiteness(None, (np.nan, np.nan), np.nan, beyond=False))  # fmt: skip
-    first, second = filter_tables.sensors(replace(found, sensors=(found.sensors[0], never)))
-    assert (first["rejected"], first["rejected_share"]) == ("330", "10 %")  # 6 of 60 between 55 pairs of epochs
-    assert (first["nis_tone"], first["white_words"]) == ("agrees", "white")
-    assert second["nis_bounds"] is second["correlation"] is None
-    assert (second["nis"], second["nis_words"], second["white_words"]) == ("–", "", "")
+    first, second = page(sensors_table(summary(replace(found, sensors=(found.sensors[0], never)))).read)
+    assert (first["Rejected"].text, first["Rejected"].below) == ("330", "10 %")  # 6 of 60 between 55 pairs of epochs
+    assert (first["NIS"].tone, first["Innovations"].text) == ("agrees", "white")
+    assert {second[heading].text for heading in ("Mean NIS", "Bounds", "Correlation", "Innovations")} == {"–"}
+    assert second["NIS"].text == "no updates"

@@ -16,6 +16,7 @@ from mcnav.contract.quantities import Output
 from mcnav.report.figures.sweep import contour_levels, contour_lines
 from mcnav.report.sweep import frame
 from mcnav.report.sweep_words import common_spans, confirmed_words, headline, met_words, remarks
+from tests.summaries import requirement, summary
 
 OUTPUTS = (Output("range", "m", "km"), Output("altitude", "m", "km"))
 KEY = Variable("errors.range", np.array([1.0, 2.0, 3.0]), "km", False)
@@ -36,7 +37,7 @@ def confirmed(verdicts: tuple[str, str], finding: str, joint: str = "agrees") ->
     rows: dict[str, Any] = {
         "outputs": [{"name": each.name, "unit": each.unit} for each in OUTPUTS],
         "shown_in": {"outputs": ["km", "km"]},
-        "requirements": [{"finding": finding}],
+        "requirements": [requirement(finding)],
         "verdicts": list(verdicts),
         "verdict_matrix": joint,
         "unsettled": None,
@@ -47,7 +48,8 @@ def confirmed(verdicts: tuple[str, str], finding: str, joint: str = "agrees") ->
         rows[name] = [1.0, 1.0]
     rows |= {name: [[0.9, 1.1], [0.9, 1.1]] for name in pairs}
     rows |= {name: [0.0, 0.0] for name in ("mean_linear", "mean_sample", "bias", "bias_standard_error")}
-    return replace(SWEEP, confirmations=(Confirmation((2,), (3.0,), Path("a/confirm/03"), rows, np.full(2, np.nan)),))
+    run = Confirmation((2,), (3.0,), Path("a/confirm/03"), summary(**rows), np.full(2, np.nan))
+    return replace(SWEEP, confirmations=(run,))
 
 
 @pytest.mark.parametrize(
