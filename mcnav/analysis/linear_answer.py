@@ -223,6 +223,27 @@ def within_range(
                  for each in judged)  # fmt: skip
 
 
+def judge_within_range(
+    requirements: Sequence[Requirement], limits: Array, mean: Array, covariance: Array, history: Moments | None
+) -> tuple[LinearRequirement, ...]:
+    """Judge requirements for normal errors, and none that holds where errors are beyond the limits of the outputs.
+
+    Parameters
+    ----------
+    limits : ndarray, shape (outputs,)
+        See `mcnav.analysis.linear_range.limits_of`.
+    mean, covariance, history
+        As for `judge_linearly`.
+    """
+    over_time = None
+    if history is not None:
+        variances = np.diagonal(history.covariance, axis1=1, axis2=2)
+        over_time = history.times, history.mean, np.sqrt(np.maximum(variances, 0.0))
+    beyond = find_beyond(limits, mean, np.sqrt(np.maximum(np.diag(covariance), 0.0)), over_time)
+    judged = judge_linearly(requirements, mean, covariance, history)
+    return within_range(judged, beyond, None if history is None else history.times)
+
+
 def judge_linearly(
     requirements: Sequence[Requirement], mean: Array, covariance: Array, history: Moments | None
 ) -> tuple[LinearRequirement, ...]:
