@@ -97,7 +97,12 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
     decision = decide(deciding, outputs)
     finding, picked = decision.decides.finding, decision.decides
     doubt = "" if decision.departures or remark else _doubt(evidence, means, outputs)
-    named = worst_output(outputs, decision)
+    named, overlooked = worst_output(outputs, decision), None if remark else _overlooked(outputs, criterion.tolerance)
+    verdict = Honesty.UNDECIDED if doubt else decision.verdict
+    if overlooked is not None:
+        doubt = ""
+        if verdict != Honesty.OPTIMISTIC:
+            verdict, finding, named = Honesty.OPTIMISTIC, Finding(Honesty.OPTIMISTIC), overlooked
     causes = _causes(evidence, decision, criterion.tolerance)
 
     def time(epoch: int | None) -> float | None:
@@ -113,7 +118,7 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
         outputs=outputs,
         states=states,
         sensors=sensors,
-        verdict=Honesty.UNDECIDED if doubt else decision.verdict,
+        verdict=verdict,
         group="" if finding.factor is None or not picked.size else picked.name,
         factor=finding.factor,
         interval=finding.interval,
@@ -131,6 +136,7 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
         on_outputs=decision.outputs,
         departures=certain_departures(decision, evidence.times),
         doubt=doubt,
+        overlooked="" if overlooked is None else outputs[overlooked].name,
     )
 
 
@@ -159,6 +165,18 @@ def _causes(evidence: FilterEvidence, decision: Decision, tolerance: float) -> D
     groups = (outputs_of(group, names) for group in deciding_names(evidence.means.schema.groups))
     holding = (members for members in groups if names.index(decides.name) in members)
     return largest_departure(evidence.linear, min(holding, key=len), tolerance)
+
+
+def _overlooked(outputs: Sequence[SigmaConsistency], tolerance: float) -> int | None:
+    """Return an output whose error the filter believes to be zero where it is not; none where no filter does.
+
+    Errors below the tolerance, as a share of the largest over time, are left to `_doubt`: at a start without errors
+    they are of second order.
+    """
+    for number, each in enumerate(outputs):
+        if np.any(each.overlooked & (each.true > tolerance * each.true.max(initial=0.0))):
+            return number
+    return None
 
 
 def _doubt(evidence: FilterEvidence, means: FilterMeans, outputs: Sequence[SigmaConsistency]) -> str:

@@ -134,8 +134,12 @@ def sentence(consistency: FilterConsistency) -> str:
 
     A filter is optimistic when its sigmas are smaller than those of its errors.
     """
-    if consistency.departures:
-        return _departed(consistency)
+    told = [_departed(consistency)] if consistency.departures else []
+    if consistency.overlooked:
+        name = _spoken(consistency.overlooked)
+        told.insert(0, f"The filter is optimistic: it states no variance of {name}, whose error is not zero.")
+    if told:
+        return " ".join(told)
     within = f"±{100.0 * consistency.tolerance:g} %"
     if consistency.verdict == Honesty.CONSISTENT:
         every = "every output and of every group of them" if consistency.outputs else "every group of errors"

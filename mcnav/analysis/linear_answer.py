@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.comparison import Model
-from mcnav.analysis.linear_covariance import LinearCovariance, Moments
+from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of, picked, readings_beyond
 from mcnav.analysis.requirement_causes import causes_of_requirement
@@ -28,9 +27,6 @@ from mcnav.analysis.requirements import (
 from mcnav.analysis.requirements_over_time import largest_normal_quantile
 from mcnav.contract.quantities import Output, Source
 from mcnav.statistics.bisection import smallest_reaching
-
-NOMINAL: Final = "nominal_errors"
-"""Name of the cause of a mean error that a system has without any error."""
 
 
 @dataclass(frozen=True)

@@ -256,10 +256,10 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelReco
     if is_linear_over_time(scenario):
         known = scenario.linear_over_time(DEVELOPMENT_POINTS)
         variances = {name: np.diagonal(each, axis1=1, axis2=2) for name, each in known.processes.items()}
-        noise: dict[str, Any] = {}
+        more = _nominal(known.nominal)
         if variances:
-            noise = {"processes": variances, "covariance": known.covariance(errors.covariance)}
-        optional["development"] = PartialsRecord(label=known.label, times=known.times, partials=known.partials, **noise)
+            more |= {"processes": variances, "covariance": known.covariance(errors.covariance)}
+        optional["development"] = PartialsRecord(label=known.label, times=known.times, partials=known.partials, **more)
     elif has_histories(exact := _exact(engine)) and exact.epochs is not None:
         partials, _ = partials_throughout(exact, _sizes(scenario))
         epochs = exact.epochs
@@ -275,6 +275,11 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelReco
         start_covariance=errors.covariance,
         **optional,
     )
+
+
+def _nominal(nominal: Array | None) -> dict[str, Any]:
+    """Return the entry of a record for the errors of a system without errors; empty where there are none."""
+    return {} if nominal is None or not np.any(nominal) else {"nominal": nominal}
 
 
 def _exact(engine: Engine) -> Engine:

@@ -232,16 +232,23 @@ def test_variances_of_zero_are_told_in_words() -> None:
     assert np.isfinite(found.outputs[0].ratio.value[2:]).all()
     assert "The filter has no variance of position where its error is not zero." in found.remarks
     assert any("is not a number in all samples at 2 epochs" in remark for remark in found.remarks)
-    assert found.factor is not None
+    assert (found.verdict, found.overlooked) == (Honesty.OPTIMISTIC, "position")
     rounding = np.where(np.arange(4) == 0, 1e-12, 1.0) * np.random.default_rng(6).standard_normal((10_000, 4))
     started = assessed(scalar(rounding, np.tile([1e-40, 1.0, 1.0, 1.0], (10_000, 1))))
     assert (started.verdict, started.remarks[:1]) == (Honesty.CONSISTENT, ("The filter was never updated.",))
     assert np.isnan(started.groups[0].ratio.value[0])
     many = np.random.default_rng(4).standard_normal((10_000, 2))
     assert assessed(scalar(many, np.ones((10_000, 2)))).verdict == Honesty.CONSISTENT
-    doubtful = assessed(scalar(many, np.tile([0.0, 1.0], (10_000, 1))))
-    assert doubtful.verdict == Honesty.UNDECIDED
-    assert "The filter believes in no error where there is one." in doubtful.remarks
+    overlooking = assessed(scalar(many, np.tile([0.0, 1.0], (10_000, 1))))
+    assert (overlooking.verdict, overlooking.factor, overlooking.output) == (Honesty.OPTIMISTIC, None, "position")
+    words = "The filter is optimistic: it states no variance of position, whose error is not zero."
+    assert sentence(overlooking) == words
+    small = assessed(scalar(many * [1e-3, 1.0], np.tile([0.0, 1.0], (10_000, 1))))
+    assert small.verdict == Honesty.UNDECIDED
+    assert "The filter believes in no error where there is one." in small.remarks
+    larger = assessed(scalar(many, np.tile([0.0, 4.0], (10_000, 1))))
+    assert larger.verdict == Honesty.OPTIMISTIC
+    assert sentence(larger).startswith(f"{words} The filter is pessimistic by a factor of 2")
     lost = np.ones((10_000, 2))
     lost[:100, 1] = 0.0
     singular = assessed(scalar(many, lost))

@@ -281,7 +281,7 @@ def test_reports_do_without_matplotlib() -> None:
 
 def test_a_figure_of_errors_is_not_called_a_flight() -> None:
     """A steady flight shows what each error leaves, and its figure says so; others show the flight itself."""
-    cruise = read_campaign(ROOT / "campaigns" / "11_cruise.toml").scenario.history()
-    reentry = read_campaign(ROOT / "campaigns" / "01_tn_d1772_trajectory_4.toml").scenario.history()
+    cruise = read_campaign(ROOT / "campaigns" / "11_cruise.toml").scenario.nominal()
+    reentry = read_campaign(ROOT / "campaigns" / "01_tn_d1772_trajectory_4.toml").scenario.nominal()
     titles = [drawn.title for history in (cruise, reentry) if (drawn := flight(history)) is not None]
     assert titles == ["Errors left by one error alone", "Nominal flight"]
