@@ -75,9 +75,9 @@ class _Basis:
         weight = self.evidence.weight
         return np.asarray(error / np.sqrt(weight)) if weight else np.full_like(error, np.inf)
 
-    def find(self, ratio: Band, samples: int, remark: str = "") -> Finding:
+    def find(self, ratio: Band, samples: int, rates: Rates, remark: str = "") -> Finding:
         """Judge a ratio over time."""
-        return find(ratio, self.tolerance, samples, self.remark or remark)
+        return find(ratio, self.tolerance, samples, rates, self.remark or remark)
 
 
 def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsistency:
@@ -211,12 +211,13 @@ def _groups(
         members = [*(() if name == "sensors" else (outputs[i] for i in outputs_of(name, names) if outputs))]
         members += states if name in NOT_NAVIGATION else ()
         singular = np.any([each.disbelieved for each in members], axis=0) if members else np.zeros(epochs, dtype=bool)
+        rates = basis.deciding if name in deciding else aside
         band = mean_square_band(
             np.where(singular, np.nan, nees.value[:epochs, number]),
             basis.error(nees.standard_error[:epochs, number]),
             count,
             count * size,
-            basis.deciding if name in deciding else aside,
+            rates,
         )
         ratio = root_ratio(band, float(size))
         freedom = np.array(means.samples * evidence.weight * size)
@@ -233,7 +234,7 @@ def _groups(
                 bounds_together,
                 ratio,
                 linear,
-                basis.find(ratio, means.samples),
+                basis.find(ratio, means.samples, rates),
             )
         )
     return tuple(consistencies)
@@ -303,7 +304,7 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
                 within_3,
                 bounds_1,
                 bounds_3,
-                basis.find(ratio, means.samples),
+                basis.find(ratio, means.samples, basis.deciding),
             )
         )
     return tuple(consistencies)
@@ -335,7 +336,7 @@ def _states(basis: _Basis, means: FilterMeans) -> tuple[SigmaConsistency, ...]:
                 None,
                 (0.0, 1.0),
                 (0.0, 1.0),
-                basis.find(ratio, means.samples),
+                basis.find(ratio, means.samples, rates),
             )
         )
     return tuple(consistencies)
@@ -387,7 +388,7 @@ def _sensor(
         bounds_whole=_pair(bounds_whole) if some[-1] else (0.0, np.inf),
         beyond=bool(some[-1] and not basis.remark and not low <= tested <= high),
         whiteness=_whiteness(basis, size, float(nis[-1]), means, whole),
-        finding=basis.find(root_ratio(total, float(size)), samples, remark),
+        finding=basis.find(root_ratio(total, float(size)), samples, whole, remark),
     )
 
 
