@@ -144,7 +144,7 @@ class ScalarFilter:
     def nominal(self) -> History:
         return History({LABEL: TIMES})
 
-    def partials_history(self, count: int) -> LinearSystem:
+    def linear_over_time(self, count: int) -> LinearSystem:
         gain = self._engine.gain
         kept = (1.0 - gain) ** (2.0 * TIMES)
         added = (1.0 - kept) / (1.0 - (1.0 - gain) ** 2)

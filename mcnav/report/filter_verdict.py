@@ -25,6 +25,11 @@ def verdict(summary: Mapping[str, Any]) -> str:
     return str(summary["filter"]["verdict"]) if summary.get("filter") else ""
 
 
+def comes_first(summary: Mapping[str, Any], tone: str) -> bool:
+    """Return whether the verdict on the filter is told before that on linear analysis: where it alone is not good."""
+    return tone == "agrees" and verdict(summary) not in ("", "consistent")
+
+
 def headline(summary: Mapping[str, Any]) -> str:
     """State the verdict on the filter; empty without a filter."""
     return str(summary["filter_verdict"]) if summary.get("filter") else ""

@@ -104,7 +104,7 @@ def _of_filter(content: RunAnalysis, outputs: Sequence[Mapping[str, Any]]) -> di
     """Return what the template shows of a filter; without one nothing."""
     result, summary = content.filter, content.summary
     if result is None:
-        return {"filter_answers": []}
+        return {"filter_answers": [], "filter_first": False}
     explained = filter_tables.at_worst(result), filter_verdict.explanation(summary)
     answers = filter_tables.answers(content, outputs)
     return {
@@ -112,6 +112,7 @@ def _of_filter(content: RunAnalysis, outputs: Sequence[Mapping[str, Any]]) -> di
             row | {"largest_at_worst": causes_at(content, row["worst_time"], number) if row["worst"] else []}
             for number, row in enumerate(answers)
         ],
+        "filter_first": filter_verdict.comes_first(summary, sentences.standing(summary)),
         "filter_headline": filter_verdict.headline(summary),
         "filter_explanation": " ".join(filter(None, explained)),
         "filter_tone": filter_verdict.TONES[result.verdict.value],

@@ -36,12 +36,15 @@ ELSEWHERE = "report.html or --format csv"
 
 
 def verdict(summary: Mapping[str, Any]) -> RenderableType:
-    """State the verdict in sentences, that on a filter as well."""
+    """State the verdict in sentences, that on a filter as well; what is not good comes first."""
     lines = [Text(sentences.headline(summary), style=f"bold {COLOURS[sentences.standing(summary)]}")]
     remarks = (sentences.certain_but_small, sentences.stopping, sentences.caveat, sentences.failures)
     result = [*sentences.findings(summary), *(remark(summary) for remark in remarks)]
     lines += [Text(sentence) for sentence in result if sentence]
-    return Group(*lines, *filter_lines(summary))
+    of_filter = filter_lines(summary)
+    if filter_verdict.comes_first(summary, sentences.standing(summary)):
+        return Group(*of_filter, *lines)
+    return Group(*lines, *of_filter)
 
 
 def filter_lines(summary: Mapping[str, Any]) -> list[Text]:

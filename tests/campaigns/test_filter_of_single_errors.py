@@ -11,6 +11,7 @@ import pytest
 from mcnav.config.read import read_campaign
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.run import run_campaign
+from tests.commands import invoke
 
 SCENARIO = '''
 import numpy as np
@@ -53,8 +54,9 @@ def run(folder: Path, stated: list[float], samples: int, offset: str = "np.zeros
 
 
 def banner(folder: Path) -> tuple[str, str, str]:
-    """Return tone, headline and explanation of the filter's banner."""
-    tone, headline, explanation = BANNER.findall((folder / "run" / "report.html").read_text(encoding="utf-8"))[-1]
+    """Return tone, headline and explanation of the filter's banner, which is first unless all is well."""
+    first, last = BANNER.findall((folder / "run" / "report.html").read_text(encoding="utf-8"))
+    tone, headline, explanation = last if "filter is consistent: " in last[1] else first
     return tone, headline, explanation
 
 
@@ -146,3 +148,16 @@ def test_a_filter_that_states_no_variance_of_an_error_is_optimistic(tmp_path: Pa
     tone, headline, _ = banner(tmp_path)
     words = "The filter is optimistic: it states no variance of x5, whose error is not zero."
     assert (tone, headline) == ("differs", words)
+
+
+@pytest.mark.parametrize("last", [RIGHT, 1.0 / 1.2])
+def test_what_is_not_good_comes_first(tmp_path: Path, last: float) -> None:
+    """In the terminal and on the page: the filter's verdict before a good one on linear analysis, and only then."""
+    summary = run(tmp_path, [RIGHT] * 5 + [last], 10_000)
+    printed = invoke("show", tmp_path / "run", cwd=tmp_path).stdout
+    order = [printed.index(words[:40]) for words in (summary["filter_verdict"], "Yes: the linear covariance analysis")]
+    assert (order[0] < order[1]) == (last != RIGHT)
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert [tone for tone, _, _ in BANNER.findall(page)] == (
+        ["agrees", "agrees"] if last == RIGHT else ["differs", "agrees"]
+    )
