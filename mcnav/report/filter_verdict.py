@@ -13,6 +13,9 @@ TONES: Final = {
 }  # fmt: skip
 """Colours of the verdicts, by those of linear analysis."""
 
+WORSE: Final = ("agrees", "undecided", "partly", "differs")
+"""These colours, the worst last."""
+
 NAMED: Final = 3
 """Neglected errors that are named."""
 
@@ -26,8 +29,13 @@ def verdict(summary: Mapping[str, Any]) -> str:
 
 
 def comes_first(summary: Mapping[str, Any], tone: str) -> bool:
-    """Return whether the verdict on the filter is told before that on linear analysis: where it alone is not good."""
-    return tone == "agrees" and verdict(summary) not in ("", "consistent")
+    """Return whether the verdict on the filter is told before that on linear analysis: where it is the worse one.
+
+    >>> comes_first({"filter": {"verdict": "optimistic"}}, "undecided"), comes_first({"filter": None}, "agrees")
+    (True, False)
+    """
+    word = verdict(summary)
+    return bool(word) and WORSE.index(TONES[word]) > WORSE.index(tone)
 
 
 def headline(summary: Mapping[str, Any]) -> str:
