@@ -163,8 +163,8 @@ class Allocation:
 
 
 def worst_of(requirements: Sequence[LinearRequirement], goal: Sequence[int]) -> LinearRequirement:
-    """Return the requirement of a goal with the least margin."""
-    return min((requirements[number] for number in goal), key=lambda each: each.margin)
+    """Return the requirement of a goal with the least margin; one that linear analysis cannot judge comes first."""
+    return min((requirements[number] for number in goal), key=lambda each: (not math.isnan(each.margin), each.margin))
 
 
 def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> float:
@@ -183,8 +183,15 @@ def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> f
     Returns
     -------
     float
-        The largest multiple found at which the goal is met, within `PRECISION`; infinite where it is met up to `MOST`,
-        NaN where it is not met at ``least``.
+        The largest multiple found at which the goal is met, within `PRECISION`, or `NARROW` where larger ones have no
+        margin; infinite where it is met up to `MOST`, NaN where it is not met at ``least``.
+
+    Examples
+    --------
+    >>> round(critical_multiple(lambda multiple: 2.0 / multiple), 3)
+    2.0
+    >>> 99.0 < critical_multiple(lambda multiple: 9e9 if multiple < 100.0 else math.nan) < 100.0
+    True
     """
 
     def excess(multiple: float) -> float:
@@ -193,8 +200,10 @@ def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> f
 
     at_one = excess(1.0)
     if at_one <= 0.0:
-        beyond = _first_beyond(excess, at_one)
-        return math.inf if beyond is None else _root(excess, *beyond)
+        met, beyond = _first_beyond(excess, at_one)
+        if beyond is not None:
+            return _root(excess, met, beyond)
+        return math.inf if met[0] == MOST else met[0]
     at_least = excess(least)
     return _root(excess, (least, at_least), (1.0, at_one)) if at_least <= 0.0 else math.nan
 
@@ -286,18 +295,22 @@ def _climb(margin: Callable[[float], float], known: dict[float, float]) -> list[
 
 def _first_beyond(
     excess: Callable[[float], float], at_one: float
-) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Find two multiples from one on between which a goal ceases to be met, with their excess; none up to `MOST`."""
-    met, multiple = (1.0, at_one), 1.0
-    while multiple < MOST:
-        multiple = min(STRIDE * multiple, MOST)
-        first_beyond = excess(multiple)
-        if math.isnan(first_beyond):
-            return None
-        if first_beyond > 0.0:
-            return met, (multiple, first_beyond)
-        met = multiple, first_beyond
-    return None
+) -> tuple[tuple[float, float], tuple[float, float] | None]:
+    """Find two multiples from one on between which a goal ceases to be met, with their excess.
+
+    The second one is none where the goal is met up to `MOST`, or up to where linear answers end, within `NARROW`.
+    """
+    met, multiple, ends = (1.0, at_one), 1.0, math.inf
+    while met[0] < MOST and ends > met[0] * (1.0 + NARROW):
+        multiple = min(STRIDE * met[0], MOST) if math.isinf(ends) else math.sqrt(met[0] * ends)
+        beyond = excess(multiple)
+        if math.isnan(beyond):
+            ends = multiple
+        elif beyond > 0.0:
+            return met, (multiple, beyond)
+        else:
+            met = multiple, beyond
+    return met, None
 
 
 def _root(excess: Callable[[float], float], met: tuple[float, float], unmet: tuple[float, float]) -> float:

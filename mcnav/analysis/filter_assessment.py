@@ -75,9 +75,9 @@ class _Basis:
         weight = self.evidence.weight
         return np.asarray(error / np.sqrt(weight)) if weight else np.full_like(error, np.inf)
 
-    def find(self, ratio: Band, samples: int, remark: str = "") -> Finding:
+    def find(self, ratio: Band, samples: int, rates: Rates, remark: str = "") -> Finding:
         """Judge a ratio over time."""
-        return find(ratio, self.tolerance, samples, self.remark or remark)
+        return find(ratio, self.tolerance, samples, rates, self.remark or remark)
 
 
 def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsistency:
@@ -98,7 +98,12 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
     decision = decide(deciding, outputs)
     finding, picked = decision.decides.finding, decision.decides
     doubt = "" if decision.departures or remark else _doubt(evidence, means, outputs)
-    named = worst_output(outputs, decision)
+    named, overlooked = worst_output(outputs, decision), None if remark else _overlooked(outputs, criterion.tolerance)
+    verdict = Honesty.UNDECIDED if doubt else decision.verdict
+    if overlooked is not None:
+        doubt = ""
+        if verdict != Honesty.OPTIMISTIC:
+            verdict, finding, named = Honesty.OPTIMISTIC, Finding(Honesty.OPTIMISTIC), overlooked
     causes = _causes(evidence, decision, criterion.tolerance)
 
     def time(epoch: int | None) -> float | None:
@@ -114,7 +119,7 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
         outputs=outputs,
         states=states,
         sensors=sensors,
-        verdict=Honesty.UNDECIDED if doubt else decision.verdict,
+        verdict=verdict,
         group="" if finding.factor is None or not picked.size else picked.name,
         factor=finding.factor,
         interval=finding.interval,
@@ -132,6 +137,7 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
         on_outputs=decision.outputs,
         departures=certain_departures(decision, evidence.times),
         doubt=doubt,
+        overlooked="" if overlooked is None else outputs[overlooked].name,
     )
 
 
@@ -160,6 +166,18 @@ def _causes(evidence: FilterEvidence, decision: Decision, tolerance: float) -> D
     groups = (outputs_of(group, names) for group in deciding_names(evidence.means.schema.groups))
     holding = (members for members in groups if names.index(decides.name) in members)
     return largest_departure(evidence.linear, min(holding, key=len), tolerance)
+
+
+def _overlooked(outputs: Sequence[SigmaConsistency], tolerance: float) -> int | None:
+    """Return an output whose error the filter believes to be zero where it is not; none where no filter does.
+
+    Errors below the tolerance, as a share of the largest over time, are left to `_doubt`: at a start without errors
+    they are of second order.
+    """
+    for number, each in enumerate(outputs):
+        if np.any(each.overlooked & (each.true > tolerance * each.true.max(initial=0.0))):
+            return number
+    return None
 
 
 def _doubt(evidence: FilterEvidence, means: FilterMeans, outputs: Sequence[SigmaConsistency]) -> str:
@@ -195,12 +213,13 @@ def _groups(
         members = [*(() if name == "sensors" else (outputs[i] for i in picked if outputs))]
         members += states if name in NOT_NAVIGATION else ()
         singular = np.any([each.disbelieved for each in members], axis=0) if members else np.zeros(epochs, dtype=bool)
+        rates = basis.deciding if name in deciding else aside
         band = mean_square_band(
             np.where(singular, np.nan, nees.value[:epochs, number]),
             basis.error(nees.standard_error[:epochs, number]),
             count,
             count * size,
-            basis.deciding if name in deciding else aside,
+            rates,
         )
         ratio = root_ratio(band, float(size))
         freedom = np.array(means.samples * evidence.weight * size)
@@ -217,7 +236,7 @@ def _groups(
                 bounds_together,
                 ratio,
                 linear,
-                basis.find(ratio, means.samples),
+                basis.find(ratio, means.samples, rates),
             )
         )
     return tuple(consistencies)
@@ -287,7 +306,7 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
                 within_3,
                 bounds_1,
                 bounds_3,
-                basis.find(ratio, means.samples),
+                basis.find(ratio, means.samples, basis.deciding),
             )
         )
     return tuple(consistencies)
@@ -319,7 +338,7 @@ def _states(basis: _Basis, means: FilterMeans) -> tuple[SigmaConsistency, ...]:
                 None,
                 (0.0, 1.0),
                 (0.0, 1.0),
-                basis.find(ratio, means.samples),
+                basis.find(ratio, means.samples, rates),
             )
         )
     return tuple(consistencies)
@@ -371,7 +390,7 @@ def _sensor(
         bounds_whole=_pair(bounds_whole) if some[-1] else (0.0, np.inf),
         beyond=bool(some[-1] and not basis.remark and not low <= tested <= high),
         whiteness=_whiteness(basis, size, float(nis[-1]), means, whole),
-        finding=basis.find(root_ratio(total, float(size)), samples, remark),
+        finding=basis.find(root_ratio(total, float(size)), samples, whole, remark),
     )
 
 

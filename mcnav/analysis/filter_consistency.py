@@ -366,6 +366,9 @@ class FilterConsistency:
         The largest ones: the optimistic ones first, and of each direction that of a group before that of an output.
     doubt : str
         Why the filter is not called consistent although all ratios are within the tolerance.
+    overlooked : str
+        Output of whose error the filter states no variance where there is one: it is optimistic by any factor. Empty
+        when none.
     """
 
     label: str
@@ -395,6 +398,7 @@ class FilterConsistency:
     on_outputs: Honesty = Honesty.UNDECIDED
     departures: tuple[CertainDeparture, ...] = ()
     doubt: str = ""
+    overlooked: str = ""
 
     @property
     def departing_output(self) -> CertainDeparture | None:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion
 from mcnav.analysis.filter_consistency import Band, Finding, Honesty
-from mcnav.analysis.verdict import HOPELESS
 from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.mean_square import FEWEST, mean_square_intervals
+from mcnav.statistics.samples_to_decide import samples_for_ratios
 
 
 @dataclass(frozen=True)
@@ -26,16 +26,18 @@ class Rates:
         Of an interval by itself.
     together : float
         Of each interval, such that all of them hold at the stated confidence (Bonferroni).
+    statements : int
     """
 
     each: float
     together: float
+    statements: int = 1
 
     @classmethod
     def of(cls, criterion: Criterion, statements: int) -> Rates:
         """Divide the error rate among so many statements, and all of it among the looks at a growing campaign."""
         each = confidence_of_each(criterion.confidence, criterion.looks)
-        return cls(each, confidence_of_each(each, max(statements, 1)))
+        return cls(each, confidence_of_each(each, max(statements, 1)), max(statements, 1))
 
 
 def mean_square_band(mean: Array, error: Array, count: Array, freedom: Array, rates: Rates) -> Band:
@@ -60,8 +62,11 @@ def root_ratio(squares: Band, expected: Array | float) -> Band:
     )))  # fmt: skip
 
 
-def find(ratio: Band, tolerance: float, samples: int, remark: str = "") -> Finding:
-    """Judge a ratio of sigmas over time against ``1 +- tolerance``; a remark is why nothing can be decided."""
+def find(ratio: Band, tolerance: float, samples: int, rates: Rates, remark: str = "") -> Finding:
+    """Judge a ratio of sigmas over time against ``1 +- tolerance``; a remark is why nothing can be decided.
+
+    The rates are those of its intervals.
+    """
     known = ratio.known
     if remark or not known.any():
         return Finding(Honesty.UNDECIDED, remark=remark or "the filter has no covariance to compare with")
@@ -77,7 +82,7 @@ def find(ratio: Band, tolerance: float, samples: int, remark: str = "") -> Findi
     each = ratio.each[known]
     if np.all((each[:, 0] >= 1.0 - tolerance) & (each[:, 1] <= 1.0 + tolerance)):
         return Finding(Honesty.CONSISTENT, factor, interval, worst)
-    needed = _samples_needed(ratio, tolerance, samples)
+    needed = _samples_needed(ratio, tolerance, samples, rates)
     return Finding(Honesty.UNDECIDED, factor, interval, worst, samples_needed=needed)
 
 
@@ -93,27 +98,15 @@ def _at(ratio: Band, epoch: int) -> tuple[float, tuple[float, float]]:
     return float(ratio.value[epoch]), (float(low), float(high))
 
 
-def _samples_needed(ratio: Band, tolerance: float, samples: int) -> int | None:
-    """Estimate the samples that would decide: widths and chance departures fall as their root.
-
-    Where an interval excludes one, its epoch decides when it excludes the tolerance's nearer edge.
-    """
+def _samples_needed(ratio: Band, tolerance: float, samples: int, rates: Rates) -> int | None:
+    """Return the samples that would decide with a probability of 90 %; see `samples_for_ratios`."""
     known = ratio.known & np.isfinite(ratio.together).all(axis=1)
     if not known.any():
         return None
-    value, each, together = ratio.value[known], ratio.each[known], ratio.together[known]
-    real = (together[:, 0] > 1.0) | (together[:, 1] < 1.0)
-    if not real.any():
-        widening = float(np.max(np.abs(each - 1.0))) / tolerance
-    else:
-        edge = np.abs(np.abs(value[real] - 1.0) - tolerance)
-        half = 0.5 * (together[real, 1] - together[real, 0])
-        if np.any(edge <= 0.0):
-            return None
-        outside = np.abs(value[real] - 1.0) > tolerance  # one epoch suffices; inside, all must be
-        shares = half / edge
-        widening = float(np.min(shares[outside]) if outside.any() else np.max(shares))
-    return max(samples + 1, math.ceil(samples * widening**2)) if widening < HOPELESS else None
+    return samples_for_ratios(
+        ratio.value[known], ratio.each[known], ratio.together[known], tolerance, samples, (rates.each, rates.together),
+        rates.statements,
+    )  # fmt: skip
 
 
 def undecidable(samples: int, failed: int, weight: float) -> str:

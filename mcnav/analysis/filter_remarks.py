@@ -95,7 +95,9 @@ def _on_other_states(groups: Sequence[GroupConsistency], states: Sequence[SigmaC
         if group.finding.verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC):
             size = _size(group.finding.factor or 1.0)
             words = f"{group_words(group.name)} as a group, which does not decide"
-            yield f"Of {words}, the filter is {group.finding.verdict.value} by a factor of {size}."
+            single = all(each.finding.verdict == Honesty.CONSISTENT for each in states if each.claims)
+            why = "; it is so in combinations of states, since each by itself is consistent" if single else ""
+            yield f"Of {words}, the filter is {group.finding.verdict.value} by a factor of {size}{why}."
 
 
 def _on_sensors(sensors: Sequence[SensorConsistency], considered: Sequence[str]) -> Iterator[str]:
@@ -134,8 +136,12 @@ def sentence(consistency: FilterConsistency) -> str:
 
     A filter is optimistic when its sigmas are smaller than those of its errors.
     """
-    if consistency.departures:
-        return _departed(consistency)
+    told = [_departed(consistency)] if consistency.departures else []
+    if consistency.overlooked:
+        name = _spoken(consistency.overlooked)
+        told.insert(0, f"The filter is optimistic: it states no variance of {name}, whose error is not zero.")
+    if told:
+        return " ".join(told)
     within = f"±{100.0 * consistency.tolerance:g} %"
     if consistency.verdict == Honesty.CONSISTENT:
         every = "every output and of every group of them" if consistency.outputs else "every group of errors"

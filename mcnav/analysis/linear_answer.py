@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.comparison import Model
-from mcnav.analysis.linear_covariance import LinearCovariance, Moments
+from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of, picked, readings_beyond
 from mcnav.analysis.requirement_causes import causes_of_requirement
@@ -28,9 +27,6 @@ from mcnav.analysis.requirements import (
 from mcnav.analysis.requirements_over_time import largest_normal_quantile
 from mcnav.contract.quantities import Output, Source
 from mcnav.statistics.bisection import smallest_reaching
-
-NOMINAL: Final = "nominal_errors"
-"""Name of the cause of a mean error that a system has without any error."""
 
 
 @dataclass(frozen=True)
@@ -221,6 +217,27 @@ def within_range(
 
     return tuple(replace(each, value=math.nan, margin=math.nan, time=None) if meaningless(each) else each
                  for each in judged)  # fmt: skip
+
+
+def judge_within_range(
+    requirements: Sequence[Requirement], limits: Array, mean: Array, covariance: Array, history: Moments | None
+) -> tuple[LinearRequirement, ...]:
+    """Judge requirements for normal errors, and none that holds where errors are beyond the limits of the outputs.
+
+    Parameters
+    ----------
+    limits : ndarray, shape (outputs,)
+        See `mcnav.analysis.linear_range.limits_of`.
+    mean, covariance, history
+        As for `judge_linearly`.
+    """
+    over_time = None
+    if history is not None:
+        variances = np.diagonal(history.covariance, axis1=1, axis2=2)
+        over_time = history.times, history.mean, np.sqrt(np.maximum(variances, 0.0))
+    beyond = find_beyond(limits, mean, np.sqrt(np.maximum(np.diag(covariance), 0.0)), over_time)
+    judged = judge_linearly(requirements, mean, covariance, history)
+    return within_range(judged, beyond, None if history is None else history.times)
 
 
 def judge_linearly(

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.contract.linear import LinearSystem
 from mcnav.lincov.covariance import propagated_variances
+
+NOMINAL: Final = "nominal_errors"
+"""Name of the cause of a mean error that a system has without any error."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,7 @@ class LinearCovariance:
     correlations : ndarray, shape (r, outputs)
         Contribution of correlations between sources; with the others it adds up to the variance.
     means : mapping of str to ndarray, shape (r, outputs)
-        Mean error that the mean of each source causes, of those that have one, by name.
+        Mean error that the mean of each source causes, of those that have one, by name; and the nominal errors.
     """
 
     readings: LinearSystem
@@ -95,4 +99,7 @@ def covariance_over_time(
     whole = readings.covariance(covariance)
     sigma = np.sqrt(np.maximum(total, 0.0))
     means = {name: partials[:, :, number] * mean[number] for number, name in enumerate(sources) if mean[number]}
-    return LinearCovariance(readings, partials @ mean, whole, sigma, own, variances, correlations, means)
+    whole_mean = partials @ mean
+    if readings.nominal is not None and np.any(readings.nominal):
+        means[NOMINAL], whole_mean = readings.nominal, whole_mean + readings.nominal
+    return LinearCovariance(readings, whole_mean, whole, sigma, own, variances, correlations, means)

@@ -21,7 +21,7 @@ from mcnav.analysis.filter_causes import NEARLY, Departure, neglected_errors
 from mcnav.analysis.filter_consistency import Honesty, NeglectedError, rounding_floor
 from mcnav.analysis.filter_decision import NOT_NAVIGATION, outputs_of
 from mcnav.analysis.filter_evidence import LinearFilter
-from mcnav.analysis.linear_covariance import LinearCovariance
+from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
 
 SINGULAR: Final = 1e-6
 """Smallest eigenvalue of a filter's correlation matrix of which a NEES is computed.
@@ -127,7 +127,8 @@ def _evidence(linear_covariance: LinearCovariance, sources: Sequence[str], covar
     nothing = np.zeros((len(mean), 0))
     true = linear_covariance.covariance + mean[:, :, None] * mean[:, None, :]
     by_mean = {name: values * mean for name, values in linear_covariance.means.items()}
-    return LinearFilter(readings.own, nothing, true, nothing, contributions, readings.believed, by_mean)
+    believed = {NOMINAL: 0.0} | dict(readings.believed)
+    return LinearFilter(readings.own, nothing, true, nothing, contributions, believed, by_mean)
 
 
 def _joined(filters: Sequence[LinearFilter], order: IndexArray) -> LinearFilter:

@@ -16,6 +16,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion, Model, compare
+from mcnav.analysis.verdict import Verdict
 from mcnav.contract.linear import LinearModel
 from mcnav.lincov.partials import Propagate
 from mcnav.sampling.designs import SamplingDesign
@@ -28,7 +29,7 @@ PER_DECADE: Final = 8
 """Grid of multiples on which departures are bracketed before roots are found."""
 
 BEYOND: Final = 1e6
-"""Departure (share) assigned to a sample that failed."""
+"""Departure (share) of a sample that failed, and ratio of a dispersion where linear analysis has none."""
 
 ROOT_TOLERANCE: Final = 1e-3
 """Relative accuracy of the multiples of dispersion."""
@@ -164,6 +165,10 @@ def _ratios(model: Model, draws: Array, outcomes: Array, criterion: Criterion, d
     for row, judgement in zip(rows, judgements, strict=False):
         if judgement.ratio is not None and judgement.interval is not None:
             row[:] = judgement.ratio, *judgement.interval
+        elif judgement.verdict == Verdict.DIFFERS:  # dispersed where linear analysis has no dispersion
+            row[:] = BEYOND
+    if result.ellipsoid is not None and result.ellipsoid.surprised:
+        rows[-1] = BEYOND
     return rows
 
 

@@ -131,7 +131,8 @@ class Sweep:
     times : tuple of (float or None)
         Time of each measure, in the trajectory's time, s; none for the end or the epochs of a requirement.
     values, own : ndarray, shape (n, [m,] measures)
-        Of the true errors, and as the filter states them (NaN without one); SI.
+        Of the true errors, infinite where they are beyond the range of linear analysis, and as the filter states them
+        (NaN without one); SI.
     bounds, margins : ndarray, shape (n, [m,] measures)
         At which a limit is just met, and the logarithm of the value over it (of a probability the other way round);
         NaN without a limit.

@@ -51,6 +51,14 @@ IN_RUN: Final = (
     "instability of it in run, too: the lines of both together are for them."
 )
 
+ENDED: Final = 1.05
+"""Margin from which a multiple is not that at which a requirement is just met."""
+
+ENDS: Final = (
+    "A multiple whose linear value is well below the limit is the largest one with a linear answer: of larger ones "
+    "errors are beyond the range of linear analysis, or the campaign is refused."
+)
+
 FAILING: Final = 3
 """Changes that do not meet a goal of which a table in the terminal shows the linear value."""
 
@@ -171,6 +179,8 @@ def goal_notes(goal: Goal) -> list[str]:
         notes.append(LOOKED_AT)
     if not goal.met and any(change.reached and change.factor > 1.0 for change in goal.changes):
         notes.append(GROWS)
+    if goal.met and any(math.isfinite(each.factor) and each.result.margin > ENDED for each in goal.changes):
+        notes.append(ENDS)
     if goal.met and any(change.label.startswith("bias and instability") for change in goal.changes):
         notes.append(IN_RUN)
     return notes

@@ -13,6 +13,9 @@ TONES: Final = {
 }  # fmt: skip
 """Colours of the verdicts, by those of linear analysis."""
 
+WORSE: Final = ("agrees", "undecided", "partly", "differs")
+"""These colours, the worst last."""
+
 NAMED: Final = 3
 """Neglected errors that are named."""
 

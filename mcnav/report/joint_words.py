@@ -202,7 +202,8 @@ def _of_mean(summary: Summary, joint: Joint, start: str) -> str:
         f"the mean NEES is {_mean_nees(summary):.4g} about the linear mean and {joint.nees_about_mean:.4g} about "
         f"the sample mean, and linear analysis predicts {summary.nees_dimension}"
     )
-    told = f"The mean is {_shift(summary, joint)}; the dispersion {words[joint.dispersion_verdict or '']}: {nees}."
+    of = "the dispersion" if summary.verdict == "agrees" else "the dispersion of all outputs together"
+    told = f"The mean is {_shift(summary, joint)}; {of} {words[joint.dispersion_verdict or '']}: {nees}."
     if joint.dispersion_verdict != "agrees":
         return f"{start}. {told}"
     return f"{told} Linear sigmas hold about the sample mean, not about the linear one."

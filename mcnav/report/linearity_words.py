@@ -38,8 +38,12 @@ def linearity_rows(names: Sequence[str], dispersion_range: DispersionRange) -> l
         dispersion_range.differs_from,
         strict=True,
     )
-    largest = float(dispersion_range.multiples[-1])
-    return [(name, [multiple_words(float(value), largest) for value in values]) for name, *values in columns]
+    smallest, largest = (float(dispersion_range.multiples[end]) for end in (0, -1))
+
+    def words(value: float) -> str:
+        return f"< {smallest:g}" if value <= smallest else multiple_words(value, largest)
+
+    return [(name, [words(float(value)) for value in values]) for name, *values in columns]
 
 
 def answer(names: Sequence[str], dispersion_range: DispersionRange, tolerance: float) -> str:

@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav.analysis.accuracy_measures import BOX, DRMS, SIGMA, Measure
 from mcnav.analysis.curve_refinement import MOST_ADDED
@@ -140,7 +141,10 @@ def _capital(text: str) -> str:
 def remarks(sweep: Sweep) -> list[str]:
     """List what must be known of the numbers: points without an answer, measures that a variable does not change."""
     result = []
-    missing = int((~np.isfinite(sweep.values).all(axis=-1)).sum())
+    if outside := int(np.isinf(sweep.values).any(axis=-1).sum()):
+        points = "1 point" if outside == 1 else f"{outside} points"
+        result.append(f"At {points} errors are beyond the range of linear analysis: no value there, and no limit met.")
+    missing = int(np.isnan(sweep.values).any(axis=-1).sum())
     if missing:
         points = "1 point has" if missing == 1 else f"{missing} points have"
         result.append(f"{points} no linear answer: a covariance loses its definiteness there.")
@@ -153,13 +157,24 @@ def remarks(sweep: Sweep) -> list[str]:
             f"{MOST_ADDED} would be needed."
         )
     for axis, variable in enumerate(sweep.variables):
-        low, high = np.nanmin(sweep.values, axis=axis), np.nanmax(sweep.values, axis=axis)
-        still = (high - low <= drawn.CONSTANT * np.abs(high)).all(axis=tuple(range(low.ndim - 1)))
+        still = _unchanged(sweep, axis)
         names = [title_of(measure, sweep) for measure, same in zip(sweep.measures, still, strict=True) if same]
         if names:
             every = len(names) == len(sweep.measures)
-            result.append(f"{variable.path} does not change {'any of the measures' if every else ', '.join(names)}.")
+            of = "every measure" if every else ", ".join(names)
+            result.append(f"At all values of {variable.path} that were looked at {of} is the same.")
     return result
+
+
+def _unchanged(sweep: Sweep, axis: int) -> NDArray[np.bool_]:
+    """Return which measures are the same at all values of a variable that were looked at, shape (measures,)."""
+    values = sweep.values
+    if len(sweep.variables) == 1:
+        values = np.vstack([values, *(added for _, added in sweep.added)])
+    known = np.isfinite(values)
+    low, high = np.where(known, values, np.inf).min(axis=axis), np.where(known, values, -np.inf).max(axis=axis)
+    same = known.any(axis=axis) & (high - low <= drawn.CONSTANT * np.abs(high))
+    return np.asarray(same.all(axis=tuple(range(same.ndim - 1))))
 
 
 def _of_filter(sweep: Sweep) -> list[str]:

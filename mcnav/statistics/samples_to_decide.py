@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
+from mcnav._types import Array
 from mcnav.statistics.power import USUAL_POWER
 
 MOST: Final = 10**9
@@ -118,6 +119,51 @@ def samples_for_ratio(
         middle = 0.5 * (low + high)
         low, high = (low, middle) if power(math.exp(middle)) >= USUAL_POWER else (middle, high)
     return max(count + 1, math.ceil(math.exp(high) * (1.0 - 1e-12)))
+
+
+def samples_for_ratios(
+    ratios: Array, each: Array, together: Array, tolerance: float, count: int, confidences: tuple[float, float],
+    statements: int,
+) -> int | None:  # fmt: skip
+    """Return the samples with which several ratios at m instants are found within ``1 +- tolerance``, or one beyond it.
+
+    All are within when the interval of ``each`` is; one is beyond when its interval of all ``together`` is. Where that
+    of all together holds one, the ratio is taken to be one, else to be as estimated. Standard errors fall with the root
+    of the number n. With s that of ``count`` samples, e the distance to the nearer limit and z quantiles,
+
+        n = count ((z_interval + z_power) s / e)^2,
+
+    where z_power is exceeded with a probability of 10 % in one ratio beyond a limit, and in any of all the statements
+    that are to be within theirs (Boole's inequality: correlated ones need fewer samples). None when more than `MOST`
+    are needed.
+
+    Parameters
+    ----------
+    ratios, each, together : ndarray, shapes (m,), (m, 2) and (m, 2)
+    confidences : (float, float)
+        Of the two sorts of intervals.
+
+    Examples
+    --------
+    >>> wide = np.array([[0.9, 1.1]])
+    >>> samples_for_ratios(np.ones(1), wide, wide, 0.05, 200, (0.95, 0.95), 1)
+    2707
+    """
+    z_each, z_together = (float(special.ndtri(0.5 + 0.5 * confidence)) for confidence in confidences)
+    error = 0.5 * (each[:, 1] - each[:, 0]) / z_each
+    real = (together[:, 0] > 1.0) | (together[:, 1] < 1.0)
+    away = np.where(real, np.abs(ratios - 1.0), 0.0)
+    edge, beyond = np.abs(tolerance - away), away > tolerance
+    if np.any(edge <= 0.0) or not np.isfinite(error).all():
+        return None
+    if beyond.any():
+        reach = float(np.min(((z_together + special.ndtri(USUAL_POWER)) * error / edge)[beyond]))
+    else:
+        missed = (1.0 - USUAL_POWER) / max(statements, 1)
+        power = np.where(real, special.ndtri(1.0 - missed), special.ndtri(1.0 - 0.5 * missed))
+        reach = float(np.max((z_each + power) * error / edge))
+    needed = count * reach**2
+    return max(count + 1, math.ceil(needed)) if needed < MOST else None
 
 
 def _at_most(number: int, samples: int, share: float) -> float:

@@ -42,7 +42,8 @@ def shape_of_sums(sums: Array, counts: Array, fewest: float = 2) -> tuple[Estima
     """Estimate skewness and excess kurtosis from block sums of powers; zero without dispersion.
 
     The errors are the jackknife's, leaving out one block at a time: at a few hundred samples those of the influence
-    function are too small. They are infinite with fewer than ``fewest`` blocks. The sums have shape (4, blocks) and any
+    function are too small. They are infinite with fewer than ``fewest`` blocks, and where all dispersion is in one. The
+    sums have shape (4, blocks) and any
     origin and unit; ``counts`` are the samples in each block, shape (blocks,).
     """
     whole, count, number = sums.sum(axis=1), counts.sum(), sums.shape[1]
@@ -56,9 +57,12 @@ def shape_of_sums(sums: Array, counts: Array, fewest: float = 2) -> tuple[Estima
     for part in stretches(number):
         left = (whole[:, None] - sums[:, part]) / (count - counts[part])
         for i, measure in enumerate(_MEASURES):
-            departure = measure(*left) - values[i]
+            with np.errstate(divide="ignore", invalid="ignore"):  # without one block there may be no dispersion
+                departure = measure(*left) - values[i]
             departures[i] += departure.sum()
             squares[i] += (departure * departure).sum()
+    if not np.isfinite(squares).all():
+        return Estimate(values[0], float("inf"), 0.0), Estimate(values[1], float("inf"), 0.0)
     spread = np.maximum(squares - departures**2 / number, 0.0)
     errors = np.sqrt((number - 1.0) / number * spread)
     return Estimate(values[0], float(errors[0]), number - 1.0), Estimate(values[1], float(errors[1]), number - 1.0)

@@ -61,12 +61,14 @@ class PartialsRecord(Record):
     """Partial derivatives at many times; see `mcnav.contract.linear.LinearSystem`.
 
     ``processes`` are the variances that each process of noise has added, shape (n, outputs). ``covariance`` is the
-    whole linear covariance, where it is not that of the sources alone, shape (n, outputs, outputs).
+    whole linear covariance, where it is not that of the sources alone, shape (n, outputs, outputs). ``nominal`` are the
+    errors of a system without errors, shape (n, outputs), where it has some.
     """
 
     label: Words
     times: Vector
     partials: Matrices
+    nominal: Matrix | None = None
     processes: Mapping[Name, Matrix] = {}
     covariance: Matrices | None = None
 

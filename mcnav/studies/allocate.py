@@ -33,8 +33,9 @@ from mcnav.analysis.allocation import (
     nearest_multiple,
     worst_of,
 )
-from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, judge_linearly
+from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, judge_within_range
 from mcnav.analysis.linear_covariance import Moments, covariance_over_time
+from mcnav.analysis.linear_range import limits_of
 from mcnav.config.data_sheet import (
     DataSheetNumber,
     GradedValue,
@@ -140,7 +141,8 @@ class _Variations:
                 )
             moments = Moments(readings.times, readings.mean, readings.covariance)
             required = [each.requirement for each in self.base.requirements]
-            self._tried[key] = judge_linearly(required, readings.mean[-1], readings.covariance[-1], moments)
+            limits = limits_of(output.limit for output in self.base.outputs)
+            self._tried[key] = judge_within_range(required, limits, readings.mean[-1], readings.covariance[-1], moments)
         return self._tried[key]
 
     def with_multiple(self, changed: Sequence[DataSheetNumber], factor: float) -> tuple[LinearRequirement, ...] | None:
@@ -159,7 +161,8 @@ class _Scaled:
         self._answer = answer
         self._names = [source.name for source in answer.sources]
         self._requirements = [each.requirement for each in answer.requirements]
-        self._over_time = any(each.epochs for each in self._requirements)
+        self._limits = limits_of(output.limit for output in answer.outputs)
+        self._over_time = any(each.epochs for each in self._requirements) or bool(np.isfinite(self._limits).any())
 
     def judged(self, changed: Sequence[DataSheetNumber], factor: float) -> tuple[LinearRequirement, ...]:
         model, history = self._answer.model, self._answer.history
@@ -173,7 +176,9 @@ class _Scaled:
             readings = replace(history.readings, processes=noise)
             history = covariance_over_time(readings, tuple(self._names), mean, covariance)
         moments = None if history is None else history.moments
-        return judge_linearly(self._requirements, scaled.outcome_mean, scaled.outcome_covariance, moments)
+        return judge_within_range(
+            self._requirements, self._limits, scaled.outcome_mean, scaled.outcome_covariance, moments
+        )
 
 
 def values_of(changed: Sequence[DataSheetNumber], factor: float) -> dict[str, Value]:
@@ -208,8 +213,10 @@ def allocate(campaign: str | Path | Campaign | Mapping[str, Any], progress: Prog
     judged = tuple(number for number, each in enumerate(base.requirements) if each.judged)
     if not judged:
         lacks = "has no requirement that linear analysis can judge" if base.requirements else "is missing"
-        message = f"{lacks}; add an [[accept.quantile]] or another requirement"
-        raise CampaignError([Problem(file, "accept", message)])
+        remedy = "add an [[accept.quantile]] or another requirement"
+        if base.beyond is not None and any(each.requirement.kind != "sigma_ratio" for each in base.requirements):
+            remedy = "errors are beyond its range, and smaller multiples of them are not looked at; see mcnav lincov"
+        raise CampaignError([Problem(file, "accept", f"{lacks}; {remedy}")])
     if not variations.numbers:
         raise CampaignError([Problem(file, "errors", "has no size that could be changed")])
     progress.phase(Phase.SIMULATING, note="linear answers of changed numbers")

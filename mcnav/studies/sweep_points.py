@@ -15,6 +15,7 @@ from mcnav._subprocess import side_threads
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure, requirement_measures
 from mcnav.analysis.comparison import Model
+from mcnav.analysis.linear_range import limits_of, outputs_beyond
 from mcnav.analysis.requirements import Requirement, requirements_from
 from mcnav.analysis.sweep import Point, Variable
 from mcnav.config.overrides import Value, VariedCampaign
@@ -41,7 +42,8 @@ class PointAnswer:
     Attributes
     ----------
     values, own : ndarray, shape (measures,)
-        Of the true errors, and as the filter states them (NaN without one); SI.
+        Of the true errors, and as the filter states them (NaN without one); SI. Values of errors beyond the range of
+        linear analysis are infinite: they exceed any limit.
     bounds : ndarray, shape (measures,)
         At which a measure just meets its limit; NaN without a limit.
     margins : ndarray, shape (measures,)
@@ -121,15 +123,27 @@ class LinearPoints:
             end, answer = _readings(campaign, [time for time in self._at if time is not None], shared)
         own = campaign_requirements(campaign)
         required = {each.requirement: each for each in requirement_measures(own, campaign.scenario.outputs)}
+        since = _beyond_since(campaign, answer)
         values, stated, bounds, margins = np.full((4, len(self._measures)), np.nan)
         for number, (measure, time) in enumerate(zip(self._measures, self._at, strict=True)):
             held = measure if measure.requirement is None else required[measure.requirement]
             held = held.at_reading(end if time is None else int(np.argmin(np.abs(answer.times - time))))
+            bounds[number] = np.nan if held.bound is None else held.bound
+            if (answer.times[list(held.readings)] >= since).any():
+                values[number], margins[number] = np.inf, np.nan if held.bound is None else np.inf
+                continue
             values[number], stated[number] = held.value(answer), held.own_value(answer)
             if held.bound is not None:
-                bounds[number] = held.bound
                 margins[number] = _margin(held, float(values[number]))
         return PointAnswer(values, stated, bounds, margins)
+
+
+def _beyond_since(campaign: Campaign, answer: CovarianceReadings) -> float:
+    """Return the time from which errors are beyond the range of linear analysis; infinite where all are within."""
+    sigma = np.sqrt(np.maximum(np.diagonal(answer.covariance, axis1=1, axis2=2), 0.0))
+    limits = limits_of(output.limit for output in campaign.scenario.outputs)
+    beyond = outputs_beyond(limits, answer.mean, sigma).any(axis=1)
+    return float(answer.times[beyond].min(initial=np.inf))
 
 
 def in_threads(compute: Callable[[Item], Result], items: Sequence[Item], jobs: int) -> list[Result]:

@@ -19,6 +19,7 @@ from mcnav.analysis.comparison import Comparison, Criterion, Model, compare_redu
 from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
+from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_range import BeyondRange
 from mcnav.analysis.requirements import Requirement, RequirementResult, judge_requirement, requirements_from
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
@@ -260,8 +261,11 @@ def linear_filter(model: ModelRecord, record: FilterRecord) -> LinearFilter | No
         contributions |= development.processes
         by_mean = partials * model.start_mean * mean[:, :, None]
         squared_means = {name: by_mean[:, :, k] for k, name in enumerate(names) if model.start_mean[k]}
+        if development.nominal is not None:
+            squared_means[NOMINAL] = development.nominal * mean
+    believed = {NOMINAL: 0.0} | dict(known.believed)
     return LinearFilter(
-        known.covariance, known.state_variance, true, known.state_true, contributions, known.believed, squared_means
+        known.covariance, known.state_variance, true, known.state_true, contributions, believed, squared_means
     )
 
 

@@ -21,7 +21,8 @@ def linear_moments(model: ModelRecord, development: PartialsRecord) -> tuple[Arr
     partials, covariance = development.partials, development.covariance
     if covariance is None:
         covariance = partials @ model.start_covariance @ partials.swapaxes(1, 2)
-    return partials @ model.start_mean, covariance
+    mean = partials @ model.start_mean
+    return mean if development.nominal is None else mean + development.nominal, covariance
 
 
 def beyond_range(record: ModelRecord, model: Model) -> BeyondRange | None:

@@ -168,7 +168,8 @@ def _development(scenario: Scenario, errors: ErrorModel, throughout: LinearHisto
         record = PartialsRecord(label=known.label, times=known.times, partials=known.partials)
         variances = {name: np.diagonal(each, axis1=1, axis2=2) for name, each in known.processes.items()}
         covariance = known.covariance(errors.covariance) if variances else None
-        return record.completed({"processes": variances or None, "covariance": covariance})
+        nominal = known.nominal if known.nominal is not None and np.any(known.nominal) else None
+        return record.completed({"processes": variances or None, "covariance": covariance, "nominal": nominal})
     if throughout is None:
         return None
     epochs = throughout.epochs

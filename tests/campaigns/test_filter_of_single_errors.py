@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 
 from mcnav.config.read import read_campaign
+from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.run import run_campaign
+from tests.commands import invoke
 
 SCENARIO = '''
 import numpy as np
@@ -23,9 +25,10 @@ class Constants:
     outputs = tuple(Output(f"x{i}", "m", "m") for i in range(6))
     epochs = Epochs("time [min]", np.arange(4.0))
     stated = np.array(STATED)
+    offset = np.zeros(6)
 
     def fly(self, errors):
-        return Flown(np.tile(errors, (4, 1)), np.tile(np.diag(self.stated**2), (4, 1, 1)))
+        return Flown(np.tile(errors + self.offset, (4, 1)), np.tile(np.diag(self.stated**2), (4, 1, 1)))
 
     def partials(self):
         return np.tile(np.eye(6), (4, 1, 1))
@@ -37,8 +40,9 @@ BANNER = re.compile(r'<div class="verdict (\w+)">\s*<p class="headline">(.*?)</p
 CHIP = re.compile(r'class="tag (\w+)"')
 
 
-def run(folder: Path, stated: list[float], samples: int) -> dict[str, Any]:
-    (folder / "constants.py").write_text(SCENARIO.replace("STATED", str(stated)))
+def run(folder: Path, stated: list[float], samples: int, offset: str = "np.zeros(6)") -> dict[str, Any]:
+    content = SCENARIO.replace("STATED", str(stated)).replace("np.zeros(6)", offset)
+    (folder / "constants.py").write_text(content)
     lines = [
         f'name = "constants"\nsamples = {samples}\nseed = 4',
         '[scenario]\ntype = "constants.py:Constants"',
@@ -120,3 +124,40 @@ def test_every_sigma_is_right(tmp_path: Path) -> None:
     page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     section = page[page.index('<section id="filter">') :]
     assert set(CHIP.findall(section[: section.index("</section>")])) == {"agrees"}
+
+
+def test_an_error_that_every_flight_has_is_a_mean_that_the_filter_neglects(tmp_path: Path) -> None:
+    """A constant 0.8 m on top of a sigma of 1 m: the root mean square is sqrt(1.64), by samples and linear analysis."""
+    summary = run(tmp_path, [RIGHT] * 6, 3_000, "0.8 * np.eye(6)[0]")
+    verdict = summary["filter"]
+    assert (verdict["verdict"], verdict["output"]) == ("optimistic", "x0")
+    low, high = verdict["factor_interval"]
+    assert low < 1.64**0.5 < high
+    assert verdict["outputs"]["x0"]["ratio_linear"] == pytest.approx(1.64**0.5, rel=1e-12)
+    assert [each["name"] for each in verdict["neglected"]] == ["mean_of_nominal_errors"]
+    linear = linear_covariance(tmp_path / "constants.toml").filter
+    assert linear is not None
+    assert (linear.verdict.value, linear.output) == ("optimistic", "x0")
+    assert linear.factor == pytest.approx(1.64**0.5, rel=1e-12)
+
+
+def test_a_filter_that_states_no_variance_of_an_error_is_optimistic(tmp_path: Path) -> None:
+    """Whatever the samples: no finite factor describes it."""
+    summary = run(tmp_path, [RIGHT] * 5 + [0.0], 200)
+    assert (summary["filter"]["verdict"], summary["filter"]["factor"]) == ("optimistic", None)
+    tone, headline, _ = banner(tmp_path)
+    words = "The filter is optimistic: it states no variance of x5, whose error is not zero."
+    assert (tone, headline) == ("differs", words)
+
+
+@pytest.mark.parametrize("last", [RIGHT, 1.0 / 1.2])
+def test_what_is_not_good_comes_first(tmp_path: Path, last: float) -> None:
+    """In the terminal and on the page: the filter's verdict before a good one on linear analysis, and only then."""
+    summary = run(tmp_path, [RIGHT] * 5 + [last], 10_000)
+    printed = invoke("show", tmp_path / "run", cwd=tmp_path).stdout
+    order = [printed.index(words[:40]) for words in (summary["filter_verdict"], "Yes: the linear covariance analysis")]
+    assert (order[0] < order[1]) == (last != RIGHT)
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert [tone for tone, _, _ in BANNER.findall(page)] == (
+        ["agrees", "agrees"] if last == RIGHT else ["differs", "agrees"]
+    )

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import alone, together
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult
 from mcnav.errors import CampaignError
 from mcnav.lincov.partials import Propagate
+from mcnav.report.linearity_words import answer, linearity_rows
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.studies.linearity import linearity_study
 from mcnav.studies.start_times import check_start_time, checked_times, start_time_study
@@ -56,6 +58,32 @@ def test_range_of_dispersion_of_a_known_system() -> None:
     assert found.agrees_until[0] < exact < found.differs_from[0]
     assert found.agrees_until[0] < found.departs[0] < found.differs_from[0]
     assert found.departs[0] == pytest.approx(exact, rel=0.15)
+
+
+def test_dispersion_that_linear_analysis_has_not_ends_the_range() -> None:
+    """Of y = a, z = 2 a + 0.03 a^2 and w = b^2 the sigma of z is linear up to a multiple; the others never are.
+
+    The combination z - 2 y has a linear sigma of zero, as w has, at every multiple.
+    """
+
+    def simulate(multiple: float) -> Propagate:
+        def propagate(errors: Array) -> SimulationResult:
+            a, b = errors.T
+            return SimulationResult(np.column_stack([a, 2.0 * a + 0.03 * a**2, b**2]))
+
+        return propagate
+
+    partials = np.array([[1.0, 0.0], [2.0, 0.0], [0.0, 0.0]])
+    draws = np.random.default_rng(5).standard_normal((2000, 2))
+    model = Model(partials, np.zeros(3), np.zeros(2), np.eye(2))
+    found = together(simulate, model, draws, Criterion(0.05, 0.95), SamplingDesign(), 10.0)
+    assert found.agrees_until.tolist()[0] == np.inf
+    assert found.agrees_until[1] > 5.0
+    assert found.agrees_until[2:].tolist() == [0.1, 0.1]
+    words = answer(["y", "z", "w"], found, 0.05)
+    assert words.startswith("At no multiple is every sigma shown to be within ±5 % of the linear one: w is not")
+    assert words.endswith("Their joint distribution is not shown to agree even at 0.1 times the stated errors.")
+    assert [row[1][0] for row in linearity_rows(["y", "z", "w"], found)][2:] == ["< 0.1", "< 0.1"]
 
 
 def test_flights_that_fail_end_the_range() -> None:

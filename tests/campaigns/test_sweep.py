@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -333,3 +334,30 @@ def test_a_users_scenario_that_has_no_linear_model_at_an_end_is_refused(cubic: P
     found = invoke("sweep", cubic, "--vary", "scenario.jump=0, 1", cwd=cubic.parent)
     assert found.returncode == 2
     assert "have no linear model" in found.stderr or "converge" in found.stderr
+
+
+def test_values_beyond_the_range_of_linear_analysis_are_not_shown(cubic: Path) -> None:
+    """An output with a limit of 0.5 m: of a larger sigma there is no value, and no limit is met there."""
+    limited = CUBIC.replace('Output("miss", "m", "m")', 'Output("miss", "m", "m", limit=0.5)')
+    assert limited != CUBIC
+    (cubic.parent / "cubic.py").write_text(limited)
+    found, files = write_sweep(
+        cubic, SweepPlan({"errors.error": "0.01..1 m"}, ("miss < 2 m",), 5), cubic.parent / "out"
+    )
+    assert np.isfinite(found.values[:, 0]).tolist() == [True, True, True, True, False]
+    (just_met,) = found.just_met
+    assert just_met.met == ((None, pytest.approx(0.5, rel=2.0 * TOLERANCE)),)
+    assert "beyond the range of linear analysis" in files[-1].read_text(encoding="utf-8")
+    assert json.loads((cubic.parent / "out" / "sweep.json").read_text())["values"][-1] == [None]
+
+
+def test_numbers_may_not_grow_beyond_the_range_of_linear_analysis(cubic: Path) -> None:
+    """The requirement allows a sigma of 0.61 m; linear analysis ends at 0.5 m."""
+    limited = CUBIC.replace('Output("miss", "m", "m")', 'Output("miss", "m", "m", limit=0.5)')
+    (cubic.parent / "cubic.py").write_text(limited)
+    content = tomllib.loads(cubic.read_text(encoding="utf-8"))
+    content["accept"] = {"quantile": [{"output": "miss", "probability": 0.9, "below": "1 m"}]}
+    cubic.write_text(tomli_w.dumps(content))
+    (change,) = mcnav.allocate(cubic).goals[0].changes
+    assert 0.48 < 0.01 * change.factor < 0.5
+    assert change.result.met

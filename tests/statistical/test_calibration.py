@@ -85,6 +85,10 @@ def test_a_small_study(tmp_path: object) -> None:
     assert set(pairs["statement"]) == {"|y| at 99 %, upper bound"}
     found = table[(table["kind"] == "power") & (table["statement"] == "paired sigma ratio is not one")]
     assert (found[found["design"] == "random"]["measured"] == 1.0).all()
+    fixed = table[table["statement"] == "verdict: what is held fixed is dispersed"]
+    assert {system: set(rows["measured"]) for system, rows in fixed.groupby("system")} == {
+        "dependent": {0.0}, "bent": {1.0},
+    }  # fmt: skip
     text = page.render(table, 4)
     assert text.count("<section id=") == 4
     assert "nan" not in text

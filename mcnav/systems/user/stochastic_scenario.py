@@ -317,7 +317,8 @@ class TimedUserScenario(StochasticUserScenario):
         chosen = np.unique(np.linspace(0, last, min(count, last + 1)).round().astype(int))
         processes = {name: each[chosen] for name, each in self.noise.items()}
         times, partials = self.epochs.times[chosen], self._partials_over_time[chosen]
-        return LinearSystem(times, partials, processes=processes, label=self.epochs.label)
+        nominal = np.asarray(self._nominal.errors, dtype=float).reshape(len(self.epochs.times), -1)[chosen]
+        return LinearSystem(times, partials, nominal, processes, label=self.epochs.label)
 
     @property
     def groups(self) -> Mapping[str, tuple[str, ...]]:

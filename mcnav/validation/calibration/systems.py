@@ -10,6 +10,10 @@
     ``y_1 = x_1 + c x_2^2`` and ``y_2 = x_1 / 2 + x_3 + c x_1 x_2``: tests coverage.
 `corrupted`
     A linear simulation, compared with a linear model whose first column is 5 % too large: tests power.
+`dependent`
+    ``y_1 = x_1`` and ``y_2 = 2 x_1``: of ``y_2 - 2 y_1`` the linear model has no dispersion, nor has the simulation.
+`bent`
+    The same with ``y_2 = 2 x_1 + d (x_1^2 - 1)``: the combination is dispersed, by less than a thousandth of ``y_2``.
 """
 
 from __future__ import annotations
@@ -27,6 +31,7 @@ CURVATURE: Final = 0.2
 CORRUPTION: Final = 1.05
 PARTIALS: Final = np.array([[1.0, 0.0, 0.0], [0.5, 0.0, 1.0]])
 BEND: Final = 0.2
+FAINT: Final = 1e-3
 
 
 @dataclass(frozen=True)
@@ -79,10 +84,23 @@ def _linear(sources: Array, fourth: float) -> Array:
     return np.asarray(sources @ PARTIALS.T)
 
 
+def _dependent(bend: float) -> Callable[[Array, float], Array]:
+    def simulate(sources: Array, fourth: float) -> Array:
+        first = sources[:, 0]
+        return np.column_stack([first, 2.0 * first + bend * (first**2 - 1.0)])
+
+    return simulate
+
+
+def _bent_truth(fourth: float, sixth: float) -> Truth:
+    return Truth(np.zeros(2), _TWINS @ _TWINS.T + np.diag([0.0, FAINT**2 * (fourth - 1.0)]), None)
+
+
 def _same(covariance: Array) -> Callable[[float, float], Truth]:
     return lambda fourth, sixth: Truth(np.zeros(2), covariance, None)
 
 
+_TWINS: Final = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
 _PLAIN: Final = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 SYSTEMS: Final = {
@@ -92,4 +110,6 @@ SYSTEMS: Final = {
     "corrupted": SyntheticSystem(
         _linear, _model(PARTIALS * np.array([CORRUPTION, 1.0, 1.0])), _same(PARTIALS @ PARTIALS.T)
     ),
+    "dependent": SyntheticSystem(_dependent(0.0), _model(_TWINS), _same(_TWINS @ _TWINS.T)),
+    "bent": SyntheticSystem(_dependent(FAINT), _model(_TWINS), _bent_truth),
 }

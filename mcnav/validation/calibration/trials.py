@@ -32,6 +32,9 @@ SOURCES: Final[dict[str, tuple[Distribution, float, float]]] = {
 }
 """Distributions of all sources with their fourth and sixth moments."""
 
+HELD_FIXED: Final = {"dependent": "false alarm", "bent": "power"}
+"""Systems of dependent outputs, and what the verdict on their combination shows."""
+
 HEAVIEST: Final = "student-t 5"
 """Distribution used with the quadratic system only, to show the effect of its tails."""
 
@@ -68,6 +71,10 @@ def _statements(
 ) -> Iterator[Statement]:  # fmt: skip
     if name == "corrupted":
         yield from _powers(comparison)
+        return
+    if name in HELD_FIXED:
+        if comparison.ellipsoid is not None:
+            yield "verdict: what is held fixed is dispersed", HELD_FIXED[name], comparison.ellipsoid.surprised
         return
     yield from _covered(name, system, truth, comparison)
     if name in ("linear", "disguised"):

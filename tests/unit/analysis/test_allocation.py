@@ -7,7 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
-from mcnav.analysis.allocation import MOST, PRECISION, critical_multiple, nearest_multiple
+from mcnav.analysis.allocation import MOST, NARROW, PRECISION, critical_multiple, nearest_multiple, worst_of
+from mcnav.analysis.linear_answer import LinearRequirement
+from mcnav.analysis.requirements import Requirement
 
 CASES: dict[str, tuple[Callable[[float], float], float]] = {
     "tightened": (lambda k: math.sqrt(0.3 + 0.9 * k * k), math.sqrt(0.7 / 0.9)),
@@ -48,10 +50,6 @@ def test_a_number_that_does_not_matter() -> None:
     assert math.isinf(critical_multiple(lambda k: 2.0 - 0.5 * k / MOST))
 
 
-def test_multiples_that_cannot_be_computed_end_the_search() -> None:
-    assert math.isinf(critical_multiple(lambda k: math.nan if k > 10.0 else 2.0))
-
-
 def test_the_least_multiple_stands_for_none() -> None:
     """A sensor's noise cannot be zero."""
     found = critical_multiple(lambda k: math.nan if k == 0.0 else 0.5 / k, least=1e-3)
@@ -77,3 +75,18 @@ def test_where_no_multiple_does_the_closest_is_known() -> None:
     found, closest = nearest_multiple(lambda k: 0.99 * math.exp(-(math.log(max(k, 1e-3) / 30.0) ** 2)))
     assert math.isnan(found)
     assert closest == pytest.approx(30.0, rel=0.02)
+
+
+@pytest.mark.parametrize(("ends", "expected"), [(3.0, 3.0), (100.0, 100.0), (math.inf, math.inf)])
+def test_a_number_may_grow_as_far_as_there_are_answers(ends: float, expected: float) -> None:
+    """Where the margin ceases to be known before the goal ceases to be met, larger numbers are not claimed."""
+    multiple = critical_multiple(lambda k: 1e6 / k if k < ends else math.nan)
+    assert multiple < ends or math.isinf(ends)
+    assert multiple == pytest.approx(expected, rel=2.0 * NARROW)
+
+
+def test_a_requirement_that_cannot_be_judged_is_the_worst() -> None:
+    requirement = Requirement("quantile", (0,), (1.0,), 0.9)
+    known, unknown = (LinearRequirement(requirement, value, margin) for value, margin in ((0.5, 2.0), (math.nan,) * 2))
+    assert worst_of((known, unknown), (0, 1)) is unknown
+    assert worst_of((unknown, known), (0, 1)) is unknown

@@ -116,7 +116,15 @@ def test_monte_carlo(verdicts: tuple[str, str], finding: str, joint: str, words:
 def test_remarks() -> None:
     assert remarks(SWEEP) == [
         "The filter states the same values: at every point it believes what is true.",
-        "errors.range does not change 95 % of |altitude|.",
+        "At all values of errors.range that were looked at 95 % of |altitude| is the same.",
+    ]
+    between = ((2.0e3,), np.array([2e3, 3e3]))
+    assert not any("is the same" in each for each in remarks(replace(SWEEP, added=(between,))))
+    beyond = VALUES.copy()
+    beyond[-1] = np.inf
+    assert remarks(replace(SWEEP, values=beyond, own=np.full_like(VALUES, np.nan))) == [
+        "At 1 point errors are beyond the range of linear analysis: no value there, and no limit met.",
+        "At all values of errors.range that were looked at 95 % of |altitude| is the same.",
     ]
     optimistic = remarks(replace(SWEEP, own=np.array([[1e3, 4e3], [1e3, 4e3], [1e3, 4e3]])))
     assert optimistic[0] == "The filter is optimistic by a factor of up to 3: range, 1σ, at errors.range = 3 km."

@@ -347,3 +347,12 @@ def test_asymmetry_of_blocks() -> None:
     found = blocked_mean(values, np.arange(500))
     assert found.asymmetry == pytest.approx(stats.skew(values) / np.sqrt(500.0), rel=1e-12)
     assert blocked_mean(np.ones(50), np.arange(50)).asymmetry == 0.0
+
+
+def test_shape_of_dispersion_in_one_block_has_no_error() -> None:
+    """Without that block there is no dispersion, so that the jackknife has no estimate."""
+    values = np.zeros(50)
+    values[7] = 1.0
+    skewness, kurtosis = shape.shape_of_sums(shape.power_sums(values, np.arange(50)), np.ones(50))
+    assert np.isfinite([skewness.value, kurtosis.value]).all()
+    assert min(skewness.standard_error, kurtosis.standard_error) > 1e6  # infinite, but for rounding
