@@ -188,6 +188,7 @@ def meridian_sides(constants: Array, level: float, z: float) -> tuple[float, flo
     ratio = np.sqrt(1.0 - squared)
     up, out = z, ratio * level  # of the parametric latitude, up to a factor
     for _ in range(GEODETIC_ITERATIONS):
+        # (z + e^2 a / sqrt(1 - e^2) sin^3 beta) / (level - e^2 a cos^3 beta), of the parametric latitude beta
         scale = 1.0 / np.sqrt(up * up + out * out)
         sine, cosine = up * scale, out * scale
         rise = z + squared * radius / ratio * sine * sine * sine
@@ -231,6 +232,7 @@ def _gradient_of(constants: Array, position: Array) -> Array:
         for axis in range(3):
             for i in range(3):
                 there[i] = position[row, i]
+            # central differences along each axis
             there[axis] += GRADIENT_STEP
             ax, ay, az = gravitation(constants, there[0], there[1], there[2])
             there[axis] -= 2.0 * GRADIENT_STEP

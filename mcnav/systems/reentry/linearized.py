@@ -41,6 +41,7 @@ def variational_rates(
     actual, indicated = state[:4], state[4:8]
     elapsed, angle = time - start, indicated[1] - theta_axes
     force_x, force_z = truth_force(actual, coefficients)
+    # indicated force without errors, and its partial derivatives by each
     measured_x, measured_z = measured_force(force_x, force_z, actual[1] - theta_axes, elapsed, no_errors[0])
     indicated_x, indicated_z = indicated_force(on * measured_x, on * measured_z, angle)
     radius, _, radius_rate, angle_rate = indicated
@@ -52,6 +53,7 @@ def variational_rates(
     measured_force_partials(measured_x, measured_z, elapsed, by_error)
     for source in range(SOURCES):
         altitude, shift, altitude_rate, shift_rate = sensitivity[:, source]
+        # df_x, df_z: turned by the indicated range angle's error, too
         turned_x, turned_z = indicated_force(on * by_error[0, source], on * by_error[1, source], angle)
         change_x = turned_x + indicated_z * shift
         change_z = turned_z - indicated_x * shift

@@ -722,8 +722,10 @@ def _run(
         for group in range(groups):
             begin = group * LANES
             size, reached, fresh = min(LANES, len(given.state) - begin), passed, True
+            # a group's samples; the last one fills what is left of the lanes
             for i in range(LANES):
                 lanes.numbers[0, i] = given.indices[begin + min(i, size - 1)]
+            # at the start: deviations, P, and biases of processes by their sigmas
             if block == 0:
                 _begin(begin, size, given, samples, own, lanes.cause)
                 if own_gains:
@@ -741,10 +743,12 @@ def _run(
                 _draw_disturbances(started, ended, most, noise, lanes)
             for k in range(block, end):
                 first, last = epochs.first_updates[k], epochs.first_updates[k + 1]
+                # updates at the beginning of step k
                 for u in range(first, last):
                     m = updates.sizes[u]
                     _disturb(u, m, (u - started) * most, begin, size, updates, noise, lanes)
                     _update(u, m, constants, estimated.corrected, of_filter, updates, own_gains, lanes)
+                # errors and records of the filters at an epoch
                 if reached < len(epochs.numbers) and epochs.numbers[reached] == k:
                     if noise.drifting and noise.measured:
                         shown = len(own.shown)
@@ -759,6 +763,7 @@ def _run(
                     reached += 1
                 if k == all_steps:
                     break
+                # the step: response to errors less what is estimated, deviations, P' = F P F^T + Q
                 _respond(k, (k - block) * width, begin, size, steps, estimated, noise, lanes)
                 if steps.durations[k] <= SHORT:
                     advance_short(k, steps, samples, lanes.parts, own_gains)

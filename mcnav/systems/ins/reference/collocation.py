@@ -63,11 +63,13 @@ def _turned(
     rate = np.empty((3, 3))
     for point in range(3):
         for axis in range(3):
+            # w as measured at a Gauss point: with scale factor, cross axes, g-sensitivity, bias and noise; halved
             measured = reading[point, axis] + gyro[axis, 3] + gyro[axis, 4] * reading[point, 3 + axis] + noise[axis]
             for other in range(3):
                 measured += gyro[axis, other] * reading[point, other]
             rate[point, axis] = 0.5 * measured
         points[point, :] = state[:4]
+    # q' = (q o w - W o q) / 2, by fixed-point iteration: q at the points = q_0 + h times the integral of q'
     half = 0.5 * spin
     for _ in range(PASSES):
         for point in range(3):
@@ -105,6 +107,7 @@ def _pushed(
     force, push = np.empty((3, 3)), np.empty((3, 3))
     for point in range(3):
         for axis in range(3):
+            # f as measured at a Gauss point, into earth-fixed axes
             true = reading[point, 3 + axis]
             measured = true + accelerometer[axis, 3] + accelerometer[axis, 4] * true * true + noise[axis]
             for other in range(3):
@@ -122,6 +125,7 @@ def _pushed(
     for _ in range(PASSES):
         largest = 0.0
         for point in range(3):
+            # velocity and place there by single and double integrals of v' = f + slow
             speed, place = np.empty(3), np.empty(3)
             for axis in range(3):
                 once, twice = 0.0, 0.0
@@ -131,6 +135,7 @@ def _pushed(
                 speed[axis] = state[4 + axis] + duration * once
                 inner = duration * (NODES[point] * state[4 + axis] + duration * twice)
                 place[axis] = state[7 + axis] + (low[7 + axis] + inner)
+            # slow: gravitation, Coriolis and centrifugal acceleration
             x, y, z = normal_gravitation(constants, place[0], place[1], place[2])
             slow[point, 0] = x + spin * (2.0 * speed[1] + spin * place[0])
             slow[point, 1] = y - spin * (2.0 * speed[0] - spin * place[1])
@@ -163,6 +168,7 @@ def _stepped(
     _pushed(constants, spin, duration, reading, accelerometer, accelerometer_noise, state, low, points, slow, change)
     square = 0.0
     for part in range(STATE):
+        # compensated sum: low holds the digits that the state has no room for
         added = change[part] + low[part]
         total = state[part] + added
         low[part] = added - (total - state[part])
