@@ -87,7 +87,7 @@ def test_its_filter_believes_the_truth(tmp_path: Path) -> None:
     (path,) = new_ins("mine", tmp_path, NewIns("STIM300", AIDS))
     campaign = read_campaign(path)
     assert isinstance(campaign.scenario, Ins)
-    readings = campaign.scenario.linear_readings(None)
+    readings = campaign.scenario.linear(campaign.scenario.reading_times)
     assert readings.own is not None
     true = readings.partials @ campaign.errors.covariance @ readings.partials.swapaxes(1, 2)
     true = true + sum(readings.processes.values())

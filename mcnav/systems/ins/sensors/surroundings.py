@@ -65,8 +65,8 @@ class Surroundings:
         velocity = body.velocity - np.cross(spin, body.position)
         radii = np.stack(earth.curvature_radii(latitude)) + altitude
         return cls(
-            earth.rotation_rate, lever_arm, body.position, velocity, altitude, latitude, radii, turned, level, body.axes,
-            instruments.axes, turning, instruments.rate, instruments.force,
+            earth.rotation_rate, lever_arm, body.position, velocity, altitude, latitude, radii, turned, level,
+            body.axes, instruments.axes, turning, instruments.rate, instruments.force,
         )  # fmt: skip
 
     @property
