@@ -41,6 +41,7 @@ DIMENSIONS: Final = {
     "m/s^2/sqrt(s)": Dimension("an acceleration random walk", "5 ug/sqrt(h)"),
     "rad/s/(m/s^2)": Dimension("an angular rate per acceleration", "1 deg/h/g"),
     "(m/s^2)/(m/s^2)^2": Dimension("an acceleration per acceleration squared", "10 ug/g^2"),
+    "T": Dimension("a magnetic flux density", "100 nT"),
     "1/s": Dimension("a frequency", "10 Hz"),
     "1": Dimension("a pure number", "100 ppm"),
 }
@@ -105,6 +106,7 @@ USUAL: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
     "m/s^2/sqrt(s)": {"m/s^2/sqrt(s)": (1.0, 1.0), "ug/sqrt(h)": (1.6344416666666664e-07, 6118297.27786757)},
     "rad/s/(m/s^2)": {"rad/s/(m/s^2)": (1.0, 1.0), "deg/h/g": (4.94372370900905e-07, 2022766.7621830872)},
     "(m/s^2)/(m/s^2)^2": {"(m/s^2)/(m/s^2)^2": (1.0, 1.0), "ug/g^2": (1.0197162129779283e-07, 9806650.0)},
+    "T": {"T": (1.0, 1.0), "uT": (1e-06, 1000000.0), "nT": (1e-09, 999999999.9999999)},
     "1/s": {"1/s": (1.0, 1.0), "Hz": (1.0, 1.0)},
     "1": {"1": (1.0, 1.0), "%": (0.01, 100.0), "ppm": (1e-06, 1000000.0)},
     "m^3/s^2": {"m^3/s^2": (1.0, 1.0)},

@@ -15,6 +15,7 @@ FILES: Final = (
     "attitude",
     "body_velocity",
     "heading",
+    "magnetometer",
 )
 """Files that define a quantity, a type of sensor, or both. A new one comes last: the order numbers the quantities."""
 
