@@ -18,10 +18,11 @@ def report(page_of: Callable[[str], Path]) -> Path:
 
 
 def test_the_answers_are_on_the_first_screen(browser: Browser, report: Path) -> None:
-    """Both verdicts, requirements, and every output's sigmas by three methods with its largest sources."""
+    """All verdicts, the worst first, requirements, and every output's sigmas by three methods with its largest sources."""
     with browser.opened(report, height=HEIGHT) as page:
         headlines = page.locator(".verdict .headline").all_inner_texts()
-        assert len(headlines) == 2
+        assert headlines[0] == "Requirements: 0 of 1 met, 1 not met."
+        assert headlines[2].startswith("Undecided: ")
         assert headlines[1].startswith("The filter is optimistic by a factor of ")
         assert "the largest error that it neglects is gyro scale factor" in headlines[1]
         rows = page.locator(".answers tbody tr")
