@@ -18,7 +18,7 @@ def report(page_of: Callable[[str], Path]) -> Path:
 
 
 def test_the_answers_are_on_the_first_screen(browser: Browser, report: Path) -> None:
-    """All verdicts, the worst first, requirements, and every output's sigmas by three methods with its largest sources."""
+    """All verdicts, the worst first, and every output's sigmas by three methods with its largest sources."""
     with browser.opened(report, height=HEIGHT) as page:
         headlines = page.locator(".verdict .headline").all_inner_texts()
         assert headlines[0] == "Requirements: 0 of 1 met, 1 not met."
