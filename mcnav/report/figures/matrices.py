@@ -44,8 +44,7 @@ def matrices(content: RunAnalysis) -> Figure:
     scaled = np.outer(sigma, sigma)
     relative = [np.divide(each, scaled, out=np.zeros_like(each), where=scaled > 0.0) for each in (linear, flown)]
     both = [correlations(linear), correlations(flown)]
-    change = 100.0 * (relative[1] - relative[0])
-    apart = 1000.0 * (both[1] - both[0])
+    change, apart = 100.0 * (relative[1] - relative[0]), 1000.0 * (both[1] - both[0])
     np.fill_diagonal(apart, 0.0)
     certain = certain_differences(comparison, content.criterion.confidence)
 
