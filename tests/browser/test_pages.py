@@ -188,7 +188,7 @@ def test_answers_stand_on_the_first_screen(browser: Browser, page_of: Callable[[
             assert box["y"] + box["height"] <= 800, part
         rows = page.locator(".answers tbody tr").all_inner_texts()
         assert len(rows) == page.locator("#matrices-0-c").count() + {"report": 4, "many": 9}[kind]
-        assert all("%" in row.split("\t")[-1] for row in rows[:-1])
+        assert all("%" in row.split("\t")[-1] for row in rows if not row.startswith("joint"))
     with browser.opened(page_of(kind), 380) as page:
         boxes = page.locator(".answers td").evaluate_all("all => all.map(each => each.getBoundingClientRect().right)")
         assert max(boxes) <= 380
