@@ -33,6 +33,8 @@ FURTHER_TABLES: Final = {
     "imu": "this scenario has no inertial measurement unit",
     "aiding": "this scenario cannot be aided, which those of type ins can",
     "filter": "this scenario cannot be aided, which those of type ins can",
+    "processes": "this scenario has no processes of its own, which closed loops have",
+    "measurements": "this scenario has no measurements of its own, which closed loops have",
 }
 """Tables besides ``[scenario]`` that some types read, and what is wrong with one where the type does not."""
 

@@ -172,7 +172,13 @@ class CampaignTable(Table):
         dict[str, Any], Field(description="Inertial measurement unit of type ins: a grade, or a data sheet.")
     ] | None = None  # fmt: skip
     aiding: Annotated[Any, Field(description="Sensors that aid a navigation of type ins.")] = None
-    filter: Annotated[Any, Field(description="Error-state Kalman filter of an aided navigation.")] = None
+    filter: Annotated[
+        Any, Field(description="Error-state Kalman filter of an aided navigation; beliefs of a closed loop's filter.")
+    ] = None
+    processes: Annotated[
+        Any, Field(description="Sizes of a closed loop's processes of noise and of its corrections' errors.")
+    ] = None
+    measurements: Annotated[Any, Field(description="Sigmas of the noise of a closed loop's measurements.")] = None
     errors: Annotated[
         dict[str, Any],
         Field(description="One sigma of a normal error by source, or a table with its distribution; others are zero."),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
+from mcnav.systems.closed_loop import table as closed_loop
 from mcnav.systems.description import ScenarioSpec, ScenarioType
 from mcnav.systems.ins.scenario import SOURCES as INS_SOURCES
 from mcnav.systems.ins.tables import scenario as ins
@@ -25,8 +26,8 @@ SCENARIO_TYPES: Final[Mapping[str, ScenarioType]] = {
 }
 """Scenario types by the ``type`` of ``[scenario]``."""
 
-USER: Final = ScenarioType(user.UserTable, user.read_scenario)
-"""A class in the user's own file: ``type = "my_module.py:Boost"``."""
+USER: Final = ScenarioType(user.UserTable, closed_loop.read_scenario, closed_loop.TABLES)
+"""A class in the user's own file, a closed loop or another system: ``type = "my_module.py:Boost"``."""
 
 
 def scenario_type(name: object) -> ScenarioType | None:

@@ -15,9 +15,7 @@ MOST_ITERATIONS: Final = 60
 """Of the search for a zero; each that fails to halve the interval is followed by one that does."""
 
 
-def find_crossings(
-    maps: Maps, x: Array, time: Array, length: float, white: Array, value: Array, after: Array
-) -> Array:
+def find_crossings(maps: Maps, x: Array, time: Array, length: float, white: Array, value: Array, after: Array) -> Array:
     """Find the fraction of a step at which the trigger's function is zero, shape (n,), by Illinois' method.
 
     Parameters
@@ -63,7 +61,7 @@ def crossing_within(maps: Maps, x: Array, time: float, length: float, sign: floa
 
 
 def event_map(maps: Maps, x: Array, time: float, steps: Array) -> Array:
-    """Linearize the event: ``dt = -psi_X / psi_dot dX``, ``S = 1 + X_dot dt``, shape (size, size); the clock keeps dt."""
+    """Linearize the event: ``dt = -psi_X / psi_dot dX``, ``S = 1 + X_dot dt``, shape (size, size); the clock has dt."""
     end = maps.end
     assert end is not None
 

@@ -65,7 +65,7 @@ def read_plan(plan: Plan, maps: Maps, true: Sizes, readout: Readout, epochs: Seq
     for quantity, place in structure.markov.places():
         local = slice(place.start - begin, place.stop - begin)
         covariances[quantity.name][place, place] = np.diag(true.markov[local] ** 2)
-    present = {name: matrix.any() for name, matrix in covariances.items()}
+    present = {name: bool(matrix.any()) for name, matrix in covariances.items()}
     rows: list[tuple[float, Array, Array, dict[str, Array]]] = []
     wanted = set(epochs)
     for number, planned in enumerate(plan.instants[: plan.end + 1]):

@@ -9,13 +9,11 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.contract.scenario import ScenarioError
-from mcnav.systems.closed_loop.declarations import Correction, Measurement, Trigger
-from mcnav.systems.closed_loop.methods import Frame, Method, read_method
+from mcnav.systems.closed_loop.declarations import Correction, Measurement
+from mcnav.systems.closed_loop.methods import Frame, Method
 from mcnav.systems.closed_loop.quantities import Block, Quantity, Values, as_kept, as_seen, spread
-from mcnav.systems.closed_loop.structure import Structure, measurements_of, read_structure
+from mcnav.systems.closed_loop.structure import Structure
 
-_OF_TRUTH: Final = ("time", "truth", "command", "parameters", "noise")
 _ROOT_3: Final = float(np.sqrt(3.0))
 
 
@@ -67,16 +65,16 @@ class Maps:
         structure = self.structure
 
         def noise() -> Values:
-            values = _named(structure.markov, x)
+            values = named(structure.markov, x)
             if white is not None:
-                values |= _named(structure.white, white)
+                values |= named(structure.white, white)
             return Values("noise", values)
 
         return {
             "time": lambda: time,
-            "truth": lambda: Values("truth", _named(structure.truth, x)),
-            "parameters": lambda: Values("parameters", _named(structure.parameters, x)),
-            "estimate": lambda: Values("estimate", _named(structure.estimate, x)),
+            "truth": lambda: Values("truth", named(structure.truth, x)),
+            "parameters": lambda: Values("parameters", named(structure.parameters, x)),
+            "estimate": lambda: Values("estimate", named(structure.estimate, x)),
             "command": lambda: self._seen_command(x if command is None else command, command is None),
             "noise": noise,
         }
@@ -86,18 +84,18 @@ class Maps:
         structure = self.structure
 
         def estimated(block: Block) -> dict[str, Array]:
-            values = _named(replace(block, begin=0), np.zeros((block.size, x.shape[1])))
-            values |= {name: each for name, each in _named(structure.estimate, x).items() if name in block.names}
+            values = named(replace(block, begin=0), np.zeros((block.size, x.shape[1])))
+            values |= {name: each for name, each in named(structure.estimate, x).items() if name in block.names}
             return values
 
         def noise() -> Values:
             white = np.zeros((structure.white.size, x.shape[1]))
-            return Values("noise", estimated(structure.markov) | (_named(structure.white, white) if with_white else {}))
+            return Values("noise", estimated(structure.markov) | (named(structure.white, white) if with_white else {}))
 
         return {
             "time": lambda: time,
-            "truth": lambda: Values("the estimate", _named(structure.estimate, x)),
-            "estimate": lambda: Values("estimate", _named(structure.estimate, x)),
+            "truth": lambda: Values("the estimate", named(structure.estimate, x)),
+            "estimate": lambda: Values("estimate", named(structure.estimate, x)),
             "parameters": lambda: Values("parameters", estimated(structure.parameters)),
             "command": lambda: sensed,
             "sensed": lambda: sensed,
@@ -168,7 +166,7 @@ class Maps:
         assert self.guide is not None
         frame = {
             "time": lambda: time,
-            "estimate": lambda: Values("estimate", _named(structure.estimate, x)),
+            "estimate": lambda: Values("estimate", named(structure.estimate, x)),
             "memory": lambda: self._seen_memory(x),
         }
         returned = self.guide(frame)
@@ -209,7 +207,7 @@ class Maps:
         structure, impulse, count = self.structure, self.impulses[number], x.shape[1]
         quantity, place = list(structure.corrections.places())[number]
         where = f"target of {quantity.name}"
-        estimate = Values("estimate", _named(structure.estimate, x))
+        estimate = Values("estimate", named(structure.estimate, x))
         target = impulse.target({"time": lambda: time, "estimate": lambda: estimate})
         commanded = np.broadcast_to(as_kept(target, quantity, count, where), (quantity.size, count))
         executed = commanded + noise
@@ -221,7 +219,7 @@ class Maps:
         return result
 
     def _pushed(self, impulse: Impulse, block: Block, x: Array, time: Array, given: Array) -> Array:
-        states = Values(block.what, _named(block, x))
+        states = Values(block.what, named(block, x))
         if impulse.apply is None:
             name = str(impulse.declared.apply)
             changed: Any = {name: getattr(states, name) + given} if name in block.names else {}
@@ -242,108 +240,6 @@ def _component(name: str, size: int) -> Quantity:
     return Quantity(name, "1", tuple(map(str, range(size))) if size > 1 else ())
 
 
-def _named(block: Block, x: Array) -> dict[str, Array]:
+def named(block: Block, x: Array) -> dict[str, Array]:
+    """Return the values of a block in X by name, as users' methods see them."""
     return {quantity.name: as_seen(x[place], bool(quantity.axes)) for quantity, place in block.places()}
-
-
-def read_maps(instance: Any, name: str, decay: Array | None = None, believed_decay: Array | None = None) -> Maps:
-    """Read the maps of a user's object; guidance, corrections and sensors are tried out on the nominal start.
-
-    Raises `ScenarioError` when a method is missing or asks for what there is not.
-    """
-    structure = read_structure(instance, name)
-
-    def method(attribute: str, known: tuple[str, ...]) -> Method | None:
-        given = getattr(instance, attribute, None)
-        return None if given is None else read_method(given, f"{name}.{attribute}", known)
-
-    rates = method("rates", _OF_TRUTH)
-    if rates is None:
-        raise ScenarioError("type", f"{name} needs a method rates(self, truth, ...), the derivative of the truth")
-    sensors = tuple(
-        Sensor(
-            each,
-            read_method(each.truth, f"truth of {each.name}", ("time", "truth", "parameters", "noise")),
-            None if each.model is None else read_method(each.model, f"model of {each.name}", ("time", "estimate")),
-        )
-        for each in measurements_of(instance, name)
-    )
-    impulses = tuple(
-        Impulse(
-            each,
-            read_method(each.target, f"target of {each.name}", ("time", "estimate")),
-            None if isinstance(each.apply, str)
-            else read_method(each.apply, f"apply of {each.name}", ("time", "truth", "impulse"), "impulse"),
-        )
-        for each in instance.corrections
-    )  # fmt: skip
-    end = instance.end
-    none = np.zeros((structure.markov.size, 1))
-    maps = Maps(
-        structure,
-        rates,
-        method("sense", _OF_TRUTH),
-        method("navigate", ("time", "estimate", "sensed", "parameters", "command")),
-        method("guide", ("time", "estimate", "memory")),
-        sensors,
-        impulses,
-        read_method(end.function, "end", ("time", "truth", "estimate")) if isinstance(end, Trigger) else None,
-        instance.cycle is None,
-        none if decay is None else decay,
-        none if believed_decay is None else believed_decay,
-    )
-    return _sized(maps, read_start(instance, name, structure))
-
-
-def read_start(instance: Any, name: str, structure: Structure) -> Array:
-    """Return the nominal X at the start, shape (size,): truth and estimate as ``start`` says, else zero.
-
-    Raises `ScenarioError` when ``start`` does not return states of the truth.
-    """
-    x = np.zeros(structure.size)
-    if hasattr(instance, "start"):
-        try:
-            x[structure.truth.whole] = spread(structure.truth, instance.start(), 1, "start")[:, 0]
-        except Exception as failure:
-            raise ScenarioError("type", f"{name}.start: {failure}") from failure
-    places, counterparts = structure.pairs
-    x[places] = x[counterparts]
-    return x
-
-
-def _sized(maps: Maps, start: Array) -> Maps:
-    """Find the axes of command, memory, impulses and measurements from what methods return at the start."""
-    count, time = 3, np.zeros(3)
-    x = np.repeat(start[:, None], count, axis=1)
-    structure = maps.structure
-    estimate = Values("estimate", _named(structure.estimate, x))
-
-    def size_of(returned: Any, where: str) -> int:
-        shape = np.shape(returned)
-        if len(shape) > 2 or (shape and shape[0] != count):
-            raise ScenarioError("type", f"{where} must return shape (n,) or (n, axes) for n samples; got {shape}, n = 3")
-        return shape[1] if len(shape) == 2 else 0
-
-    def tried(method: Method, frame: Frame) -> Any:
-        try:
-            return method(frame)
-        except Exception as failure:
-            raise ScenarioError("type", f"{method.where}: {type(failure).__name__}: {failure}") from failure
-
-    command, memory = None, 0
-    if maps.guide is not None:
-        frame = {"time": lambda: time, "estimate": lambda: estimate, "memory": lambda: np.zeros(count)}
-        returned = tried(maps.guide, frame)
-        if isinstance(returned, tuple):
-            returned, kept = returned
-            memory = size_of(kept, "memory of guide") or 1
-        command = size_of(returned, "guide")
-    frame = {"time": lambda: time, "estimate": lambda: estimate}
-    axes = {
-        each.declared.name: size_of(tried(each.target, frame), each.target.where) for each in maps.impulses
-    }
-    truth = maps.truth_frame(x, time)
-    sensors = tuple(
-        replace(each, size=size_of(tried(each.truth, truth), each.truth.where) or 1) for each in maps.sensors
-    )
-    return replace(maps, structure=structure.resized(command, memory, axes), sensors=sensors)

@@ -214,7 +214,8 @@ def make_plan(
     if maps.end is not None and sign == 0.0:
         raise ScenarioError("type", "end: the trigger's function is zero at the start; it must be to one side of it")
     for number, instant in enumerate(timeline):
-        before, steps = [planner.x], []
+        before: list[Array] = [planner.x]
+        steps: list[Transition] = []
         for time in instant.step_times().tolist():
             if maps.end is not None:
                 fraction = crossing_within(maps, planner.x, time, instant.length, sign)
@@ -249,8 +250,6 @@ def _ended(
     if planner.maps.continuous and planner.maps.guide is not None:
         updates.append(planner.guide(plan.end_time))
     plan.instants.append(
-        PlannedInstant(
-            instant, tuple(steps), tuple(updates), planner.x, np.array(before), planner.covariance, fraction
-        )
+        PlannedInstant(instant, tuple(steps), tuple(updates), planner.x, np.array(before), planner.covariance, fraction)
     )
     return plan

@@ -146,7 +146,7 @@ def as_kept(returned: Any, quantity: Quantity, count: int, where: str) -> Array:
 
 
 def spread(block: Block, returned: Any, count: int, where: str, before: Array | None = None) -> Array:
-    """Return a mapping of names to values as numbers of a block, shape (size, n); what is left out is zero, or as before.
+    """Return a mapping of names to values as numbers of a block, shape (size, n); the others are zero, or as before.
 
     Raises `ValueError` when a name is unknown, or a shape is wrong.
     """
@@ -161,5 +161,7 @@ def spread(block: Block, returned: Any, count: int, where: str, before: Array | 
             result[place] = as_kept(returned[quantity.name], quantity, count, f"{quantity.name} of {where}")
     if taken < len(returned):
         unknown = next(name for name in returned if name not in block.names)
-        raise ValueError(f"{where} returned {unknown!r}, which is no {block.what}{suggestion(str(unknown), block.names)}")
+        raise ValueError(
+            f"{where} returned {unknown!r}, which is no {block.what}{suggestion(str(unknown), block.names)}"
+        )
     return result

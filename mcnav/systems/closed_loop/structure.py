@@ -33,7 +33,7 @@ class LoopSource:
 
 @dataclass(frozen=True)
 class Structure:
-    """Blocks of X, in their order, with the time of the end where a trigger ends it, and the white noise that enters."""
+    """Blocks of X, in their order, the clock of an end by trigger last, and the white noise that enters."""
 
     truth: Block
     parameters: Block
@@ -49,7 +49,7 @@ class Structure:
     @property
     def size(self) -> int:
         """Numbers of X."""
-        return self.clock.whole.stop
+        return self.clock.begin + self.clock.size
 
     @cached_property
     def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -80,9 +80,7 @@ class Structure:
             for offset, name in enumerate(quantity.names):
                 also = (estimated.start + offset,) if estimated is not None and follows else ()
                 moves = (place.start + offset, *also)
-                sources.append(
-                    LoopSource(f"true_{name}", quantity.unit, f"true_{quantity.name}", "truth", moves)
-                )
+                sources.append(LoopSource(f"true_{name}", quantity.unit, f"true_{quantity.name}", "truth", moves))
         for quantity, place in self.estimate.places():
             if quantity.name in self.truth.names:
                 for offset, name in enumerate(quantity.names):
@@ -145,7 +143,11 @@ def read_structure(instance: Any, name: str) -> Structure:
     all_blocks = (truth, parameters, markov, estimate, (command,), (), impulses, clock)
     for what, quantities in zip(kinds, all_blocks, strict=True):
         blocks.append(Block(what, quantities, blocks[-1].whole.stop if blocks else 0))
-    structure = Structure(*blocks, Block("process", white), instance.navigator_start)
+    of_truth, of_parameters, of_markov, of_estimate, of_command, of_memory, of_impulses, of_clock = blocks
+    structure = Structure(
+        of_truth, of_parameters, of_markov, of_estimate, of_command, of_memory, of_impulses, of_clock,
+        Block("process", white), str(instance.navigator_start),
+    )  # fmt: skip
     _ = structure.pairs
     return structure
 
@@ -156,7 +158,9 @@ def _read_processes(where: str, processes: Any) -> tuple[tuple[Quantity, ...], t
     kinds: dict[type, list[Quantity]] = {White: [], GaussMarkov: []}
     for name, process in processes.items():
         if type(process) not in kinds:
-            raise ScenarioError("type", f"{where}: {name} must be White(unit) or GaussMarkov(unit); got {process!r:.80}")
+            raise ScenarioError(
+                "type", f"{where}: {name} must be White(unit) or GaussMarkov(unit); got {process!r:.80}"
+            )
         (quantity,) = read_quantities(where, {name: (process.unit, process.axes)})
         kinds[type(process)].append(quantity)
     return tuple(kinds[White]), tuple(kinds[GaussMarkov])

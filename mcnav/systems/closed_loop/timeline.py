@@ -40,7 +40,7 @@ class Instant:
 
     def step_times(self) -> Array:
         """Begin of each step, s."""
-        return self.begin + self.length * np.arange(self.steps)
+        return np.asarray(self.begin + self.length * np.arange(self.steps), dtype=float)
 
 
 def read_timeline(instance: Any, name: str, measurements: tuple[Measurement, ...]) -> tuple[Instant, ...]:
@@ -55,9 +55,11 @@ def read_timeline(instance: Any, name: str, measurements: tuple[Measurement, ...
     steps = [instance.step, cycle, min(intervals, default=None)]
     step = next((_time(each, f"{name}.step", "a time") for each in steps if each is not None), None)
     if step is None:
-        raise ScenarioError("type", f"{name}.step is needed where there is neither a cycle nor a measurement's interval")
+        raise ScenarioError("type", f"{name}.step is needed where there is neither cycle nor interval of a measurement")
     if last / step > MOST_STEPS:
-        raise ScenarioError("type", f"{name}.step: the flight would have {last / step:.3g} steps; at most {MOST_STEPS:,}")
+        raise ScenarioError(
+            "type", f"{name}.step: the flight would have {last / step:.3g} steps; at most {MOST_STEPS:,}"
+        )
     at: dict[str, Array] = {"cycle": _multiples(step if cycle is None else cycle, last, f"{name}.cycle")}
     at["cycle"] = np.append(0.0, at["cycle"])
     for each in measurements:
