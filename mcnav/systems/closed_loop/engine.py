@@ -11,7 +11,7 @@ from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.closed_loop.filter import read_filter
 from mcnav.systems.closed_loop.maps import Maps
-from mcnav.systems.closed_loop.plan import Plan
+from mcnav.systems.closed_loop.plan import Plan, largest_values
 from mcnav.systems.closed_loop.reading import read_maps, read_start
 from mcnav.systems.closed_loop.readout import Readout
 from mcnav.systems.closed_loop.setup import Setup
@@ -48,11 +48,12 @@ def set_up(
 ) -> Setup:
     """Put together what samples share."""
     maps = maps_of(instance, name, sizes)
-    start = read_start(instance, name, maps.structure)
+    start, readout = read_start(instance, name, maps.structure), readout_of(maps)
+    steps = difference_steps(maps, start, sizes.true)
     return Setup(
         maps, read_timeline(instance, name, tuple(sensor.declared for sensor in maps.sensors)), plan,
         read_filter(instance.filter, name, maps.structure), sizes.true, sizes.believed, start,
-        difference_steps(maps, start, sizes.true), epochs, readout_of(maps), schema,
+        steps, epochs, readout, schema, readout.floor(largest_values(plan, maps.structure, steps)),
     )  # fmt: skip
 
 

@@ -271,6 +271,8 @@ class Flight:
         x[:, self.rows] = self.x
         if self.own:
             covariance[self.rows] = self.covariance
-        self.history[:, epoch] = setup.readout.read(x, self.nominal).T
+        values = setup.readout.read(x, self.nominal).T
+        nominal = setup.readout.read(self.nominal[:, None], self.nominal)[:, 0]
+        self.history[:, epoch] = np.where(np.abs(values - nominal) <= setup.floor, nominal, values)
         if self.recorder is not None:
             self.recorder.record(epoch, x, covariance)

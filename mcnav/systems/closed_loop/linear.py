@@ -9,7 +9,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.systems.closed_loop.maps import Maps
-from mcnav.systems.closed_loop.plan import Plan, Transition
+from mcnav.systems.closed_loop.plan import Plan, Transition, largest_values
 from mcnav.systems.closed_loop.readout import Readout
 from mcnav.systems.closed_loop.sizes import Sizes
 
@@ -85,6 +85,9 @@ def read_plan(plan: Plan, maps: Maps, true: Sizes, readout: Readout, epochs: Seq
             nominal = readout.read(planned.nominal[:, None], planned.nominal)[:, 0]
             added = {name: matrix @ each @ matrix.T for name, each in covariances.items() if present[name]}
             rows.append((time, matrix @ partials, nominal, added))
+    rows = [
+        _without_rounding(row, true.start, readout.floor(largest_values(plan, structure, plan.steps))) for row in rows
+    ]
     none = np.zeros((len(readout.outputs),) * 2)
     names = rows[-1][3]
     return LinearReadings(
@@ -93,3 +96,14 @@ def read_plan(plan: Plan, maps: Maps, true: Sizes, readout: Readout, epochs: Seq
         np.array([row[2] for row in rows]),
         {name: np.array([row[3].get(name, none) for row in rows]) for name in names},
     )
+
+
+def _without_rounding(
+    row: tuple[float, Array, Array, dict[str, Array]], start: Array, floor: Array
+) -> tuple[float, Array, Array, dict[str, Array]]:
+    """Return a reading in which outputs that are rounding alone are not dispersed at all."""
+    time, partials, nominal, processes = row
+    variance = np.einsum("ij,jk,ik->i", partials, start, partials)
+    variance += sum((np.diag(each) for each in processes.values()), np.zeros(len(floor)))
+    kept = np.asarray(variance > floor**2, dtype=float)
+    return time, partials * kept[:, None], nominal, {k: each * np.outer(kept, kept) for k, each in processes.items()}

@@ -13,6 +13,7 @@ from mcnav.systems.closed_loop.event import crossing_within, event_map
 from mcnav.systems.closed_loop.filter import FilterStates, propagated, updated
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.sizes import SMALL, Sizes, difference_steps
+from mcnav.systems.closed_loop.structure import Structure
 from mcnav.systems.closed_loop.timeline import Instant
 
 
@@ -78,6 +79,8 @@ class Plan:
     end : int
         Number of the instant of the nominal end.
     end_time : float
+    steps : ndarray, shape (size,)
+        Sizes of X, from which steps of differences follow.
     innovations : mapping of str to float
         Largest nominal innovation of each sensor as a share of its believed sigma.
     kinks : set of str
@@ -87,8 +90,19 @@ class Plan:
     instants: list[PlannedInstant] = field(default_factory=list)
     end: int = -1
     end_time: float = 0.0
+    steps: Array = field(default_factory=lambda: np.zeros(0))
     innovations: dict[str, float] = field(default_factory=dict)
     kinks: set[str] = field(default_factory=set)
+
+
+def largest_values(plan: Plan, structure: Structure, steps: Array) -> Array:
+    """Return the largest value of X's quantities along the nominal, or ten of their sizes, shape (size,)."""
+    largest = np.max([np.abs(each.before).max(axis=0) for each in plan.instants], axis=0)
+    largest = np.maximum(largest, 10.0 * steps)
+    for block in structure.blocks:
+        for _, place in block.places():
+            largest[place] = largest[place].max()
+    return np.asarray(largest)
 
 
 def filled(sizes: Array) -> Array:
@@ -208,26 +222,27 @@ def make_plan(
     Raises `ScenarioError` when the nominal flight is not finite, or its trigger never happens.
     """
     covariance = np.zeros((0, 0)) if states is None else states.start_covariance(maps.structure, believed)
-    planner = Planner(maps, states, true, believed, start, difference_steps(maps, start, true), covariance, Plan())
+    steps = difference_steps(maps, start, true)
+    planner = Planner(maps, states, true, believed, start, steps, covariance, Plan(steps=steps))
     plan, last = planner.plan, len(timeline) - 1
     sign = 0.0 if maps.end is None else np.sign(maps.triggered(maps.end, start[:, None], np.zeros(1))[0])
     if maps.end is not None and sign == 0.0:
         raise ScenarioError("type", "end: the trigger's function is zero at the start; it must be to one side of it")
     for number, instant in enumerate(timeline):
         before: list[Array] = [planner.x]
-        steps: list[Transition] = []
+        done: list[Transition] = []
         for time in instant.step_times().tolist():
             if maps.end is not None:
                 fraction = crossing_within(maps, planner.x, time, instant.length, sign)
                 if fraction is not None:
-                    return _ended(planner, number, instant, before, steps, (time, fraction))
-            steps.append(planner.step(time, instant.length))
+                    return _ended(planner, number, instant, before, done, (time, fraction))
+            done.append(planner.step(time, instant.length))
             before.append(planner.x)
         if number == last and maps.end is not None:
             break
         updates = planner.updates(instant)
         plan.instants.append(
-            PlannedInstant(instant, tuple(steps), tuple(updates), planner.x, np.array(before), planner.covariance)
+            PlannedInstant(instant, tuple(done), tuple(updates), planner.x, np.array(before), planner.covariance)
         )
     if maps.end is not None:
         raise ScenarioError("type", f"end: its flight without any error meets no trigger by {timeline[-1].time:g} s")

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.quantities import Of, Output
 from mcnav.systems.closed_loop.structure import Structure
+
+ROUNDING: Final = 1e-12
+"""Share of a quantity's largest nominal value below which its deviations are rounding, of some thousand steps."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,17 @@ class Readout:
                 rows.append(np.sqrt(np.sum(x[place] ** 2, axis=0, keepdims=True)))
         rows.append(x[structure.clock.whole])
         return np.concatenate(rows)
+
+    def floor(self, largest: Array) -> Array:
+        """Return the deviations of outputs below which they are rounding, shape (outputs,).
+
+        Parameters
+        ----------
+        largest : ndarray, shape (size,)
+            Largest value of X along the nominal.
+        """
+        matrix = np.abs(self.read(np.eye(self.structure.size), np.zeros(self.structure.size)))
+        return np.asarray(ROUNDING * (matrix * largest).max(axis=1, initial=0.0))
 
     def partials(self, nominal: Array) -> Array:
         """Return the derivatives of the outputs by X, shape (outputs, size); that of a size at zero is zero."""

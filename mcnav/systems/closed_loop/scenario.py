@@ -15,13 +15,14 @@ from mcnav.contract.history import Epochs, History, Panel
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Capability, ScenarioError
-from mcnav.systems.closed_loop.engine import ClosedLoopEngine, LoopSizes, maps_of, readout_of
+from mcnav.systems.closed_loop.engine import ClosedLoopEngine, LoopSizes, maps_of, readout_of, set_up
 from mcnav.systems.closed_loop.filter import read_filter
 from mcnav.systems.closed_loop.linear import LinearReadings, process_names, read_plan
 from mcnav.systems.closed_loop.plan import Plan, make_plan
 from mcnav.systems.closed_loop.reading import read_start
 from mcnav.systems.closed_loop.records import schema_of
 from mcnav.systems.closed_loop.sizes import Sizes
+from mcnav.systems.closed_loop.soundness import check_repeatable, remarks_on
 from mcnav.systems.closed_loop.timeline import read_timeline
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.code import UserScenarioSpec
@@ -210,10 +211,34 @@ class ClosedLoopScenario:
     def accuracy(self) -> str:
         """Describe how samples are simulated and linearized."""
         length = max(instant.length for instant in self.timeline)
-        return (
+        told = (
             f"{self.spec.code.file}, class {self.spec.name}, many at once; Runge-Kutta steps of {length:.4g} s; "
             "derivatives of each map by central differences of fourth order along the nominal"
         )
+        return "; ".join([told, *self.remarks])
+
+    @cached_property
+    def remarks(self) -> tuple[str, ...]:
+        """What is to be noticed of the loop; `ScenarioError` when samples depend on more than their errors and noise."""
+        self.plan  # noqa: B018  its failure is told first
+        instants = {number: epoch for epoch, number in enumerate(self._chosen)}
+        setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
+        with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
+            try:
+                check_repeatable(setup)
+                return tuple(remarks_on(setup, self._sigma_of_time))
+            except ScenarioError:
+                raise
+            except (Exception, SystemExit) as failure:
+                message = f"flights with small errors failed: {format_exception(failure, self.spec.code.file)}"
+                raise ScenarioError("type", message) from failure
+
+    @property
+    def _sigma_of_time(self) -> float:
+        if not self.maps.structure.clock.size:
+            return 0.0
+        system = self.linear()
+        return float(np.sqrt(system.covariance(self.sizes.true.start)[0, -1, -1]))
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Return the only engine; `ScenarioError` when the nominal flight fails."""

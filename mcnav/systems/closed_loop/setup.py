@@ -27,6 +27,8 @@ class Setup:
     epochs : mapping of int to int
         Epochs by the number of their instant; the last is the end.
     schema : FilterSchema, optional
+    floor : ndarray, shape (outputs,)
+        Deviations of outputs below which they are rounding; see `Readout.floor`.
     """
 
     maps: Maps
@@ -40,3 +42,4 @@ class Setup:
     epochs: Mapping[int, int]
     readout: Readout
     schema: FilterSchema | None
+    floor: Array

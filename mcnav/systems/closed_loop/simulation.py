@@ -38,7 +38,9 @@ def simulate(setup: Setup, batch: Batch, noise: bool, over_time: bool = True) ->
         flight.read(end)
         matrix = setup.readout.partials(plan.instants[plan.end].nominal)
         nominal = plan.instants[plan.end].nominal
-        linear = (setup.readout.read(nominal[:, None], nominal) + matrix @ flight.deviation).T
+        deviation = matrix @ flight.deviation
+        deviation[np.abs(deviation) <= setup.floor[:, None]] = 0.0
+        linear = (setup.readout.read(nominal[:, None], nominal) + deviation).T
     values = flight.history[:, end].copy()
     values[list(flight.failures)] = np.nan
     for row in np.flatnonzero(~np.isfinite(values).all(axis=1)).tolist():

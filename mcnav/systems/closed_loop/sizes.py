@@ -68,9 +68,7 @@ def difference_steps(maps: Maps, start: Array, true: Sizes) -> Array:
         moved = list(source.moves)
         steps[moved] = np.maximum(steps[moved], sigma)
     steps[structure.markov.whole] = true.markov
-    blocks = (structure.truth, structure.parameters, structure.markov, structure.estimate, structure.command,
-              structure.memory, structure.corrections, structure.clock)  # fmt: skip
-    for block in blocks:
+    for block in structure.blocks:
         for _, place in block.places():
             size = steps[place].max(initial=0.0)
             nominal = float(np.linalg.norm(start[place]))

@@ -47,6 +47,14 @@ class Structure:
     navigator_start: str = "truth"
 
     @property
+    def blocks(self) -> tuple[Block, ...]:
+        """Blocks of X in their order."""
+        return (
+            self.truth, self.parameters, self.markov, self.estimate, self.command, self.memory, self.corrections,
+            self.clock,
+        )  # fmt: skip
+
+    @property
     def size(self) -> int:
         """Numbers of X."""
         return self.clock.begin + self.clock.size
