@@ -19,7 +19,7 @@ SHARE: Final = 0.1
 of fifth order at one sigma, and rounding is magnified by ten."""
 
 OWN_SHARE: Final = 0.01
-"""Step of differences of second order, about every sample's own estimate."""
+"""Step of differences about every sample's own estimate."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def differentiate_map(function: Map, x: Array, steps: Array, input_steps: Array)
 
 
 def differentiate_own(function: Map, x: Array, directions: Array, inputs: Array) -> Array:
-    """Differentiate a map about every sample's state, to second order.
+    """Differentiate a map about every sample's state, to second order by X, to first order by what enters.
 
     Parameters
     ----------
@@ -72,15 +72,19 @@ def differentiate_own(function: Map, x: Array, directions: Array, inputs: Array)
 
     Returns
     -------
-    ndarray, shape (n, m, d + k)
+    ndarray, shape (n, m, d + those of the inputs that change)
         Changes of the map's value.
     """
     size, count = x.shape
-    d, k = directions.shape[1], len(inputs)
-    moved = np.zeros((size + k, 2 * (d + k)))
-    moved[:size, :d], moved[size:, d : d + k] = OWN_SHARE * directions, OWN_SHARE * np.diag(inputs)
-    moved[:, d + k :] = -moved[:, : d + k]
+    d, entering = directions.shape[1], OWN_SHARE * np.diag(inputs)[:, inputs != 0.0]
+    k = entering.shape[1]
+    moved = np.zeros((size + len(inputs), 2 * d + (k + 1 if k else 0)))
+    moved[:size, :d], moved[:size, d : 2 * d] = OWN_SHARE * directions, -OWN_SHARE * directions
+    moved[size:, 2 * d : 2 * d + k] = entering
     states = (x[:, None, :] + moved[:size, :, None]).reshape(size, -1)
-    entering = np.repeat(moved[size:], count, axis=1)
-    values = function(states, entering).reshape(-1, 2, d + k, count)
-    return np.ascontiguousarray(((values[:, 0] - values[:, 1]) / (2.0 * OWN_SHARE)).transpose(2, 0, 1))
+    values = function(states, np.repeat(moved[size:], count, axis=1)).reshape(-1, moved.shape[1], count)
+    changes = np.empty((count, len(values), d + k))
+    changes[:, :, :d] = (values[:, :d] - values[:, d : 2 * d]).transpose(2, 0, 1) / (2.0 * OWN_SHARE)
+    if k:
+        changes[:, :, d:] = (values[:, 2 * d : 2 * d + k] - values[:, -1:]).transpose(2, 0, 1) / OWN_SHARE
+    return changes

@@ -16,7 +16,7 @@ from mcnav.systems.closed_loop.differences import Map, differentiate_own
 from mcnav.systems.closed_loop.event import find_crossings
 from mcnav.systems.closed_loop.filter import FilterStates, propagated, updated
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, SENSORS, Noise, NoNoise
-from mcnav.systems.closed_loop.plan import Transition, filled
+from mcnav.systems.closed_loop.plan import Transition
 from mcnav.systems.closed_loop.records import Recorder
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.timeline import Instant
@@ -89,10 +89,9 @@ class Flight:
         states = self.setup.states
         if states is None or not self.own or not x.shape[1]:
             return covariance
-        sizes = filled(believed)
-        moved = states.reading @ differentiate_own(function, self.seen(x, states), self.directions(states), sizes)
-        f, entering = moved[:, :, : states.count] / self.scale(states), moved[:, :, states.count :] * (believed / sizes)
-        return propagated(covariance, f, entering)
+        changes = differentiate_own(function, self.seen(x, states), self.directions(states), believed)
+        moved = states.reading @ changes
+        return propagated(covariance, moved[:, :, : states.count] / self.scale(states), moved[:, :, states.count :])
 
     def scale(self, states: FilterStates) -> Array:
         """Return the steps of differences of the filter's states, shape (count,)."""

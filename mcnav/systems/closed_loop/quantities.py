@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
 from typing import Any, Final
 
 import numpy as np
@@ -77,28 +79,33 @@ class Block:
     quantities: tuple[Quantity, ...]
     begin: int = 0
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Numbers of all."""
         return sum(quantity.size for quantity in self.quantities)
 
-    @property
+    @cached_property
     def whole(self) -> slice:
         """Their place in X."""
         return slice(self.begin, self.begin + self.size)
 
-    def places(self) -> Iterator[tuple[Quantity, slice]]:
+    def places(self) -> tuple[tuple[Quantity, slice], ...]:
         """Return the quantities, each with its place in X."""
-        begin = self.begin
-        for quantity in self.quantities:
-            yield quantity, slice(begin, begin + quantity.size)
-            begin += quantity.size
+        return self._places
+
+    @cached_property
+    def _places(self) -> tuple[tuple[Quantity, slice], ...]:
+        ends = list(accumulate(quantity.size for quantity in self.quantities))
+        return tuple(
+            (quantity, slice(self.begin + end - quantity.size, self.begin + end))
+            for quantity, end in zip(self.quantities, ends, strict=True)
+        )
 
     def of(self, name: str) -> slice | None:
         """Return the place of a quantity; none when there is no such name."""
         return next((place for quantity, place in self.places() if quantity.name == name), None)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the quantities."""
         return tuple(quantity.name for quantity in self.quantities)

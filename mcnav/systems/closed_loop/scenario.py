@@ -29,12 +29,12 @@ from mcnav.systems.user.code import UserScenarioSpec
 
 LABEL: Final = "time [s]"
 
-MOST_NUMBERS: Final = 40_000
+MOST_NUMBERS: Final = 20_000
 """Numbers of a sample's records over time, which bound the epochs."""
 
 FEWEST_EPOCHS: Final = 20
 
-CHUNK_NUMBERS: Final = 12_000_000
+CHUNK_NUMBERS: Final = 16_000_000
 MOST_SAMPLES: Final = 1_024
 """Numbers over time, and samples, of a chunk."""
 
