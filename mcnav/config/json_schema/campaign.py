@@ -41,8 +41,13 @@ OUTPUTS: Final[Mapping[str, Sequence[Output]]] = {
 STARTS: Final = ("reentry", INS)
 """Types of scenario whose start can be chosen."""
 
-OF_INS: Final = ("imu", "aiding", "filter")
+OF_INS: Final = ("imu", "aiding")
 """Tables of the type ins alone."""
+
+OF_LOOPS: Final = ("processes", "measurements")
+"""Tables of closed loops of the user's alone."""
+
+LOOP_FILTER: Final = "What a closed loop's filter believes: a table believes with errors, processes, measurements."
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,9 @@ def campaign_schema() -> Node:
     properties["scenario"] = _scenario_schema(told["scenario"])
     properties["imu"] = imu_schema(told["imu"])
     properties["aiding"] = aiding_schema()
-    properties["filter"] = filter_schema()
+    properties["filter"] = {"type": "object", "description": told["filter"]}
+    for name in OF_LOOPS:
+        properties[name] = _sizes_by_name(told[name])
     sources = {name: kind.sources or () for name, kind in SCENARIO_TYPES.items()}
     every = {source.name: source for each in sources.values() for source in each}
     known = errors.sources(list(every.values()))
@@ -82,12 +89,14 @@ def campaign_schema() -> Node:
     _name(node, Names(suggested(every), suggested(outputs)))
     restricted = {name: _of_type(name, each, errors, known["properties"]) for name, each in sources.items()}
     conditions = {name: _has_type(choice([name])) for name in sources} | {USERS: _has_type(_user_type())}
-    node |= first_of(conditions, {**restricted, USERS: {"propertyNames": choice(_keys(properties, USERS))}})
     some: Node = {"properties": {"aiding": {"minItems": 1}}}
-    node["dependencies"] = {
+    restricted[INS]["properties"]["filter"] = filter_schema()
+    restricted[INS]["dependencies"] = {
         "filter": {**some, "required": ["aiding"]},
         "aiding": {"if": some, "then": {"required": ["filter"]}},
     }
+    users: Node = {"propertyNames": choice(_keys(properties, USERS)), "properties": {"filter": _loop_filter()}}
+    node |= first_of(conditions, {**restricted, USERS: users})
     return {
         "$schema": DRAFT,
         "title": TITLE,
@@ -111,6 +120,19 @@ def _scenario_schema(description: str) -> Node:
     return node
 
 
+def _sizes_by_name(description: str) -> Node:
+    size = {"description": "A size, sizes by axis, or a table.", "type": ["string", "number", "array", "object"]}
+    return {"type": "object", "description": description, "additionalProperties": size}
+
+
+def _loop_filter() -> Node:
+    told = "Believed {}, by name."
+    believes = {name: _sizes_by_name(told.format(f"sizes of {name}")) for name in ("errors", *OF_LOOPS)}
+    inside: Node = {"type": "object", "additionalProperties": False, "properties": believes, "description": LOOP_FILTER}
+    return {"type": "object", "additionalProperties": False, "properties": {"believes": inside},
+            "description": LOOP_FILTER}  # fmt: skip
+
+
 def _user_type() -> Node:
     return {"type": "string", "pattern": r"^[^\x00-\x1f\x7f:]{1,200}\.py:[A-Za-z_][A-Za-z0-9_]{0,100}$"}
 
@@ -122,7 +144,10 @@ def _has_type(condition: Node) -> Node:
 
 def _keys(properties: Mapping[str, Any], kind: str) -> list[str]:
     """Return the keys of a file with a type of scenario."""
-    other = {*(() if kind == INS else OF_INS), *(() if kind in STARTS else ("start_times",))}
+    other = {
+        *(() if kind == INS else OF_INS), *(() if kind in STARTS else ("start_times",)),
+        *(() if kind == USERS else OF_LOOPS), *(() if kind in (INS, USERS) else ("filter",)),
+    }  # fmt: skip
     return [key for key in properties if key not in other]
 
 

@@ -16,19 +16,11 @@ from mcnav.systems.closed_loop.reading import read_maps, read_start
 from mcnav.systems.closed_loop.readout import Readout
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.simulation import simulate
-from mcnav.systems.closed_loop.sizes import Sizes, difference_steps
+from mcnav.systems.closed_loop.sizes import LoopSizes, difference_steps
 from mcnav.systems.closed_loop.timeline import read_timeline
 from mcnav.systems.sample_loop import simulate_alone
 from mcnav.systems.timeouts import SampleTimeout, within_limit
 from mcnav.systems.user.code import UserScenarioSpec
-
-
-@dataclass(frozen=True)
-class LoopSizes:
-    """Sizes of all errors: as they are, and as the filter believes them."""
-
-    true: Sizes
-    believed: Sizes
 
 
 def maps_of(instance: Any, name: str, sizes: LoopSizes | None = None) -> Maps:

@@ -15,13 +15,14 @@ from mcnav.contract.history import Epochs, History, Panel
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Capability, ScenarioError
-from mcnav.systems.closed_loop.engine import ClosedLoopEngine, LoopSizes, maps_of, readout_of, set_up
+from mcnav.systems.closed_loop.beliefs import believed_shares
+from mcnav.systems.closed_loop.engine import ClosedLoopEngine, maps_of, readout_of, set_up
 from mcnav.systems.closed_loop.filter import read_filter
 from mcnav.systems.closed_loop.linear import LinearReadings, process_names, read_plan
 from mcnav.systems.closed_loop.plan import Plan, make_plan
 from mcnav.systems.closed_loop.reading import read_start
 from mcnav.systems.closed_loop.records import schema_of
-from mcnav.systems.closed_loop.sizes import Sizes
+from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.closed_loop.soundness import check_repeatable, remarks_on
 from mcnav.systems.closed_loop.timeline import read_timeline
 from mcnav.systems.sample_loop import format_exception
@@ -204,8 +205,8 @@ class ClosedLoopScenario:
 
     @property
     def believed(self) -> dict[str, float]:
-        """Shares of variance that the filter believes in, where they are not one."""
-        return {}
+        """Shares of variance that the filter believes in; zero of what it neglects."""
+        return {} if self.states is None else believed_shares(self.maps, self.states, self.sizes)
 
     @property
     def accuracy(self) -> str:
@@ -219,7 +220,10 @@ class ClosedLoopScenario:
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
-        """What is to be noticed of the loop; `ScenarioError` when samples depend on more than their errors and noise."""
+        """What is to be noticed of the loop.
+
+        Raises `ScenarioError` when samples depend on more than their errors and noise.
+        """
         self.plan  # noqa: B018  its failure is told first
         instants = {number: epoch for epoch, number in enumerate(self._chosen)}
         setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)

@@ -56,6 +56,14 @@ class Sizes:
         return np.concatenate([self.white, self.markov * np.sqrt(2.0 * self.decay)])
 
 
+@dataclass(frozen=True)
+class LoopSizes:
+    """Sizes of all errors: as they are, and as the filter believes them."""
+
+    true: Sizes
+    believed: Sizes
+
+
 def difference_steps(maps: Maps, start: Array, true: Sizes) -> Array:
     """Return steps of differences of X, shape (size,): a share of each quantity's size.
 

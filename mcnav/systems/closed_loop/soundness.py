@@ -82,8 +82,8 @@ def remarks_on(setup: Setup, final_time: float) -> list[str]:
     remarks += _step_error(setup)
     if final_time > GRAZING * plan.end_time:
         remarks.append(
-            f"the trigger grazes: one sigma of the final time is {final_time:.3g} s of {plan.end_time:.4g} s, for which "
-            "there is no linear model"
+            f"the trigger grazes: one sigma of the final time is {final_time:.3g} s of {plan.end_time:.4g} s, for "
+            "which there is no linear model"
         )
     return remarks
 

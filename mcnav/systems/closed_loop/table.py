@@ -16,11 +16,10 @@ from mcnav.entries.context import FileContext
 from mcnav.errors import suggestion
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.closed_loop.declarations import ClosedLoop
-from mcnav.systems.closed_loop.engine import LoopSizes
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.quantities import Quantity
 from mcnav.systems.closed_loop.scenario import ClosedLoopScenario, without_errors
-from mcnav.systems.closed_loop.sizes import Sizes
+from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.description import ScenarioSpec
 from mcnav.systems.user import table as user
 

@@ -12,9 +12,8 @@ from mcnav._types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.systems.closed_loop.engine import LoopSizes
 from mcnav.systems.closed_loop.noise import Noise
-from mcnav.systems.closed_loop.sizes import Sizes
+from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from tests.closed_loops import FILE, tables
 
 LOOPS = ("DoubleIntegrator", "Nominal", "Continuous", "Pendulum", "Rendezvous", "Descent", "Landing")

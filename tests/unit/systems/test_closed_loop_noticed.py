@@ -72,7 +72,7 @@ def test_a_sound_loop_has_no_remarks(tmp_path: Path) -> None:
         ("    def rates(self, truth):\n        return truth.v\n", "rates must return a mapping of names to values"),
         ("    def rates(self, truth):\n        return {'x': truth.v[:1]}\n", "must have shape"),
         ("    def rates(self, truth):\n        truth.v += 1.0\n        return {}\n", "read-only"),
-        ("    def rates(self, truth):\n        return {'x': truth.v / 0.0 + truth.v}\n", "ZeroDivisionError|not finite"),
+        ("    def rates(self, truth):\n        return {'x': truth.v / 0.0 + truth.v}\n", "not finite"),
         ("    end = Trigger(lambda truth: truth.x + 100.0, latest=20.0)\n", "meets no trigger by 20 s"),
         ("    end = Trigger(lambda truth: truth.x, latest=20.0)\n", "zero at the start"),
         ("    filter = None\n", "has measurements and no filter"),
