@@ -79,6 +79,7 @@ def remarks_on(setup: Setup, final_time: float) -> list[str]:
                 f"the nominal {quantity.name} is zero: its size has no derivative there, and mean plus three sigma "
                 "is no bound of it"
             )
+    remarks += _near_updates(setup, final_time)
     remarks += _step_error(setup)
     if final_time > GRAZING * plan.end_time:
         remarks.append(
@@ -86,6 +87,21 @@ def remarks_on(setup: Setup, final_time: float) -> list[str]:
             "which there is no linear model"
         )
     return remarks
+
+
+def _near_updates(setup: Setup, final_time: float) -> list[str]:
+    """Find measurements within one sigma of the nominal event."""
+    plan = setup.plan
+    if setup.maps.end is None:
+        return []
+    near = max(final_time, SAME * plan.end_time)
+    instants = [setup.timeline[max(plan.end - 1, 0)], plan.instants[plan.end].instant]
+    return [
+        f"the trigger is met at {plan.end_time:.6g} s, within one sigma of the measurement at {instant.time:.6g} s: "
+        "samples end before or after it, and an update may jump over the trigger"
+        for instant in instants
+        if instant.measurements and abs(instant.time - plan.end_time) <= near
+    ]
 
 
 def _step_error(setup: Setup) -> list[str]:

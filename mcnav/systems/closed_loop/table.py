@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -55,16 +54,16 @@ def read_scenario(table: user.UserTable, entries: Mapping[str, Any], context: Fi
     if read is None:
         return None
     sizes, beliefs = read
-    complete = partial(_with_errors, beliefs)
-    spec = described.spec
-    return ScenarioSpec(
-        scenario.with_sizes(sizes), described.resolved, spec.code, inputs=described.files, complete=complete
-    )
+    sized = scenario.with_sizes(sizes)
+
+    def complete(scenario: Scenario, errors: ErrorModel) -> Scenario:
+        return _with_errors(beliefs, sized, errors)
+
+    return ScenarioSpec(sized, described.resolved, described.spec.code, inputs=described.files, complete=complete)
 
 
-def _with_errors(beliefs: Beliefs, scenario: Scenario, errors: ErrorModel) -> Scenario:
+def _with_errors(beliefs: Beliefs, scenario: ClosedLoopScenario, errors: ErrorModel) -> ClosedLoopScenario:
     """Return the scenario with the statistics of its errors; the filter believes other sigmas of some of them."""
-    assert isinstance(scenario, ClosedLoopScenario)
     start = np.asarray(errors.covariance + np.outer(errors.mean, errors.mean))
     sigmas = np.sqrt(np.diag(start))
     believed = np.array([beliefs.errors.get(name, sigma) for name, sigma in zip(errors.names, sigmas, strict=True)])

@@ -101,6 +101,7 @@ def test_mistakes_get_one_line(tmp_path: Path, changes: str, told: str) -> None:
          " lambda truth, impulse: {'v': truth.v + impulse[:, 0]}),)\n", "the nominal push is zero"),
         ("    end = Trigger(lambda truth, time: 1e-3 * (time - 8.0) + 1e-2 * truth.x, latest=50.0)\n",
          "the trigger grazes"),
+        ("    end = Trigger(lambda time: time - 8.0, latest=50.0)\n", "within one sigma of the measurement at 8 s"),
     ],
 )  # fmt: skip
 def test_remarks(tmp_path: Path, changes: str, told: str) -> None:
