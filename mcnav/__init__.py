@@ -33,12 +33,28 @@ if TYPE_CHECKING:
     from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign, sweep
     from mcnav.studies.allocate import allocate
     from mcnav.studies.lincov import linear_covariance
+    from mcnav.systems.closed_loop.declarations import (
+        ClosedLoop,
+        Correction,
+        Filter,
+        GaussMarkov,
+        Measurement,
+        Trigger,
+        White,
+    )
     from mcnav.systems.user.flown import Flown, Innovations
     from mcnav.workflow.analyse import report_run, samples_of, summary_of
     from mcnav.workflow.compare import RunComparison, compare_runs
     from mcnav.workflow.export import export_run
 
 _HOMES = {
+    "ClosedLoop": "mcnav.systems.closed_loop.declarations",
+    "Correction": "mcnav.systems.closed_loop.declarations",
+    "Filter": "mcnav.systems.closed_loop.declarations",
+    "GaussMarkov": "mcnav.systems.closed_loop.declarations",
+    "Measurement": "mcnav.systems.closed_loop.declarations",
+    "Trigger": "mcnav.systems.closed_loop.declarations",
+    "White": "mcnav.systems.closed_loop.declarations",
     "Allocation": "mcnav.analysis.allocation",
     "RunComparison": "mcnav.workflow.compare",
     "Campaign": "mcnav.config.read",
@@ -73,18 +89,25 @@ __all__ = [
     "Allocation",
     "Campaign",
     "CampaignError",
+    "ClosedLoop",
+    "Correction",
     "Epochs",
+    "Filter",
     "Flown",
     "FlownRun",
+    "GaussMarkov",
     "History",
     "Innovations",
     "LinearAnswer",
+    "Measurement",
     "Output",
     "Panel",
     "RunComparison",
     "RunFolderError",
     "SimulationResult",
     "Source",
+    "Trigger",
+    "White",
     "allocate",
     "check_scenario",
     "compare_runs",

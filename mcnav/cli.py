@@ -941,6 +941,9 @@ def new_ins(
 def new_scenario(
     name: Name,
     stochastic: Annotated[bool, typer.Option("--stochastic", help="With noise and errors over time.")] = False,
+    closed_loop: Annotated[
+        bool, typer.Option("--closed-loop", help="A vehicle that is steered by what it navigates.")
+    ] = False,
     into: Into = Path(),
 ) -> None:
     """Write a scenario class, a campaign that uses it, and its test.
@@ -950,9 +953,10 @@ def new_scenario(
     from mcnav.config.json_schema.files import write_schema
     from mcnav.config.templates import new_scenario
 
-    code, campaign, test = new_scenario(name, into, stochastic)
+    code, campaign, test = new_scenario(name, into, stochastic, closed_loop)
+    method = "rates and guide" if closed_loop else "fly" if stochastic else "propagate"
     _print_written((code, campaign, test, *write_schema(code.parent)))
-    _print(f"\nnext: mcnav run {campaign}, then change {'fly' if stochastic else 'propagate'} in {code}")
+    _print(f"\nnext: mcnav run {campaign}, then change {method} in {code}")
 
 
 @_command()

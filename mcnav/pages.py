@@ -7,7 +7,8 @@ from typing import Final, Literal, get_args
 
 Page = Literal[
     "guide", "tutorial-reentry", "tutorial-cruise", "tutorial-flight", "tutorial-aided", "tutorial-scenario",
-    "tutorial-noise", "questions", "howto-instruments", "howto-filter", "howto-requirements", "howto-samples",
+    "tutorial-noise", "tutorial-closed-loop",
+    "questions", "howto-instruments", "howto-filter", "howto-requirements", "howto-samples",
     "howto-compare", "howto-export", "howto-failures", "method", "report", "notation", "campaigns", "scenarios",
     "trajectories", "commands", "notebook", "scaling", "architecture", "decisions", "kernels", "tn-d1772", "story",
     "textbook",
@@ -28,7 +29,7 @@ def _file(page: Page) -> str:
     """
     for prefix, folder in (("tutorial-", "tutorials"), ("howto-", "howto")):
         if page.startswith(prefix):
-            return f"{folder}/{page.removeprefix(prefix).upper()}.md"
+            return f"{folder}/{page.removeprefix(prefix).upper().replace('-', '_')}.md"
     return _ELSEWHERE.get(page, f"{page.upper()}.md")
 
 

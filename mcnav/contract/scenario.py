@@ -44,7 +44,10 @@ class Capability(StrEnum):
     """It navigates along a trajectory that can be shown by itself."""
 
     USER_CODE = "user code"
-    """It runs code that may end the process, and whose derivatives have to be examined."""
+    """It runs code that may end the process."""
+
+    DIFFERENCED = "differenced"
+    """Its derivatives are differences of whole simulations, and have to be examined."""
 
 
 class Scenario(Protocol):
@@ -217,6 +220,11 @@ def can_replay(scenario: Scenario) -> TypeGuard[Replayable]:
 def runs_user_code(scenario: Scenario) -> bool:
     """Return whether a scenario runs code of the user's."""
     return Capability.USER_CODE in scenario.can
+
+
+def is_differenced(scenario: Scenario) -> bool:
+    """Return whether derivatives are differences of whole simulations."""
+    return Capability.DIFFERENCED in scenario.can
 
 
 class ScenarioError(ValueError):

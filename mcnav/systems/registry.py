@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
+from mcnav.systems.closed_loop.table import USER
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
 from mcnav.systems.ins.tables.scenario import INS
 from mcnav.systems.reentry.table import REENTRY
 from mcnav.systems.steady.table import CRUISE, HOVER
-from mcnav.systems.user.table import CLASS_IN_FILE, USER
+from mcnav.systems.user.table import CLASS_IN_FILE
 
 SCENARIO_TYPES: Final[Mapping[str, ScenarioType]] = {
     "reentry": REENTRY,
@@ -24,7 +25,7 @@ SCENARIO_TYPES: Final[Mapping[str, ScenarioType]] = {
 """Scenario types by the ``type`` of ``[scenario]``."""
 
 FURTHER_TABLES: Final[Mapping[str, FurtherTable]] = {
-    name: table for kind in SCENARIO_TYPES.values() for name, table in kind.tables.items()
+    name: table for kind in (*SCENARIO_TYPES.values(), USER) for name, table in kind.tables.items()
 }
 """Tables besides ``[scenario]`` that some types read, by name."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,8 +23,10 @@ TITLE: Final = "Campaign of mcnav"
 USERS: Final = "of your own"
 """Name of the scenarios whose type is a file and class."""
 
-NAMING_SENSORS: Final[Mapping[str, Callable[[], Node]]] = {"aiding": aiding_schema, "filter": filter_schema}
-"""Schemas of further tables that depend on the types of sensors."""
+OF_LOOPS: Final = ("processes", "measurements")
+"""Tables of sizes by name, which closed loops read."""
+
+LOOP_FILTER: Final = "What a closed loop's filter believes: a table believes with errors, processes, measurements."
 
 
 @dataclass(frozen=True)
@@ -54,8 +56,11 @@ def campaign_schema() -> Node:
     }
     properties["scenario"] = _scenario_schema(told["scenario"])
     for name, further in FURTHER_TABLES.items():
-        own = NAMING_SENSORS.get(name)
-        properties[name] = own() if own else {**of_model(further.form), "description": further.description}
+        properties[name] = {**of_model(further.form), "description": further.description}
+    properties["aiding"] = aiding_schema()
+    properties["filter"]["type"] = "object"
+    for name in OF_LOOPS:
+        properties[name] = _sizes_by_name(properties[name]["description"])
     sources = {name: kind.sources or () for name, kind in SCENARIO_TYPES.items()}
     every = {source.name: source for each in sources.values() for source in each}
     known = errors.sources(list(every.values()))
@@ -64,12 +69,14 @@ def campaign_schema() -> Node:
     _name(node, Names(suggested(every), suggested(outputs)))
     restricted = {name: _of_type(kind, errors, known["properties"]) for name, kind in SCENARIO_TYPES.items()}
     conditions = {name: _has_type(choice([name])) for name in sources} | {USERS: _has_type(_user_type())}
-    node |= first_of(conditions, {**restricted, USERS: {"propertyNames": choice(_keys(USER))}})
     some: Node = {"properties": {"aiding": {"minItems": 1}}}
-    node["dependencies"] = {
+    restricted["ins"]["properties"]["filter"] = filter_schema()
+    restricted["ins"]["dependencies"] = {
         "filter": {**some, "required": ["aiding"]},
         "aiding": {"if": some, "then": {"required": ["filter"]}},
     }
+    users: Node = {"propertyNames": choice(_keys(USER)), "properties": {"filter": _loop_filter()}}
+    node |= first_of(conditions, {**restricted, USERS: users})
     return {
         "$schema": DRAFT,
         "title": TITLE,
@@ -88,6 +95,19 @@ def _scenario_schema(description: str) -> Node:
     node = by_type("type", conditions, {**tables, USERS: own}, description)
     node["properties"]["type"]["description"] = "Type of scenario, or file and class of one of your own."
     return node
+
+
+def _sizes_by_name(description: str) -> Node:
+    size = {"description": "A size, sizes by axis, or a table.", "type": ["string", "number", "array", "object"]}
+    return {"type": "object", "description": description, "additionalProperties": size}
+
+
+def _loop_filter() -> Node:
+    told = "Believed {}, by name."
+    believes = {name: _sizes_by_name(told.format(f"sizes of {name}")) for name in ("errors", *OF_LOOPS)}
+    inside: Node = {"type": "object", "additionalProperties": False, "properties": believes, "description": LOOP_FILTER}
+    return {"type": "object", "additionalProperties": False, "properties": {"believes": inside},
+            "description": LOOP_FILTER}  # fmt: skip
 
 
 def _user_type() -> Node:

@@ -18,6 +18,9 @@ DIRECTIVES: Final = "#:schema ./mcnav.schema.json\n#:tombi schema.strict = false
 USERS: Final = "systems/user/templates"
 """Templates of systems of the user."""
 
+LOOPS: Final = "systems/closed_loop/templates"
+"""Templates of closed loops."""
+
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,60}")
 
 
@@ -67,17 +70,18 @@ def new_campaign(name: str, folder: Path, kind: str) -> list[Path]:
     return write_new(folder, {f"{name}.toml": templates()[kind].read_text(encoding="utf-8").replace("NAME", name)})
 
 
-def new_scenario(name: str, folder: Path, stochastic: bool = False) -> list[Path]:
-    """Write a scenario, with noise or without, its campaign and its test; return the three paths in that order.
+def new_scenario(name: str, folder: Path, stochastic: bool = False, closed_loop: bool = False) -> list[Path]:
+    """Write a scenario, with noise or without or a closed loop, its campaign and its test; return the three paths.
 
     Raises `CampaignError` when the name cannot be used, or a file exists.
     """
     _check_name(name)
     changes = {"NAME": name, "CLASS": "".join(part[:1].upper() + part[1:] for part in name.split("_"))}
-    template = "stochastic_scenario" if stochastic else "scenario"
+    template = "closed_loop" if closed_loop else "stochastic_scenario" if stochastic else "scenario"
+    room = LOOPS if closed_loop else USERS
     contents = {
         f"{name}.py": f"{template}.py.txt",
         f"{name}.toml": f"{template}.toml",
         f"test_{name}.py": f"test_{template}.py.txt",
     }
-    return write_new(folder, {file: fill_in(f"{USERS}/{text}", changes) for file, text in contents.items()})
+    return write_new(folder, {file: fill_in(f"{room}/{text}", changes) for file, text in contents.items()})

@@ -24,7 +24,7 @@ from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import Of, Output, Source
-from mcnav.contract.scenario import Capability, Scenario, ScenarioError, runs_user_code
+from mcnav.contract.scenario import Capability, Scenario, ScenarioError, is_differenced
 from mcnav.entries.inputs import InputFile, with_unique_names
 from mcnav.systems.finite_differences import DifferencedModel, differentiate
 from mcnav.systems.histories import check_history
@@ -94,7 +94,7 @@ class UserScenario:
     @property
     def can(self) -> frozenset[Capability]:
         """What the scenario can do: its code runs where it cannot end the program."""
-        return frozenset({Capability.USER_CODE})
+        return frozenset({Capability.USER_CODE, Capability.DIFFERENCED})
 
     def with_sigmas(self, sizes: Array) -> UserScenario:
         """Return the scenario with the sigmas of a campaign's errors, shape (sources,), SI."""
@@ -220,5 +220,5 @@ class UserScenario:
 
 
 def is_users(scenario: Scenario) -> TypeGuard[UserScenario]:
-    """Return whether a scenario is made of a user's class."""
-    return runs_user_code(scenario)
+    """Return whether a scenario is made of a user's class that propagates errors."""
+    return is_differenced(scenario)

@@ -25,7 +25,7 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output
-from mcnav.contract.scenario import Capability, Scenario, ScenarioError, can_have_noise, runs_user_code
+from mcnav.contract.scenario import Capability, Scenario, ScenarioError, can_have_noise, is_differenced
 from mcnav.systems.finite_differences import SHARES
 from mcnav.systems.sample_loop import SampleFailed, format_exception
 from mcnav.systems.user.code import UserScenarioSpec
@@ -409,4 +409,4 @@ class TimedUserScenario(StochasticUserScenario):
 
 def is_users_with_noise(scenario: Scenario) -> TypeGuard[StochasticUserScenario]:
     """Return whether a scenario is made of a user's class with noise."""
-    return runs_user_code(scenario) and can_have_noise(scenario)
+    return is_differenced(scenario) and can_have_noise(scenario)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -22,7 +22,7 @@ from mcnav.entries.values import SettingError
 from mcnav.errors import suggestion
 from mcnav.files import read_whole
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.systems.description import ScenarioSpec, ScenarioType
+from mcnav.systems.description import ScenarioSpec
 from mcnav.systems.user.code import UserScenarioSpec, load_class
 from mcnav.systems.user.scenario import is_users
 from mcnav.systems.user.settings import Declared, Value, read_value, settings_of
@@ -55,10 +55,19 @@ def read_code(path: Path) -> SourceFile:
         raise ScenarioError("type", f"{path.name} is not UTF-8 text (byte {failure.start})") from None
 
 
-def read_scenario(table: UserTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
-    """Build the scenario; mistakes in its settings are added to the context.
+@dataclass(frozen=True)
+class Described:
+    """A class with its settings, the resolved entries of its table, and the files that settings name."""
 
-    Raises `ScenarioError` when the file cannot be read or executed, or the class does not follow the protocol.
+    spec: UserScenarioSpec
+    resolved: Mapping[str, Any]
+    files: tuple[InputFile, ...] = ()
+
+
+def read_class(table: UserTable, entries: Mapping[str, Any], context: FileContext) -> Described | None:
+    """Read file, class and settings; mistakes in settings are added to the context.
+
+    Raises `ScenarioError` when the file cannot be read or executed.
     """
     named = CLASS_IN_FILE.fullmatch(table.type)
     if named is None:
@@ -69,10 +78,19 @@ def read_scenario(table: UserTable, entries: Mapping[str, Any], context: FileCon
     settings = _read_settings(entries, settings_of(load_class(code, named["name"])), context)
     if settings is None:
         return None
-    scenario = user_scenario(UserScenarioSpec(code, named["name"], tuple(settings.items())))
     files = {key: f"{INPUTS}/{value.name}" for key, value in settings.items() if isinstance(value, InputFile)}
     resolved = {**entries, **files, "type": f"{code.file}:{named['name']}"}
-    return ScenarioSpec(scenario, resolved, code, complete=_with_sigmas)
+    spec = UserScenarioSpec(code, named["name"], tuple(settings.items()))
+    return Described(spec, resolved, spec.declared)
+
+
+def scenario_spec(described: Described) -> ScenarioSpec:
+    """Build the scenario of a class that propagates errors.
+
+    Raises `ScenarioError` when the class does not follow the protocol.
+    """
+    scenario = user_scenario(described.spec)
+    return ScenarioSpec(scenario, described.resolved, described.spec.code, complete=_with_sigmas)
 
 
 def _with_sigmas(scenario: Scenario, errors: ErrorModel) -> Scenario:
@@ -109,7 +127,3 @@ def _with_unique_names(settings: dict[str, Value]) -> dict[str, Value]:
         key: replace(file, name=f"{key}.{file.name[-(LONGEST_NAME - len(key) - 1) :]}") for key, file in files.items()
     }
     return settings | renamed
-
-
-USER: Final = ScenarioType(UserTable, read_scenario)
-"""A class in the user's own file: ``type = "my_module.py:Boost"``."""

@@ -26,6 +26,7 @@ PROTOCOLS: Final[dict[Capability, type]] = {
     Capability.REPLAY: contract.Replayable,
     Capability.TRAJECTORY: Scenario,
     Capability.USER_CODE: Scenario,
+    Capability.DIFFERENCED: Scenario,
 }
 
 EXAMPLES: Final = ["01_tn_d1772_trajectory_4", "11_cruise", "12_hover", "14_polar", "19_flight_with_gnss"]

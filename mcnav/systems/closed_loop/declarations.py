@@ -1,0 +1,156 @@
+"""What a user writes: a subclass of `ClosedLoop`, and the declarations in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+Unit = str | tuple[str, int | str | Sequence[str]]
+"""A unit for a scalar; for a vector a unit and its axes: their number, letters such as ``"xz"``, or names."""
+
+
+@dataclass(frozen=True)
+class White:
+    """A process of white noise, by the unit of its density, such as ``m/s^2/sqrt(Hz)``."""
+
+    unit: str
+    axes: int | str | Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class GaussMarkov:
+    """A stationary first-order Gauss-Markov process, by its unit."""
+
+    unit: str
+    axes: int | str | Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A sensor at discrete instants: ``z = truth(...) + noise``.
+
+    Attributes
+    ----------
+    name : str
+    unit : str
+    truth : callable
+        What is measured, of the arguments that it names: time, truth, parameters, noise; shape (n,) or (n, size).
+    model : callable, optional
+        The same as the navigator predicts it, of time and estimate; `truth` of the estimate unless given.
+    interval : float, optional
+        Seconds between measurements, the first after one interval.
+    instants : sequence of float, optional
+        Instants in place of an interval, s.
+    """
+
+    name: str
+    unit: str
+    truth: Callable[..., Any]
+    model: Callable[..., Any] | None = None
+    interval: float | None = None
+    instants: Sequence[float] | None = None
+
+
+@dataclass(frozen=True)
+class Trigger:
+    """The first instant at which a function of truth or estimate changes its sign.
+
+    Attributes
+    ----------
+    function : callable
+        Of the arguments that it names: time, and truth or estimate; shape (n,).
+    latest : float
+        Time by which it must have happened, s; a sample that has not met it has failed.
+    """
+
+    function: Callable[..., Any]
+    latest: float
+
+
+@dataclass(frozen=True)
+class Correction:
+    """An impulsive correction that the navigator commands.
+
+    Attributes
+    ----------
+    name : str
+    at : float
+        Time, s.
+    target : callable
+        The commanded impulse, of the arguments that it names: time, estimate; shape (n,) or (n, axes).
+    apply : callable or str
+        New values of the states that an impulse changes, of ``truth`` (in the navigator the estimate) and ``impulse``;
+        or the name of the state to which the impulse is added.
+    noise : str
+        Unit of the impulse and of its execution error, whose sigma an axis is sized in ``[processes]``.
+    known : str
+        Whether the navigator adds the impulse as ``commanded`` or as ``executed``.
+    """
+
+    name: str
+    at: float | Trigger
+    target: Callable[..., Any]
+    apply: Callable[..., Any] | str = "velocity"
+    noise: str = "m/s"
+    known: Literal["commanded", "executed"] = "commanded"
+
+
+@dataclass(frozen=True)
+class Filter:
+    """Error-state Kalman filter of the navigator.
+
+    Attributes
+    ----------
+    estimates : sequence of str, optional
+        Estimated quantities that it corrects; all unless given.
+    considers : sequence of str
+        Parameters and Gauss-Markov processes whose uncertainty it knows without estimating them.
+    gains : str
+        ``own``: each sample's covariance, along its own estimate; ``nominal``: gains planned along the nominal.
+    """
+
+    estimates: Sequence[str] | None = None
+    considers: Sequence[str] = ()
+    gains: Literal["own", "nominal"] = "own"
+
+
+class ClosedLoop:
+    """A vehicle that is steered by what it navigates; subclasses state the pieces of the loop.
+
+    Methods are vectorised over n samples and get the arguments that they name, out of time (n,), truth, estimate,
+    command, sensed, parameters, noise. ``truth.velocity`` is (n,) for a scalar, (n, axes) for a vector.
+
+    Attributes
+    ----------
+    truth, estimate : mapping of str to str or tuple
+        States by name, with their units and axes; the estimate is as the truth unless given.
+    parameters : mapping of str to str or tuple
+        Constant errors of the truth; zero in the nominal.
+    processes : mapping of str to White or GaussMarkov
+    measurements : sequence of Measurement
+    corrections : sequence of Correction
+    filter : Filter, optional
+    cycle : float, optional
+        Time between commands, s; none for guidance that is continuous.
+    step : float, optional
+        Longest step of Runge-Kutta's method, s; the cycle unless given.
+    end : float or Trigger
+    navigator_start : str
+        ``truth``: the estimate starts as the sample's truth plus its errors; ``nominal``: as the nominal plus these.
+    command : str or tuple, optional
+        Unit, and axes, of what ``guide`` returns.
+    """
+
+    truth: ClassVar[Mapping[str, Unit]] = {}
+    estimate: ClassVar[Mapping[str, Unit] | None] = None
+    parameters: ClassVar[Mapping[str, Unit]] = {}
+    processes: ClassVar[Mapping[str, White | GaussMarkov]] = {}
+    measurements: ClassVar[Sequence[Measurement]] = ()
+    corrections: ClassVar[Sequence[Correction]] = ()
+    filter: ClassVar[Filter | None] = None
+    cycle: ClassVar[float | None] = None
+    step: ClassVar[float | None] = None
+    end: ClassVar[float | Trigger | None] = None
+    navigator_start: ClassVar[Literal["truth", "nominal"]] = "truth"
+    command: ClassVar[Unit] = "1"

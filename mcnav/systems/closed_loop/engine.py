@@ -1,0 +1,88 @@
+"""Engine of a closed loop: simulates the maps of the user's class; it is sent to workers as the text of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.history import Epochs
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.systems.closed_loop.filter import read_filter
+from mcnav.systems.closed_loop.maps import Maps
+from mcnav.systems.closed_loop.plan import Plan, largest_values
+from mcnav.systems.closed_loop.reading import read_maps, read_start
+from mcnav.systems.closed_loop.readout import Readout
+from mcnav.systems.closed_loop.setup import Setup
+from mcnav.systems.closed_loop.simulation import simulate
+from mcnav.systems.closed_loop.sizes import LoopSizes, difference_steps
+from mcnav.systems.closed_loop.timeline import read_timeline
+from mcnav.systems.sample_loop import simulate_alone
+from mcnav.systems.timeouts import SampleTimeout, within_limit
+from mcnav.systems.user.code import UserScenarioSpec
+
+
+def maps_of(instance: Any, name: str, sizes: LoopSizes | None = None) -> Maps:
+    """Read the maps of a user's object with the correlation times of its processes."""
+    if sizes is None:
+        return read_maps(instance, name)
+    return read_maps(instance, name, sizes.true.decay[:, None], sizes.believed.decay[:, None])
+
+
+def readout_of(maps: Maps) -> Readout:
+    """Return what is read out of a loop."""
+    return Readout(maps.structure, maps.guide is not None)
+
+
+def set_up(
+    instance: Any, name: str, sizes: LoopSizes, plan: Plan, epochs: Mapping[int, int], schema: FilterSchema | None
+) -> Setup:
+    """Put together what samples share."""
+    maps = maps_of(instance, name, sizes)
+    start, readout = read_start(instance, name, maps.structure), readout_of(maps)
+    steps = difference_steps(maps, start, sizes.true)
+    return Setup(
+        maps, read_timeline(instance, name, tuple(sensor.declared for sensor in maps.sensors)), plan,
+        read_filter(instance.filter, name, maps.structure), sizes.true, sizes.believed, start,
+        steps, epochs, readout, schema, readout.floor(largest_values(plan, maps.structure, steps)),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ClosedLoopEngine:
+    """Engine of the user's loop.
+
+    Attributes
+    ----------
+    instants : mapping of int to int
+        Epochs by the number of their instant.
+    """
+
+    spec: UserScenarioSpec
+    sizes: LoopSizes
+    plan: Plan
+    instants: Mapping[int, int]
+    outputs: int
+    chunk: int
+    accuracy: str
+    epochs: Epochs
+    noisy: bool
+    filter: FilterSchema | None
+    parallel: str = "processes"
+
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples; without noise their final outputs alone."""
+        instance = self.spec.build().value
+        setup = set_up(instance, self.spec.name, self.sizes, self.plan, self.instants, self.filter)
+
+        def some(part: Batch) -> SimulationResult:
+            return simulate(setup, part, noise and self.noisy, over_time=noise)
+
+        try:
+            return within_limit(lambda: some(batch))
+        except MemoryError:
+            raise
+        except (Exception, SystemExit, SampleTimeout):
+            count, file = len(batch.errors), self.spec.code.file
+            return simulate_alone(lambda row: some(batch[row : row + 1]), count, self.outputs, file)

@@ -1,0 +1,109 @@
+"""Linear covariance of a loop from its plan: partial derivatives and the covariance by process, at the epochs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.systems.closed_loop.maps import Maps
+from mcnav.systems.closed_loop.plan import Plan, Transition, largest_values
+from mcnav.systems.closed_loop.readout import Readout
+from mcnav.systems.closed_loop.sizes import Sizes
+
+
+@dataclass(frozen=True)
+class LinearReadings:
+    """The linear system at some epochs, m of them.
+
+    Attributes
+    ----------
+    partials : ndarray, shape (m, outputs, sources)
+    nominal : ndarray, shape (m, outputs)
+    processes : mapping of str to ndarray, shape (m, outputs, outputs)
+    """
+
+    times: Array
+    partials: Array
+    nominal: Array
+    processes: Mapping[str, Array]
+
+
+def process_names(maps: Maps) -> tuple[str, ...]:
+    """Return the names of all processes of noise: white, Gauss-Markov, of sensors, of corrections."""
+    structure = maps.structure
+    sensors = tuple(sensor.declared.name for sensor in maps.sensors)
+    return (*structure.white.names, *structure.markov.names, *sensors, *structure.corrections.names)
+
+
+def _entering(maps: Maps, true: Sizes, transition: Transition) -> Iterator[tuple[str, Array]]:
+    """Return what enters a map by process: name, and ``G`` in sizes of the process, shape (size, k)."""
+    structure = maps.structure
+    if transition.kind == "step":
+        inputs = structure.white.size + structure.markov.size
+        sized = transition.inputs * np.tile(true.inputs, 2)
+        begin = 0
+        for quantity in (*structure.white.quantities, *structure.markov.quantities):
+            columns = np.arange(begin, begin + quantity.size)
+            yield quantity.name, sized[:, np.concatenate([columns, inputs + columns])]
+            begin += quantity.size
+    elif transition.kind == "measure":
+        yield maps.sensors[transition.number].declared.name, transition.inputs * true.measurements[transition.number]
+    elif transition.kind == "correct":
+        name = structure.corrections.quantities[transition.number].name
+        yield name, transition.inputs * true.corrections[transition.number]
+
+
+def read_plan(plan: Plan, maps: Maps, true: Sizes, readout: Readout, epochs: Sequence[int]) -> LinearReadings:
+    """Propagate partial derivatives and covariances along a plan and read them out at instants by number."""
+    structure = maps.structure
+    partials = structure.start_partials.copy()
+    covariances = {name: np.zeros((structure.size, structure.size)) for name in process_names(maps)}
+    begin = structure.markov.begin
+    for quantity, place in structure.markov.places():
+        local = slice(place.start - begin, place.stop - begin)
+        covariances[quantity.name][place, place] = np.diag(true.markov[local] ** 2)
+    present = {name: bool(matrix.any()) for name, matrix in covariances.items()}
+    rows: list[tuple[float, Array, Array, dict[str, Array]]] = []
+    wanted = set(epochs)
+    for number, planned in enumerate(plan.instants[: plan.end + 1]):
+        for transition in (*planned.steps, *planned.updates):
+            state = transition.state
+            partials = state @ partials
+            for name, covariance in covariances.items():
+                if present[name]:
+                    covariances[name] = state @ covariance @ state.T
+            for name, entering in _entering(maps, true, transition):
+                if entering.any():
+                    present[name] = True
+                    covariances[name] = covariances[name] + entering @ entering.T
+        if number in wanted:
+            time = plan.end_time if number == plan.end else planned.instant.time
+            matrix = readout.partials(planned.nominal)
+            nominal = readout.read(planned.nominal[:, None], planned.nominal)[:, 0]
+            added = {name: matrix @ each @ matrix.T for name, each in covariances.items() if present[name]}
+            rows.append((time, matrix @ partials, nominal, added))
+    rows = [
+        _without_rounding(row, true.start, readout.floor(largest_values(plan, structure, plan.steps))) for row in rows
+    ]
+    none = np.zeros((len(readout.outputs),) * 2)
+    names = rows[-1][3]
+    return LinearReadings(
+        np.array([row[0] for row in rows]),
+        np.array([row[1] for row in rows]),
+        np.array([row[2] for row in rows]),
+        {name: np.array([row[3].get(name, none) for row in rows]) for name in names},
+    )
+
+
+def _without_rounding(
+    row: tuple[float, Array, Array, dict[str, Array]], start: Array, floor: Array
+) -> tuple[float, Array, Array, dict[str, Array]]:
+    """Return a reading in which outputs that are rounding alone are not dispersed at all."""
+    time, partials, nominal, processes = row
+    variance = np.einsum("ij,jk,ik->i", partials, start, partials)
+    variance += sum((np.diag(each) for each in processes.values()), np.zeros(len(floor)))
+    kept = np.asarray(variance > floor**2, dtype=float)
+    return time, partials * kept[:, None], nominal, {k: each * np.outer(kept, kept) for k, each in processes.items()}

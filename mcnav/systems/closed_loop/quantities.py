@@ -1,0 +1,174 @@
+"""Quantities of a loop by name: scalars and vectors, their places in X, and the values that users' methods see."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.contract.scenario import ScenarioError
+from mcnav.errors import suggestion
+from mcnav.systems.user.settings import NAME, check_unit
+
+MOST_AXES: Final = 100
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A scalar, without axes, or a vector."""
+
+    name: str
+    unit: str
+    axes: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Numbers of it."""
+        return len(self.axes) or 1
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its components.
+
+        >>> Quantity("position", "m", ("x", "z")).names
+        ('position_x', 'position_z')
+        """
+        return tuple(f"{self.name}_{axis}" for axis in self.axes) or (self.name,)
+
+
+def read_axes(where: str, axes: Any) -> tuple[str, ...]:
+    """Read axes: their number, letters, or names.
+
+    >>> read_axes("truth", 3), read_axes("truth", "xz"), read_axes("truth", ["north", "east"])
+    (('x', 'y', 'z'), ('x', 'z'), ('north', 'east'))
+    """
+    if isinstance(axes, int) and not isinstance(axes, bool) and 1 <= axes <= MOST_AXES:
+        return tuple("xyz"[:axes]) if axes <= 3 else tuple(str(number) for number in range(1, axes + 1))
+    listed = tuple(axes) if isinstance(axes, (str, Sequence)) else ()
+    if not all(isinstance(axis, str) and axis.isidentifier() for axis in listed) or len(set(listed)) < len(listed):
+        raise ScenarioError("type", f"{where}: axes must be a number, letters such as 'xz', or names; got {axes!r:.80}")
+    return listed
+
+
+def read_quantities(where: str, entries: Any) -> tuple[Quantity, ...]:
+    """Read a mapping of names to units, or to units with axes; `ScenarioError` when it is none."""
+    if not isinstance(entries, Mapping):
+        raise ScenarioError("type", f"{where} must give a unit for each name; got {entries!r:.80}")
+    quantities = []
+    for name, entry in entries.items():
+        unit, axes = entry if isinstance(entry, tuple) and len(entry) == 2 else (entry, ())
+        if not isinstance(name, str) or not NAME.fullmatch(name):
+            raise ScenarioError("type", f"{where}: {name!r} is not a name of letters, digits and _")
+        if not isinstance(unit, str):
+            raise ScenarioError("type", f"{where}: {name} needs a unit, or a unit and axes; got {entry!r:.80}")
+        check_unit(where, unit, unit)
+        quantities.append(Quantity(name, unit, read_axes(f"{where}: {name}", axes)))
+    return tuple(quantities)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Quantities that follow each other in X, from a place on."""
+
+    what: str
+    quantities: tuple[Quantity, ...]
+    begin: int = 0
+
+    @cached_property
+    def size(self) -> int:
+        """Numbers of all."""
+        return sum(quantity.size for quantity in self.quantities)
+
+    @cached_property
+    def whole(self) -> slice:
+        """Their place in X."""
+        return slice(self.begin, self.begin + self.size)
+
+    def places(self) -> tuple[tuple[Quantity, slice], ...]:
+        """Return the quantities, each with its place in X."""
+        return self._places
+
+    @cached_property
+    def _places(self) -> tuple[tuple[Quantity, slice], ...]:
+        ends = list(accumulate(quantity.size for quantity in self.quantities))
+        return tuple(
+            (quantity, slice(self.begin + end - quantity.size, self.begin + end))
+            for quantity, end in zip(self.quantities, ends, strict=True)
+        )
+
+    def of(self, name: str) -> slice | None:
+        """Return the place of a quantity; none when there is no such name."""
+        return next((place for quantity, place in self.places() if quantity.name == name), None)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the quantities."""
+        return tuple(quantity.name for quantity in self.quantities)
+
+
+class Values:
+    """Values of quantities by name, for users' methods; a name that there is not is refused."""
+
+    def __init__(self, what: str, values: Mapping[str, Array]) -> None:
+        self.__dict__.update(values)
+        self.__dict__["_what"] = what
+
+    def __getattr__(self, name: str) -> Array:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        known = [key for key in self.__dict__ if key != "_what"]
+        raise AttributeError(f"{self._what} has no {name!r}{suggestion(name, known)}")
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{self._what}.{name} cannot be set; return what changes")
+
+
+def as_seen(numbers: Array, vector: bool) -> Array:
+    """Return numbers of X, shape (size, n), as users' methods see them: (n,), or (n, axes); not writable."""
+    seen = numbers.T if vector else numbers[0]
+    seen.flags.writeable = False
+    return seen
+
+
+def as_kept(returned: Any, quantity: Quantity, count: int, where: str) -> Array:
+    """Return what a user's method returned, as numbers of X, shape (size, n) or (size, 1).
+
+    Raises `ValueError` when the shape is wrong.
+    """
+    values = np.asarray(returned, dtype=float)
+    if quantity.axes:
+        if values.shape in ((count, quantity.size), (quantity.size,)):
+            return values.T if values.ndim == 2 else values[:, None]
+        wanted = f"({count}, {quantity.size})"
+    else:
+        if values.shape in ((count,), ()):
+            return values.reshape(1, -1)
+        wanted = f"({count},)"
+    raise ValueError(f"{where} must have shape {wanted}, for {count} samples; got {values.shape}")
+
+
+def spread(block: Block, returned: Any, count: int, where: str, before: Array | None = None) -> Array:
+    """Return a mapping of names to values as numbers of a block, shape (size, n); the others are zero, or as before.
+
+    Raises `ValueError` when a name is unknown, or a shape is wrong.
+    """
+    result = np.zeros((block.size, count)) if before is None else before.copy()
+    if not isinstance(returned, Mapping):
+        raise ValueError(f"{where} must return a mapping of names to values; got {type(returned).__name__}")
+    taken = 0
+    for quantity, place in block.places():
+        if quantity.name in returned:
+            taken += 1
+            place = slice(place.start - block.begin, place.stop - block.begin)
+            result[place] = as_kept(returned[quantity.name], quantity, count, f"{quantity.name} of {where}")
+    if taken < len(returned):
+        unknown = next(name for name in returned if name not in block.names)
+        raise ValueError(
+            f"{where} returned {unknown!r}, which is no {block.what}{suggestion(str(unknown), block.names)}"
+        )
+    return result

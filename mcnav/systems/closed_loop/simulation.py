@@ -1,0 +1,82 @@
+"""Simulation of samples from their start to their end, instant by instant."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mcnav.contract.failure import Failure, Reason
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.systems.closed_loop.flight import Flight
+from mcnav.systems.closed_loop.noise import PROCESSES, Noise, NoNoise
+from mcnav.systems.closed_loop.records import Recorder
+from mcnav.systems.closed_loop.setup import Setup
+
+
+def simulate(setup: Setup, batch: Batch, noise: bool, over_time: bool = True) -> SimulationResult:
+    """Simulate samples; without ``over_time`` their final outputs alone, without linear outcomes."""
+    flight = _begin(setup, batch, noise, over_time)
+    plan, last = setup.plan, len(setup.timeline) - 1
+    with np.errstate(all="ignore"):
+        for number, instant in enumerate(setup.timeline):
+            flight.number = number
+            for place, time in enumerate(instant.step_times().tolist()):
+                flight.step(instant, place, time)
+            if number <= plan.end:
+                flight.reach(plan.instants[number].covariance)
+            flight.update(instant)
+            if over_time and number in setup.epochs and number != plan.end:
+                flight.read(setup.epochs[number])
+            if number >= plan.end and not len(flight.rows):
+                break
+        if setup.maps.end is not None:
+            for row in flight.rows.tolist():
+                failure = f"meets no trigger by {setup.timeline[last].time:g} s"
+                flight.failures[row] = Failure(Reason.STATED, failure)
+            flight.keep(np.zeros(len(flight.rows), dtype=bool))
+        flight.number = plan.end
+        end = setup.epochs[plan.end]
+        flight.read(end)
+        matrix = setup.readout.partials(plan.instants[plan.end].nominal)
+        nominal = plan.instants[plan.end].nominal
+        deviation = matrix @ flight.deviation
+        deviation[np.abs(deviation) <= setup.floor[:, None]] = 0.0
+        linear = (setup.readout.read(nominal[:, None], nominal) + deviation).T
+    values = flight.history[:, end].copy()
+    values[list(flight.failures)] = np.nan
+    for row in np.flatnonzero(~np.isfinite(values).all(axis=1)).tolist():
+        flight.failures.setdefault(row, Failure.of(Reason.NOT_FINITE))
+    return SimulationResult(
+        values,
+        dict(sorted(flight.failures.items())),
+        linear_values=linear if noise else None,
+        history=flight.history if over_time else None,
+        filter_values=None if flight.recorder is None else flight.recorder.records,
+    )
+
+
+def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
+    """Start samples with their errors, and with their processes' values where there is noise."""
+    maps, structure, count = setup.maps, setup.maps.structure, len(batch.errors)
+    deviation = np.zeros((structure.size, count))
+    for column, source in enumerate(structure.sources):
+        deviation[list(source.moves)] += batch.errors[:, column]
+    draws = Noise(batch.seed, batch.index) if noise else NoNoise(count)
+    if structure.markov.size:
+        deviation[structure.markov.whole] = draws.draw(PROCESSES, structure.markov.size) * setup.true.markov[:, None]
+    x = setup.start[:, None] + deviation
+    covariance = np.zeros((0, 0))
+    if setup.states is not None:
+        covariance = setup.states.start_covariance(structure, setup.believed)
+        if setup.states.own_gains:
+            covariance = np.repeat(covariance[None], count, axis=0)
+    recorder = None
+    if setup.schema is not None and setup.states is not None and over_time:
+        recorder = Recorder.of(setup.schema, maps, setup.states, count, len(setup.epochs))
+    sign = np.zeros(count)
+    if maps.end is not None:
+        sign[:] = np.sign(maps.triggered(maps.end, setup.start[:, None], np.zeros(1))[0])
+    epochs = len(setup.epochs)
+    return Flight(
+        setup, draws, np.arange(count), x, covariance, deviation, np.full_like(x, np.nan),
+        np.full_like(covariance, np.nan), sign, recorder, np.full((count, epochs, len(setup.readout.outputs)), np.nan),
+    )  # fmt: skip

@@ -1,0 +1,85 @@
+"""Sizes of a loop's errors: as they are, or as its filter believes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.systems.closed_loop.maps import Maps
+
+SMALL: Final = 1e-3
+"""Step of differences where nothing is known of a quantity's size: share of its nominal value, or in SI units."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """One sigma of each error.
+
+    Attributes
+    ----------
+    start : ndarray, shape (sources, sources)
+        Covariance of the sources.
+    white : ndarray, shape (white.size,)
+        Densities of white noise.
+    markov : ndarray, shape (markov.size,)
+        Stationary sigmas of Gauss-Markov processes.
+    decay : ndarray, shape (markov.size,)
+        One over their correlation times, 1/s.
+    measurements, corrections : tuple of ndarray
+        Sigmas of the noise of each sensor, and of the execution error of each correction, by component.
+    """
+
+    start: Array
+    white: Array
+    markov: Array
+    decay: Array
+    measurements: tuple[Array, ...]
+    corrections: tuple[Array, ...]
+
+    @classmethod
+    def none(cls, maps: Maps) -> Sizes:
+        """Return those of a loop without errors."""
+        structure = maps.structure
+        sources = len(structure.sources)
+        return cls(
+            np.zeros((sources, sources)), np.zeros(structure.white.size), np.zeros(structure.markov.size),
+            np.zeros(structure.markov.size), tuple(np.zeros(sensor.size) for sensor in maps.sensors),
+            tuple(np.zeros(quantity.size) for quantity in structure.corrections.quantities),
+        )  # fmt: skip
+
+    @property
+    def inputs(self) -> Array:
+        """Densities of what enters a step: white noise, and what drives Gauss-Markov processes."""
+        return np.concatenate([self.white, self.markov * np.sqrt(2.0 * self.decay)])
+
+
+@dataclass(frozen=True)
+class LoopSizes:
+    """Sizes of all errors: as they are, and as the filter believes them."""
+
+    true: Sizes
+    believed: Sizes
+
+
+def difference_steps(maps: Maps, start: Array, true: Sizes) -> Array:
+    """Return steps of differences of X, shape (size,): a share of each quantity's size.
+
+    It is the sigma of its source, else a share of its nominal value.
+    """
+    structure = maps.structure
+    steps = np.zeros(structure.size)
+    sigmas = np.sqrt(np.maximum(np.diag(true.start), 0.0))
+    for source, sigma in zip(structure.sources, sigmas, strict=True):
+        moved = list(source.moves)
+        steps[moved] = np.maximum(steps[moved], sigma)
+    steps[structure.markov.whole] = true.markov
+    for block in structure.blocks:
+        for _, place in block.places():
+            size = steps[place].max(initial=0.0)
+            nominal = float(np.linalg.norm(start[place]))
+            fallback = size if size > 0.0 else SMALL * nominal if nominal > 0.0 else SMALL
+            steps[place] = np.where(steps[place] > 0.0, steps[place], fallback)
+    return steps

@@ -1,0 +1,205 @@
+"""Structure of a loop: the blocks of X, the counterparts of what is estimated, and the sources of errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array
+from mcnav.contract.quantities import Of
+from mcnav.contract.scenario import ScenarioError
+from mcnav.errors import suggestion
+from mcnav.systems.closed_loop.declarations import Correction, GaussMarkov, Measurement, Trigger, White
+from mcnav.systems.closed_loop.quantities import Block, Quantity, read_axes, read_quantities
+from mcnav.systems.user.settings import NAME, check_unit
+
+
+@dataclass(frozen=True)
+class LoopSource:
+    """A constant error: its name and unit, and where it moves X by one."""
+
+    name: str
+    unit: str
+    group: str
+    of: Of
+    moves: tuple[int, ...]
+    sign: float = 1.0
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Blocks of X, in their order, the clock of an end by trigger last, and the white noise that enters."""
+
+    truth: Block
+    parameters: Block
+    markov: Block
+    estimate: Block
+    command: Block
+    memory: Block
+    corrections: Block
+    clock: Block
+    white: Block
+    navigator_start: str = "truth"
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """Blocks of X in their order."""
+        return (
+            self.truth, self.parameters, self.markov, self.estimate, self.command, self.memory, self.corrections,
+            self.clock,
+        )  # fmt: skip
+
+    @property
+    def size(self) -> int:
+        """Numbers of X."""
+        return self.clock.begin + self.clock.size
+
+    @cached_property
+    def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Places in X of what is estimated, and of its counterparts, each of shape (estimate.size,)."""
+        counterparts: list[int] = []
+        for quantity in self.estimate.quantities:
+            block = self.home(quantity.name)
+            place = None if block is None else block.of(quantity.name)
+            if place is None or place.stop - place.start != quantity.size:
+                known = (*self.truth.names, *self.parameters.names, *self.markov.names)
+                raise ScenarioError(
+                    "type", f"estimate: {quantity.name!r} has no counterpart of its size{suggestion('', known)}"
+                )
+            counterparts += range(place.start, place.stop)
+        return np.arange(self.estimate.begin, self.estimate.whole.stop), np.array(counterparts, dtype=np.intp)
+
+    def home(self, name: str) -> Block | None:
+        """Return the block of the truth, the parameters or the processes that has a name."""
+        return next((block for block in (self.truth, self.parameters, self.markov) if name in block.names), None)
+
+    @cached_property
+    def sources(self) -> tuple[LoopSource, ...]:
+        """Errors at the start: of the truth, of the estimate alone, and parameters."""
+        follows = self.navigator_start == "truth"
+        sources = []
+        for quantity, place in self.truth.places():
+            estimated = self.estimate.of(quantity.name)
+            for offset, name in enumerate(quantity.names):
+                also = (estimated.start + offset,) if estimated is not None and follows else ()
+                moves = (place.start + offset, *also)
+                sources.append(LoopSource(f"true_{name}", quantity.unit, f"true_{quantity.name}", "truth", moves))
+        for quantity, place in self.estimate.places():
+            if quantity.name in self.truth.names:
+                for offset, name in enumerate(quantity.names):
+                    sources.append(
+                        LoopSource(name, quantity.unit, quantity.name, "navigation", (place.start + offset,))
+                    )
+        for quantity, place in self.parameters.places():
+            for offset, name in enumerate(quantity.names):
+                sources.append(LoopSource(name, quantity.unit, quantity.name, "truth", (place.start + offset,)))
+        return tuple(sources)
+
+    @cached_property
+    def start_partials(self) -> Array:
+        """How the sources move X at the start, shape (size, sources)."""
+        partials = np.zeros((self.size, len(self.sources)))
+        for column, source in enumerate(self.sources):
+            partials[list(source.moves), column] = 1.0
+        return partials
+
+    def resized(self, command: int | None, memory: int, corrections: Mapping[str, int]) -> Structure:
+        """Return the structure with the axes that guidance and corrections turned out to have; none for scalars."""
+        (quantity,) = self.command.quantities
+        if command is not None and len(quantity.axes) != command:
+            quantity = replace(quantity, axes=read_axes("command", command))
+        begin = self.command.begin
+        commands = Block("command", (quantity,), begin)
+        memories = (Quantity("memory", "1", tuple(str(each) for each in range(memory))),) if memory else ()
+        kept = Block("memory", memories, commands.whole.stop)
+        impulses = tuple(
+            replace(each, axes=read_axes(each.name, size)) if (size := corrections.get(each.name, 0)) else each
+            for each in self.corrections.quantities
+        )
+        done = Block("correction", impulses, kept.whole.stop)
+        clock = replace(self.clock, begin=done.whole.stop)
+        return replace(self, command=commands, memory=kept, corrections=done, clock=clock)
+
+
+def read_structure(instance: Any, name: str) -> Structure:
+    """Read the structure of a user's object, with scalars for commands and corrections.
+
+    Raises `ScenarioError` when its declarations are wrong.
+    """
+    truth = read_quantities(f"{name}.truth", instance.truth)
+    if not truth:
+        raise ScenarioError("type", f"{name}.truth must name at least one state with its unit")
+    given = instance.estimate
+    estimate = truth if given is None else read_quantities(f"{name}.estimate", given)
+    parameters = read_quantities(f"{name}.parameters", instance.parameters)
+    white, markov = _read_processes(f"{name}.processes", instance.processes)
+    (command,) = read_quantities(f"{name}.command", {"command": instance.command})
+    impulses = tuple(Quantity(each.name, each.noise) for each in _listed(instance, name, "corrections", Correction))
+    for each in impulses:
+        check_unit(f"{name}.corrections", each.unit, each.unit)
+    _check_names(name, instance, truth, parameters, white, markov, impulses)
+    if instance.navigator_start not in ("truth", "nominal"):
+        raise ScenarioError("type", f"{name}.navigator_start is 'truth' or 'nominal'; got {instance.navigator_start!r}")
+    blocks: list[Block] = []
+    clock = (Quantity("final_time", "s"),) if isinstance(instance.end, Trigger) else ()
+    kinds = ("state of the truth", "parameter", "process", "estimated state", "command", "memory", "correction", "time")
+    all_blocks = (truth, parameters, markov, estimate, (command,), (), impulses, clock)
+    for what, quantities in zip(kinds, all_blocks, strict=True):
+        blocks.append(Block(what, quantities, blocks[-1].whole.stop if blocks else 0))
+    of_truth, of_parameters, of_markov, of_estimate, of_command, of_memory, of_impulses, of_clock = blocks
+    structure = Structure(
+        of_truth, of_parameters, of_markov, of_estimate, of_command, of_memory, of_impulses, of_clock,
+        Block("process", white), str(instance.navigator_start),
+    )  # fmt: skip
+    _ = structure.pairs
+    return structure
+
+
+def _read_processes(where: str, processes: Any) -> tuple[tuple[Quantity, ...], tuple[Quantity, ...]]:
+    if not isinstance(processes, Mapping):
+        raise ScenarioError("type", f"{where} must give White(unit) or GaussMarkov(unit) for each name")
+    kinds: dict[type, list[Quantity]] = {White: [], GaussMarkov: []}
+    for name, process in processes.items():
+        if type(process) not in kinds:
+            raise ScenarioError(
+                "type", f"{where}: {name} must be White(unit) or GaussMarkov(unit); got {process!r:.80}"
+            )
+        (quantity,) = read_quantities(where, {name: (process.unit, process.axes)})
+        kinds[type(process)].append(quantity)
+    return tuple(kinds[White]), tuple(kinds[GaussMarkov])
+
+
+def _listed(instance: Any, name: str, attribute: str, kind: type) -> tuple[Any, ...]:
+    given = getattr(instance, attribute)
+    entries = tuple(given) if isinstance(given, (tuple, list)) else (given,)
+    if not all(isinstance(entry, kind) for entry in entries):
+        raise ScenarioError("type", f"{name}.{attribute} must be {kind.__name__} of mcnav; got {given!r:.80}")
+    for entry in entries:
+        if not isinstance(entry.name, str) or not NAME.fullmatch(entry.name):
+            raise ScenarioError("type", f"{name}.{attribute}: {entry.name!r} is not a name of letters, digits and _")
+    return entries
+
+
+def measurements_of(instance: Any, name: str) -> tuple[Measurement, ...]:
+    """Return the measurements of a user's object; `ScenarioError` when they are none."""
+    entries: tuple[Measurement, ...] = _listed(instance, name, "measurements", Measurement)
+    for entry in entries:
+        check_unit(f"{name}.measurements", entry.unit, entry.unit)
+        if (entry.interval is None) == (entry.instants is None):
+            raise ScenarioError("type", f"{name}.measurements: {entry.name} needs an interval or instants")
+    return entries
+
+
+def _check_names(name: str, instance: Any, *groups: tuple[Quantity, ...]) -> None:
+    names = [quantity.name for group in groups for quantity in group]
+    names += [each.name for each in measurements_of(instance, name)]
+    taken = {"command", "final_time", "memory"}
+    for each in names:
+        if each in taken or each.startswith(("true_", "navigated_")):
+            raise ScenarioError("type", f"{name}: the name {each!r} is taken, or begins with true_ or navigated_")
+        taken.add(each)

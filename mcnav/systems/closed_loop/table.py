@@ -1,0 +1,193 @@
+"""Tables of a closed loop's campaign: ``[processes]``, ``[measurements]``, and ``[filter.believes]``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.contract.scenario import Scenario
+from mcnav.entries.axes import read_axes
+from mcnav.entries.context import FileContext
+from mcnav.errors import suggestion
+from mcnav.sampling.error_model import ErrorModel
+from mcnav.systems.closed_loop.declarations import ClosedLoop
+from mcnav.systems.closed_loop.maps import Maps
+from mcnav.systems.closed_loop.quantities import Quantity
+from mcnav.systems.closed_loop.scenario import ClosedLoopScenario, without_errors
+from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
+from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
+from mcnav.systems.user import table as user
+
+TABLES: Final[Mapping[str, FurtherTable]] = {
+    "processes": FurtherTable(
+        Any,
+        "Sizes of a closed loop's processes of noise and of its corrections' errors.",
+        "this scenario has no processes of its own, which closed loops have",
+    ),
+    "measurements": FurtherTable(
+        Any,
+        "Sigmas of the noise of a closed loop's measurements.",
+        "this scenario has no measurements of its own, which closed loops have",
+    ),
+    "filter": FurtherTable(
+        Any,
+        "Error-state Kalman filter of an aided navigation; beliefs of a closed loop's filter.",
+        "this scenario cannot be aided, which those of type ins can",
+    ),
+}
+"""Tables besides ``[scenario]`` and ``[errors]`` that a closed loop reads."""
+
+BELIEFS: Final = ("errors", "processes", "measurements")
+
+
+@dataclass(frozen=True)
+class Beliefs:
+    """Sigmas of sources that the filter believes, by name, SI."""
+
+    errors: Mapping[str, float]
+
+
+def read_scenario(table: user.UserTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
+    """Build the scenario of a user's class: a closed loop, or one that propagates errors.
+
+    Raises `ScenarioError` when the file cannot be read or executed, or the class does not follow the protocol.
+    """
+    described = user.read_class(table, entries, context)
+    if described is None:
+        return None
+    if not isinstance(described.spec.build_current().value, ClosedLoop):
+        for name in TABLES:
+            if name in context.content:
+                context.problem(name, "this scenario is no ClosedLoop, whose sizes this table gives; leave it out")
+        return user.scenario_spec(described)
+    sizes = without_errors(described.spec)
+    scenario = ClosedLoopScenario(described.spec, sizes)
+    read = _read_sizes(scenario.maps, context)
+    if read is None:
+        return None
+    sizes, beliefs = read
+    sized = scenario.with_sizes(sizes)
+
+    def complete(scenario: Scenario, errors: ErrorModel) -> Scenario:
+        return _with_errors(beliefs, sized, errors)
+
+    return ScenarioSpec(sized, described.resolved, described.spec.code, inputs=described.files, complete=complete)
+
+
+def _with_errors(beliefs: Beliefs, scenario: ClosedLoopScenario, errors: ErrorModel) -> ClosedLoopScenario:
+    """Return the scenario with the statistics of its errors; the filter believes other sigmas of some of them."""
+    start = np.asarray(errors.covariance + np.outer(errors.mean, errors.mean))
+    sigmas = np.sqrt(np.diag(start))
+    believed = np.array([beliefs.errors.get(name, sigma) for name, sigma in zip(errors.names, sigmas, strict=True)])
+    scaled = start * np.outer(*[np.divide(believed, sigmas, out=np.ones_like(sigmas), where=sigmas > 0.0)] * 2)
+    unknown = sigmas == 0.0
+    scaled[unknown, unknown] = believed[unknown] ** 2
+    sizes = scenario.sizes
+    return scenario.with_sizes(LoopSizes(replace(sizes.true, start=start), replace(sizes.believed, start=scaled)))
+
+
+def _read_sizes(maps: Maps, context: FileContext) -> tuple[LoopSizes, Beliefs] | None:
+    """Read true and believed sizes; mistakes are added to the context, and none is returned."""
+    before, content = len(context.problems), context.content
+    true = _read_noise(maps, Sizes.none(maps), content, "", context)
+    table = content.get("filter", {})
+    believes = table.get("believes", {}) if isinstance(table, dict) else {}
+    if not isinstance(table, dict) or not isinstance(believes, dict):
+        context.problem("filter", "expected a table such as [filter.believes.measurements]")
+        return None
+    context.check_keys(table, ["believes"], "filter", "a closed loop's filter")
+    context.check_keys(believes, list(BELIEFS), "filter.believes", "what a filter believes")
+    believed = _read_noise(maps, true, believes, "filter.believes.", context)
+    given, errors = believes.get("errors", {}), {}
+    sources = {source.name: source for source in maps.structure.sources}
+    groups: dict[str, list[str]] = {}
+    for source in sources.values():
+        groups.setdefault(source.group, []).append(source.name)
+    for name, entry in given.items() if isinstance(given, dict) else ():
+        key = f"filter.believes.errors.{name}"
+        members = [name] if name in sources else groups.get(name, [])
+        if not members:
+            context.problem(key, f"unknown error source{suggestion(name, list(sources))}")
+        for member in members:
+            errors[member] = float(read_axes(entry, sources[member].unit, [""], key, context)[0])
+    return None if len(context.problems) > before else (LoopSizes(true, believed), Beliefs(errors))
+
+
+def _read_noise(maps: Maps, known: Sizes, content: Mapping[str, Any], prefix: str, context: FileContext) -> Sizes:
+    """Read ``processes`` and ``measurements``; what is not given stays as known."""
+    structure = maps.structure
+    white, markov, decay = known.white.copy(), known.markov.copy(), known.decay.copy()
+    corrections, measurements = list(known.corrections), list(known.measurements)
+    of_white = {quantity.name: (quantity, place) for quantity, place in structure.white.places()}
+    begin = structure.markov.begin
+    of_markov = {
+        quantity.name: (quantity, slice(place.start - begin, place.stop - begin))
+        for quantity, place in structure.markov.places()
+    }
+    impulses = {quantity.name: number for number, quantity in enumerate(structure.corrections.quantities)}
+    names = [*of_white, *of_markov, *impulses]
+    for name, entry in _entries(content, "processes", prefix, context):
+        key = f"{prefix}processes.{name}"
+        if name in of_white:
+            quantity, place = of_white[name]
+            white[place] = read_axes(entry, quantity.unit, quantity.axes or ("",), key, context)
+        elif name in of_markov:
+            quantity, place = of_markov[name]
+            markov[place], decay[place] = _read_markov(entry, quantity, key, context, markov[place], decay[place])
+        elif name in impulses:
+            quantity = structure.corrections.quantities[impulses[name]]
+            corrections[impulses[name]] = read_axes(entry, quantity.unit, quantity.axes or ("",), key, context)
+        else:
+            context.problem(key, f"unknown process{suggestion(name, names)}")
+    sensors = {sensor.declared.name: number for number, sensor in enumerate(maps.sensors)}
+    for name, entry in _entries(content, "measurements", prefix, context):
+        key = f"{prefix}measurements.{name}"
+        if name not in sensors:
+            context.problem(key, f"unknown measurement{suggestion(name, list(sensors))}")
+            continue
+        sensor = maps.sensors[sensors[name]]
+        axes: Sequence[str] = tuple(str(each) for each in range(1, sensor.size + 1))
+        measurements[sensors[name]] = read_axes(entry, sensor.declared.unit, axes, key, context)
+    return replace(
+        known, white=white, markov=markov, decay=decay, measurements=tuple(measurements), corrections=tuple(corrections)
+    )
+
+
+def _entries(
+    content: Mapping[str, Any], table: str, prefix: str, context: FileContext
+) -> Sequence[tuple[str, Any]]:  # fmt: skip
+    entries = content.get(table, {})
+    if not isinstance(entries, dict):
+        context.problem(f"{prefix}{table}", "expected a table of sizes by name")
+        return ()
+    return tuple(entries.items())
+
+
+def _read_markov(
+    entry: object, quantity: Quantity, key: str, context: FileContext, sigma: Array, decay: Array
+) -> tuple[Array, Array]:
+    """Read ``{ sigma = …, correlation_time = … }``; a belief may leave out the time."""
+    given = entry if isinstance(entry, dict) and "sigma" in entry else None
+    if given is None:
+        if not decay.any():
+            context.problem(key, 'expected a table such as { sigma = "1 mg", correlation_time = "100 s" }')
+            return sigma, decay
+        return read_axes(entry, quantity.unit, quantity.axes or ("",), key, context), decay
+    context.check_keys(given, ["sigma", "correlation_time"], key, "a Gauss-Markov process")
+    sigma = read_axes(given["sigma"], quantity.unit, quantity.axes or ("",), f"{key}.sigma", context)
+    if "correlation_time" not in given:
+        if not decay.any():
+            context.problem(key, "needs a correlation_time")
+        return sigma, decay
+    time = context.quantity(given["correlation_time"], "s", f"{key}.correlation_time")
+    if time is not None and not time > 0.0:
+        context.problem(f"{key}.correlation_time", "must be above zero")
+    return sigma, np.full(len(sigma), 1.0 / time if time else 0.0)
+
+
+USER: Final = ScenarioType(user.UserTable, read_scenario, tables=TABLES)
+"""A class in the user's own file, a closed loop or another system: ``type = "my_module.py:Boost"``."""

@@ -1,0 +1,75 @@
+"""Closed loops from a file to a report, whatever the number of workers."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+
+from mcnav.config.read import read_campaign
+from mcnav.studies.lincov import linear_covariance
+from mcnav.workflow.analyse import samples_of
+from mcnav.workflow.run import run_campaign
+from tests.closed_loops import FILE, tables
+from tests.commands import in_process
+
+
+def written(folder: Path, name: str, **changes: Any) -> Path:
+    folder.mkdir(exist_ok=True)
+    shutil.copy(FILE, folder)
+    path = folder / f"{name}.toml"
+    path.write_text(tomli_w.dumps(tables(name, **changes)), encoding="utf-8")
+    return path
+
+
+@pytest.mark.slow
+def test_samples_do_not_depend_on_workers(tmp_path: Path) -> None:
+    path = written(tmp_path / "case", "Pendulum", samples=2_100)
+    described = read_campaign(path)
+    engine: Any = described.scenario.engine("vectorised", np.zeros((1, len(described.scenario.sources))))
+    assert engine.chunk < 2_100
+    samples = []
+    for jobs in (1, 2):
+        folder = tmp_path / f"run_{jobs}"
+        run_campaign(described, folder, "vectorised", jobs=jobs)
+        samples.append(samples_of(folder))
+    assert samples[0].equals(samples[1])
+
+
+def test_a_run_judges_all_four_kinds(tmp_path: Path) -> None:
+    """True dispersion, navigation dispersion, navigation error and the filter's own, with requirements on any."""
+    limit = {"output": "true_position", "probability": 0.9, "below": "4 m", "after": "100 s"}
+    path = written(
+        tmp_path / "case", "DoubleIntegrator", samples=200, accept={"quantile": [limit]},
+        filter={"believes": {"measurements": {"ranging": "1 m"}}},
+    )  # fmt: skip
+    in_process("run", path, "--out", tmp_path / "run", "--jobs", "1")
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["filter"]["verdict"] == "optimistic"
+    assert (tmp_path / "run" / "report.html").exists()
+    answer = linear_covariance(path)
+    assert answer.met
+    assert answer.filter is not None
+    assert answer.filter.verdict.value == "optimistic"
+    assert {cause.name for cause in answer.filter.neglected} <= {"ranging"}
+
+
+def test_a_new_closed_loop_runs(tmp_path: Path) -> None:
+    in_process("new", "scenario", "mine", "--closed-loop", "--in", tmp_path)
+    described = read_campaign(tmp_path / "mine.toml")
+    scenario: Any = described.scenario
+    assert scenario.remarks == ()
+    assert linear_covariance(described).sigma[0] == pytest.approx(1.0414, abs=1e-4)
+
+
+def test_a_plain_scenario_has_no_sizes_of_processes(tmp_path: Path) -> None:
+    in_process("new", "scenario", "plain", "--in", tmp_path)
+    path = tmp_path / "plain.toml"
+    path.write_text(path.read_text(encoding="utf-8") + '\n[processes]\ngusts = "1 m"\n', encoding="utf-8")
+    with pytest.raises(Exception, match="no ClosedLoop"):
+        read_campaign(path)

@@ -1,0 +1,204 @@
+"""Closed loops of the tests, as a user's file has them, and campaigns of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mcnav import ClosedLoop, Correction, Filter, GaussMarkov, Measurement, Trigger, White
+
+RATE = 0.00114
+TARGET, ARRIVAL, BURN = np.array([500.0, 0.0, 0.0]), 1056.7, 156.7
+
+
+class Scalar(ClosedLoop):
+    """x+ = x - L x_hat + w each second, z = x+ + v."""
+
+    truth = {"x": "m"}
+    processes = {"walk": White("m/sqrt(s)")}
+    measurements = (Measurement("position", "m", interval=1.0, truth=lambda truth: truth.x),)
+    filter = Filter()
+    cycle, end = 1.0, 100.0
+    settings = {"gain": "1"}
+
+    def __init__(self, gain=1.0):
+        self.gain = gain
+
+    def rates(self, command, noise):
+        return {"x": command + noise.walk}
+
+    def guide(self, estimate):
+        return -self.gain * estimate.x
+
+
+class DoubleIntegrator(ClosedLoop):
+    truth = {"position": "m", "velocity": "m/s"}
+    processes = {"disturbance": White("m/s^2/sqrt(Hz)")}
+    measurements = (Measurement("ranging", "m", interval=1.0, truth=lambda truth: truth.position),)
+    filter = Filter()
+    cycle, end = 1.0, 200.0
+    settings = {"of_position": "1", "of_velocity": "1"}
+
+    def __init__(self, of_position=0.213023288, of_velocity=0.652722433):
+        self.law = of_position, of_velocity
+
+    def rates(self, truth, command, noise):
+        return {"position": truth.velocity, "velocity": command + noise.disturbance}
+
+    def guide(self, estimate):
+        return -self.law[0] * estimate.position - self.law[1] * estimate.velocity
+
+
+class Continuous(DoubleIntegrator):
+    cycle, step, end = None, 0.5, 60.0
+
+
+class Nominal(DoubleIntegrator):
+    filter = Filter(gains="nominal")
+
+
+def transition(time):
+    """Clohessy and Wiltshire's, (V-bar, H-bar, R-bar)."""
+    s, c, w = np.sin(RATE * time), np.cos(RATE * time), RATE
+    return np.array([
+        [1, 0, 6 * (w * time - s), 4 * s / w - 3 * time, 0, 2 * (1 - c) / w],
+        [0, c, 0, 0, s / w, 0],
+        [0, 0, 4 - 3 * c, 2 * (c - 1) / w, 0, s / w],
+        [0, 0, 6 * w * (1 - c), 4 * c - 3, 0, 2 * s],
+        [0, -w * s, 0, 0, c, 0],
+        [0, 0, 3 * w * s, -2 * s, 0, c],
+    ])  # fmt: skip
+
+
+def burn(estimate):
+    whole = transition(ARRIVAL - BURN)
+    wanted = np.linalg.solve(whole[:3, 3:], (TARGET - estimate.position @ whole[:3, :3].T).T).T
+    return wanted - estimate.velocity
+
+
+class Rendezvous(ClosedLoop):
+    truth = {"position": ("m", 3), "velocity": ("m/s", 3)}
+    processes = {"disturbance": White("m/s^2/sqrt(Hz)", 3)}
+    corrections = (Correction("burn", at=BURN, target=burn),)
+    filter = Filter()
+    step, end = 2.0, ARRIVAL
+
+    def start(self):
+        return {"position": [-2000.0, 0.0, 1000.0], "velocity": [1.71, 0.0, 0.0]}
+
+    def rates(self, truth, noise):
+        _, y, z = truth.position.T
+        vx, _, vz = truth.velocity.T
+        gravity = np.stack([2 * RATE * vz, -(RATE**2) * y, 3 * RATE**2 * z - 2 * RATE * vx], axis=1)
+        return {"position": truth.velocity, "velocity": gravity + noise.disturbance}
+
+
+class Descent(ClosedLoop):
+    """Sixty metres a second along, twenty down, for 50 seconds."""
+
+    truth = {"x": "m", "altitude": "m", "vx": "m/s", "vz": "m/s"}
+    step, end = 1.0, Trigger(lambda truth: truth.altitude, latest=100.0)
+
+    def start(self):
+        return {"x": 0.0, "altitude": 1000.0, "vx": 60.0, "vz": 20.0}
+
+    def rates(self, truth):
+        return {"x": truth.vx, "altitude": -truth.vz}
+
+
+class FixedDescent(Descent):
+    end = 50.0
+
+
+class Landing(ClosedLoop):
+    """A guided fall with gusts, an altimeter, and an end by the altitude that the navigator indicates."""
+
+    truth = {"altitude": "m", "rate": "m/s"}
+    processes = {"gusts": White("m/s^2/sqrt(Hz)")}
+    measurements = (Measurement("altimeter", "m", interval=2.0, truth=lambda truth: truth.altitude),)
+    filter = Filter()
+    cycle, step, end = 1.0, 0.5, Trigger(lambda estimate: estimate.altitude - 10.0, latest=60.0)
+
+    def start(self):
+        return {"altitude": 500.0, "rate": -15.0}
+
+    def rates(self, truth, command, noise):
+        return {"altitude": truth.rate, "rate": command + noise.gusts}
+
+    def guide(self, estimate):
+        return -0.3 * (estimate.rate + 15.0)
+
+
+class Pendulum(ClosedLoop):
+    """A bent truth with a bias of the sensor that is estimated, a drag that is considered, and held guidance."""
+
+    truth = {"angle": "rad", "rate": "rad/s"}
+    estimate = {"angle": "rad", "rate": "rad/s", "bias": "rad"}
+    parameters = {"drag": "1"}
+    processes = {"gusts": White("rad/s^2/sqrt(Hz)"), "bias": GaussMarkov("rad")}
+    measurements = (
+        Measurement("encoder", "rad", interval=1.0, truth=lambda truth, noise: np.sin(truth.angle) + noise.bias,
+                    model=lambda estimate: np.sin(estimate.angle) + estimate.bias),
+    )  # fmt: skip
+    filter = Filter(considers=("drag",))
+    cycle, step, end = 1.0, 0.25, 20.0
+
+    def start(self):
+        return {"angle": 0.5, "rate": 0.0}
+
+    def rates(self, truth, command, noise, parameters):
+        torque = -np.sin(truth.angle) - (0.1 + parameters.drag) * truth.rate
+        return {"angle": truth.rate, "rate": torque + command + noise.gusts}
+
+    def guide(self, estimate):
+        return -0.5 * estimate.rate
+
+
+SIZES: Mapping[str, Mapping[str, Any]] = {
+    "Scalar": {"processes": {"walk": "1 m/sqrt(s)"}, "measurements": {"position": "1 m"}},
+    "DoubleIntegrator": {
+        "errors": {"true_position": "10 m", "position": "3 m"},
+        "processes": {"disturbance": "0.1 m/s^2/sqrt(Hz)"},
+        "measurements": {"ranging": "2 m"},
+    },
+    "Rendezvous": {
+        "errors": {
+            "true_position": f"{100 / 3!r} m", "true_velocity": f"{0.11 / 3!r} m/s",
+            "position": f"{10 / 3!r} m", "velocity": f"{0.011 / 3!r} m/s",
+        },
+        "correlations": [
+            {"between": ["true_position_z", "true_velocity_x"], "coefficient": 0.9},
+            {"between": ["position_z", "velocity_x"], "coefficient": 0.9},
+        ],
+        "processes": {"disturbance": f"{4.8e-10**0.5!r} m/s^2/sqrt(Hz)", "burn": f"{2.5e-7**0.5!r} m/s"},
+    },
+    "Descent": {
+        "errors": {"true_x": "30 m", "true_altitude": "25 m", "true_vx": "0.5 m/s", "true_vz": "0.4 m/s"},
+    },
+    "Landing": {
+        "errors": {"true_altitude": "2 m", "true_rate": "0.1 m/s", "altitude": "2 m", "rate": "0.1 m/s"},
+        "processes": {"gusts": "0.1 m/s^2/sqrt(Hz)"},
+        "measurements": {"altimeter": "1 m"},
+    },
+    "Pendulum": {
+        "errors": {"true_angle": "20 mrad", "angle": "10 mrad", "rate": "5 mrad/s", "drag": "2 %"},
+        "processes": {
+            "gusts": "10 mrad/s^2/sqrt(Hz)", "bias": {"sigma": "5 mrad", "correlation_time": "10 s"},
+        },
+        "measurements": {"encoder": "5 mrad"},
+    },
+}  # fmt: skip
+"""Sizes of the loops' errors, and of those that inherit from them."""
+
+FILE = Path(__file__)
+OF = {"Continuous": "DoubleIntegrator", "Nominal": "DoubleIntegrator", "FixedDescent": "Descent"}
+
+
+def tables(name: str, **changes: Any) -> dict[str, Any]:
+    """Return the tables of a loop's campaign; ``changes`` replace some, and ``settings`` are added to its scenario."""
+    settings = changes.pop("settings", {})
+    scenario = {"type": f"{FILE.name}:{name}", **settings}
+    return {"samples": 64, "seed": 5, "scenario": scenario, **SIZES[OF.get(name, name)], **changes}
