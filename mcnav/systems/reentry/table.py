@@ -13,7 +13,8 @@ from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import AreaPerMass, Duration, Length, Number, Speed, Table, TimePerLength
 from mcnav.entries.unions import ByType
 from mcnav.systems.description import ScenarioSpec, ScenarioType
-from mcnav.systems.reentry.scenario import OUTPUTS, SOURCES, Flight, Reentry
+from mcnav.systems.reentry.outputs import OUTPUTS
+from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.table_i import TABLE_I, common_start, start_state
 from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
 

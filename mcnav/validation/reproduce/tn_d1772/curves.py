@@ -18,7 +18,8 @@ from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE
 from mcnav.contract.engine import without_noise
 from mcnav.lincov.start_times import study_start_times
 from mcnav.systems.reentry.instruments import Error
-from mcnav.systems.reentry.scenario import OUTPUTS, SOURCES, Flight, Reentry
+from mcnav.systems.reentry.outputs import DEVIATIONS
+from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.shared_steps import speed_and_angle_errors
 from mcnav.systems.reentry.table_i import (
     ALL_ERRORS,
@@ -40,7 +41,13 @@ from mcnav.validation.reproduce.tn_d1772.ellipse import (
     perigee_by_speed_and_angle,
 )
 from mcnav.validation.reproduce.tn_d1772.printed import TO_PRINTED, sums, trajectories
-from mcnav.validation.reproduce.tn_d1772.tables import TN_SOURCES, absolute_sums, linear_model, table_i_scenario
+from mcnav.validation.reproduce.tn_d1772.tables import (
+    TN_SOURCES,
+    absolute_sums,
+    linear_model,
+    scenario_of,
+    table_i_scenario,
+)
 
 POINTS: Final = 400
 """Points of a curve along a flight."""
@@ -162,10 +169,10 @@ def _between() -> Iterator[tuple[str, Reentry]]:
     """Build the scenarios with other lift-to-drag ratios and start angles."""
     for ratio in LIFT_TO_DRAG:
         vehicle = Vehicle(ConstantLift(ratio))
-        yield "constant L/D", Reentry(Flight(tuple(common_start()), vehicle, NOMINAL_FINAL_ALTITUDE))
+        yield "constant L/D", scenario_of(Flight(tuple(common_start()), vehicle, NOMINAL_FINAL_ALTITUDE))
     for angle in START_ANGLES:
         start = tuple(start_at_angle(np.radians(angle)))
-        yield "variable L/D", Reentry(Flight(start, Vehicle(VariableLift()), NOMINAL_FINAL_ALTITUDE))
+        yield "variable L/D", scenario_of(Flight(start, Vehicle(VariableLift()), NOMINAL_FINAL_ALTITUDE))
 
 
 def figure_5() -> pd.DataFrame:
@@ -206,7 +213,7 @@ def figures_6_to_9(output: int) -> pd.DataFrame:
     columns = {"start [min from reentry]": times / 60.0}
     for axes, partials in (("axes of that start", own), ("axes of the first start", fixed)):
         for j, source in enumerate(TN_SOURCES):
-            unit = f"{OUTPUTS[output].unit} per {source.unit}"
+            unit = f"{DEVIATIONS[output].unit} per {source.unit}"
             columns[f"{source.name}, {axes} [{unit}]"] = partials[:, output, j]
     return pd.DataFrame(columns)
 
@@ -245,7 +252,7 @@ def drag_free() -> Reentry:
     """Build the report's start without atmosphere, down to a millimetre above the perigee of its ellipse."""
     start = common_start()
     perigee = ellipse_of(float(start[0]), float(start[2]), float(start[3])).perigee_radius
-    return Reentry(Flight(tuple(start), Vehicle(ConstantLift(0.0), 0.0), perigee - EARTH_RADIUS + 1e-3))
+    return scenario_of(Flight(tuple(start), Vehicle(ConstantLift(0.0), 0.0), perigee - EARTH_RADIUS + 1e-3))
 
 
 def figure_11() -> pd.DataFrame:
@@ -278,10 +285,10 @@ def switching() -> pd.DataFrame:
     first_point = start_state(EXAMPLE)
     for altitude in SWITCHING_ALTITUDES:
         flight = Flight(first_point, Vehicle(row.lift_law), row.final_altitude, accelerometers_off_above=1e3 * altitude)
-        model = Reentry(flight).linear().end
+        model = scenario_of(flight).linear().end
         sigma = np.sqrt(((model.partials * ALL_ERRORS) ** 2).sum(axis=1))
         result: dict[str, float] = {"off above [km]": altitude}
-        for i, output in enumerate(OUTPUTS):
+        for i, output in enumerate(DEVIATIONS):
             scale, unit = TO_PRINTED[i], ("km", "m/s")[i // 2]
             result[f"{output.name}, sigma [{unit}]"] = sigma[i] * scale
             result[f"{output.name}, drag missed [{unit}]"] = model.nominal[i] * scale
