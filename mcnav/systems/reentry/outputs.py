@@ -1,8 +1,8 @@
 """Outputs of a reentry: errors of the polar state, and of functions of it.
 
-Engines and linear analysis compute the errors of the polar state alone. What else a campaign shows is a row of
+Engines and linear analysis compute the errors of the polar state alone. What else a campaign may ask for is a row of
 `FURTHER`: a function g of the polar state, whose error ``g(indicated) - g(actual)`` and whose partial derivatives
-``dg/dx P`` follow from those of the state.
+``dg/dx P`` follow from those of the state. A campaign that asks for none keeps its outputs whatever rows are added.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ class FurtherOutput:
 
 
 FURTHER: Final[tuple[FurtherOutput, ...]] = ()
-"""Outputs after `DEVIATIONS`, in order."""
+"""Outputs that a campaign may ask for, by name; they come after `DEVIATIONS`."""
 
 OUTPUTS: Final = (*DEVIATIONS, *(each.output for each in FURTHER))
-"""Outputs of a campaign: the rows of P."""
+"""All outputs that a campaign can have."""
 
 
 def append_errors(further: tuple[FurtherOutput, ...], deviations: Array, actual: Array) -> Array:

@@ -46,7 +46,6 @@ from mcnav.systems.reentry.linearized import linearize, linearize_throughout
 from mcnav.systems.reentry.navigator import navigation_error, simulate_indicated
 from mcnav.systems.reentry.outputs import (
     DEVIATIONS,
-    FURTHER,
     SCALE,
     FurtherOutput,
     append_errors,
@@ -146,7 +145,7 @@ class Navigation:
     trajectory: Trajectory
     start: float
     theta_axes: float
-    further: tuple[FurtherOutput, ...] = FURTHER
+    further: tuple[FurtherOutput, ...] = ()
 
     @cached_property
     def final(self) -> Array:
@@ -292,7 +291,7 @@ class Reentry:
     _latest: tuple[bytes, EnsembleEngine] | None = None
     """Content of the last probes, and the ensemble: another run of the campaign has the same."""
 
-    def __init__(self, flight: Flight, further: tuple[FurtherOutput, ...] = FURTHER) -> None:
+    def __init__(self, flight: Flight, further: tuple[FurtherOutput, ...] = ()) -> None:
         if not 0.0 <= flight.final_altitude < REENTRY_ALTITUDE:
             raise ScenarioError(
                 "final_altitude",

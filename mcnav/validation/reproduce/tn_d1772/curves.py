@@ -45,7 +45,6 @@ from mcnav.validation.reproduce.tn_d1772.tables import (
     TN_SOURCES,
     absolute_sums,
     linear_model,
-    scenario_of,
     table_i_scenario,
 )
 
@@ -169,10 +168,10 @@ def _between() -> Iterator[tuple[str, Reentry]]:
     """Build the scenarios with other lift-to-drag ratios and start angles."""
     for ratio in LIFT_TO_DRAG:
         vehicle = Vehicle(ConstantLift(ratio))
-        yield "constant L/D", scenario_of(Flight(tuple(common_start()), vehicle, NOMINAL_FINAL_ALTITUDE))
+        yield "constant L/D", Reentry(Flight(tuple(common_start()), vehicle, NOMINAL_FINAL_ALTITUDE))
     for angle in START_ANGLES:
         start = tuple(start_at_angle(np.radians(angle)))
-        yield "variable L/D", scenario_of(Flight(start, Vehicle(VariableLift()), NOMINAL_FINAL_ALTITUDE))
+        yield "variable L/D", Reentry(Flight(start, Vehicle(VariableLift()), NOMINAL_FINAL_ALTITUDE))
 
 
 def figure_5() -> pd.DataFrame:
@@ -252,7 +251,7 @@ def drag_free() -> Reentry:
     """Build the report's start without atmosphere, down to a millimetre above the perigee of its ellipse."""
     start = common_start()
     perigee = ellipse_of(float(start[0]), float(start[2]), float(start[3])).perigee_radius
-    return scenario_of(Flight(tuple(start), Vehicle(ConstantLift(0.0), 0.0), perigee - EARTH_RADIUS + 1e-3))
+    return Reentry(Flight(tuple(start), Vehicle(ConstantLift(0.0), 0.0), perigee - EARTH_RADIUS + 1e-3))
 
 
 def figure_11() -> pd.DataFrame:
@@ -285,7 +284,7 @@ def switching() -> pd.DataFrame:
     first_point = start_state(EXAMPLE)
     for altitude in SWITCHING_ALTITUDES:
         flight = Flight(first_point, Vehicle(row.lift_law), row.final_altitude, accelerometers_off_above=1e3 * altitude)
-        model = scenario_of(flight).linear().end
+        model = Reentry(flight).linear().end
         sigma = np.sqrt(((model.partials * ALL_ERRORS) ** 2).sum(axis=1))
         result: dict[str, float] = {"off above [km]": altitude}
         for i, output in enumerate(DEVIATIONS):

@@ -121,16 +121,11 @@ SUM_NAMES: Final = dict(
 )
 
 
-def scenario_of(flight: Flight) -> Reentry:
-    """Build a scenario whose outputs are those of the report: the errors of the polar state."""
-    return Reentry(flight, further=())
-
-
 @lru_cache
 def table_i_scenario(number: int, **options: Any) -> Reentry:
     """Build a trajectory of Table I, with options of `Flight`."""
     row = TABLE_I[number]
-    return scenario_of(Flight(start_state(number), Vehicle(row.lift_law), row.final_altitude, **options))
+    return Reentry(Flight(start_state(number), Vehicle(row.lift_law), row.final_altitude, **options))
 
 
 def propagator(scenario: Reentry, engine: str, probes: Array) -> Propagate:
