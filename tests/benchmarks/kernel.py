@@ -21,7 +21,8 @@ from mcnav.systems.reentry.ensemble.history_kernel import history_grid, history_
 from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
 from mcnav.systems.reentry.ensemble.refinement import FINEST, refined_grid
 from mcnav.systems.reentry.ensemble.transition import Response, linear_response
-from mcnav.systems.reentry.scenario import HISTORY_NODES, OUTPUTS, SOURCES
+from mcnav.systems.reentry.outputs import DEVIATIONS
+from mcnav.systems.reentry.scenario import HISTORY_NODES, SOURCES
 from mcnav.systems.reentry.table_i import TABLE_I, among_all
 from tests.benchmarks.build import case_of, scenario_of
 from tests.benchmarks.case import Case
@@ -36,7 +37,7 @@ PROBES: Final = 64
 EPOCHS: Final = (60, 200)
 FLOWN: Final = 65_536
 CHUNK: Final = 8_192
-BYTES: Final = 8 * (len(SOURCES) + len(OUTPUTS))
+BYTES: Final = 8 * (len(SOURCES) + len(DEVIATIONS))
 """Read and written of a sample: everything else stays in the cache."""
 
 

@@ -12,7 +12,8 @@ from mcnav.systems.reentry.ensemble.grid import shared_grid
 from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.navigator import simulate_indicated
-from mcnav.systems.reentry.scenario import OUTPUTS, SOURCES
+from mcnav.systems.reentry.outputs import OUTPUTS
+from mcnav.systems.reentry.scenario import SOURCES
 from mcnav.units import quantity
 from tests.conftest import SIZES, reentry, response
 

@@ -13,10 +13,11 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled
-from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
+from mcnav.constants import GRAVITATIONAL_PARAMETER
 from mcnav.numerics.integration import integrate
 from mcnav.systems.reentry.instruments import Error, indicated_force, measured_force, measured_force_partials
 from mcnav.systems.reentry.navigator import joint_rates, navigation_error
+from mcnav.systems.reentry.outputs import SCALE
 from mcnav.systems.reentry.truth import Trajectory, truth_force
 
 SOURCES: Final = len(Error)
@@ -66,10 +67,6 @@ def variational_rates(
     return rates
 
 
-SCALE: Final = np.array([1.0, EARTH_RADIUS, 1.0, EARTH_RADIUS])
-"""Factors that turn errors of the polar state into those of altitude, range and their rates: m and m/s."""
-
-
 def _stretches(
     trajectory: Trajectory, start: float, theta_axes: float, dense: bool
 ) -> Iterator[tuple[float, float, Any]]:
@@ -109,19 +106,26 @@ def linearize(trajectory: Trajectory, start: float, theta_axes: float) -> tuple[
     return SCALE[:, None] * state[8:].reshape(4, SOURCES), navigation_error(state[:4], state[4:8])
 
 
-def linearize_throughout(trajectory: Trajectory, start: float, theta_axes: float, times: Array) -> Array:
-    """Compute partial derivatives of the errors at times of the flight (s from its first point), shape (n, 4, sources).
+def linearize_throughout(trajectory: Trajectory, start: float, theta_axes: float, times: Array) -> tuple[Array, Array]:
+    """Compute partial derivatives of the errors at times of the flight.
 
     Parameters
     ----------
     trajectory, start, theta_axes
         As those of `linearize`.
     times : ndarray, shape (n,)
-        Between the start of navigation and the end.
+        Between the start of navigation and the end, s from the first point of the truth.
+
+    Returns
+    -------
+    partials : ndarray, shape (n, 4, sources)
+    indicated : ndarray, shape (n, 4)
+        Polar states that a perfect system indicates.
     """
-    partials = np.empty((len(times), 4, SOURCES))
+    partials, indicated = np.empty((len(times), 4, SOURCES)), np.empty((len(times), 4))
     for begin, end, solution in _stretches(trajectory, start, theta_axes, dense=True):
         within = (begin <= times) & (times <= end)
         if within.any():
-            partials[within] = solution.sol(times[within])[8:].T.reshape(-1, 4, SOURCES)
-    return np.asarray(SCALE[:, None] * partials)
+            states = solution.sol(times[within])
+            partials[within], indicated[within] = states[8:].T.reshape(-1, 4, SOURCES), states[4:8].T
+    return np.asarray(SCALE[:, None] * partials), indicated

@@ -18,6 +18,7 @@ from mcnav.constants import EARTH_RADIUS
 from mcnav.numerics.dop853 import LEFT, REACHED, advance, integrate_compiled
 from mcnav.numerics.integration import Diverged
 from mcnav.systems.reentry.instruments import Error, indicated_force, measured_force
+from mcnav.systems.reentry.outputs import SCALE
 from mcnav.systems.reentry.truth import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Trajectory, motion, truth_force
 
 TOLERANCES: Final = (RELATIVE_TOLERANCE, np.tile(ABSOLUTE_TOLERANCE, 2))
@@ -73,8 +74,7 @@ def indicated_start(actual: Array, errors: Array) -> Array:
 
 def navigation_error(actual: Array, indicated: Array) -> Array:
     """Subtract actual from indicated: altitude, range and their rates at the earth's radius, m and m/s."""
-    scale = [1.0, EARTH_RADIUS, 1.0, EARTH_RADIUS]
-    return np.asarray((indicated - actual) * scale, dtype=float)
+    return np.asarray((indicated - actual) * SCALE, dtype=float)
 
 
 def simulate_indicated(

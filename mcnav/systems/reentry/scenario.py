@@ -26,6 +26,7 @@ from mcnav.contract.quantities import Output, Source
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.numerics.integration import Diverged
+from mcnav.numerics.power_sums import sum_powers
 from mcnav.systems.histories import with_errors
 from mcnav.systems.reentry.adjoint import Adjoint, sweep
 from mcnav.systems.reentry.ensemble.grid import Grid
@@ -34,6 +35,7 @@ from mcnav.systems.reentry.ensemble.history_kernel import (
     followed_samples,
     history_grid,
     history_sums,
+    nominal_errors,
     simulate_histories,
 )
 from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
@@ -42,6 +44,13 @@ from mcnav.systems.reentry.ensemble.transition import linear_response
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.linearized import linearize, linearize_throughout
 from mcnav.systems.reentry.navigator import navigation_error, simulate_indicated
+from mcnav.systems.reentry.outputs import (
+    DEVIATIONS,
+    SCALE,
+    FurtherOutput,
+    append_errors,
+    append_partials,
+)
 from mcnav.systems.reentry.shared_steps import simulate_together
 from mcnav.systems.reentry.table_i import ERROR_SIZES
 from mcnav.systems.reentry.truth import NoReentry, Trajectory, airspeed_and_angle, fly_truth
@@ -63,14 +72,6 @@ SOURCES: Final = (
     Source("cross_axis_z", "1", "ppm", 1e-4, later=True),
 )
 """Initial-condition and equipment errors in the order of `Error`, the columns of P."""
-
-OUTPUTS: Final = (
-    Output("altitude", "m", "km"),
-    Output("range", "m", "km"),
-    Output("altitude_rate", "m/s", "m/s"),
-    Output("range_rate", "m/s", "m/s"),
-)
-"""Final navigation errors, the rows of P."""
 
 ENSEMBLE_CHUNK: Final = 8_192
 REFERENCE_CHUNK: Final = 32
@@ -137,17 +138,30 @@ class Navigation:
         Start of navigation, s from the first point of the truth.
     theta_axes : float
         Range angle of the reference axes, rad.
+    further : tuple of FurtherOutput
+        Outputs after the errors of the polar state.
     """
 
     trajectory: Trajectory
     start: float
     theta_axes: float
+    further: tuple[FurtherOutput, ...] = ()
+
+    @cached_property
+    def final(self) -> Array:
+        """Actual polar state at the end, shape (4,)."""
+        return self.trajectory.state(self.trajectory.final_time)
+
+    def outputs_from(self, deviations: Array) -> Array:
+        """Append further outputs to errors of the polar state at the end, shape (..., 4)."""
+        return append_errors(self.further, deviations, self.final)
 
     def simulate_reference(self, errors: Array, rows: Iterable[int], values: Array) -> dict[int, Failure]:
         """Simulate some rows of errors, shape (n, sources), by the reference engine; see `simulate_each`."""
 
         def simulate(row: int) -> Array:
-            return simulate_indicated(self.trajectory, errors[row], self.start, self.theta_axes)
+            deviations = simulate_indicated(self.trajectory, errors[row], self.start, self.theta_axes)
+            return self.outputs_from(deviations)
 
         return simulate_each(simulate, rows, values, Diverged)
 
@@ -167,7 +181,7 @@ class ReferenceEngine:
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples."""
         errors = batch.errors
-        values = np.empty((len(errors), len(OUTPUTS)))
+        values = np.empty((len(errors), len(DEVIATIONS) + len(self.navigation.further)))
         return SimulationResult(values, self.navigation.simulate_reference(errors, range(len(errors)), values))
 
 
@@ -186,7 +200,8 @@ class EnsembleEngine:
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples."""
         errors = batch.errors
-        values, valid = simulate_ensemble(self.grid, errors)
+        deviations, valid = simulate_ensemble(self.grid, errors)
+        values = self.navigation.outputs_from(deviations)
         beyond = np.flatnonzero(~valid).tolist()
         return SimulationResult(values, self.navigation.simulate_reference(errors, beyond, values), len(beyond))
 
@@ -204,22 +219,37 @@ class EnsembleEngine:
         return Epochs(HISTORY_TIME, (times - reentry) / 60.0, events(self.navigation))
 
     @cached_property
+    def _moments(self) -> Array:
+        """The epochs, s from the first point of the truth."""
+        times = self.epochs.times * 60.0 + self.navigation.trajectory.reentry_time
+        return np.clip(times, self.navigation.start, self.navigation.trajectory.final_time)
+
+    @cached_property
+    def _actual(self) -> Array:
+        return self.navigation.trajectory.states(self._moments)
+
+    @cached_property
     def _followed(self) -> HistoryGrid:
         navigation = self.navigation
         response = linear_response(navigation.trajectory, navigation.start, navigation.theta_axes)
-        times = self.epochs.times * 60.0 + navigation.trajectory.reentry_time
-        nodes = int(np.ceil(HISTORY_NODES * len(self.grid.readout)))
-        return history_grid(response, nodes, np.clip(times, response.start, response.end))
+        return history_grid(response, int(np.ceil(HISTORY_NODES * len(self.grid.readout))), self._moments)
 
     def histories(self, errors: Array) -> Array:
-        """Simulate samples, shape (n, sources): their errors at every epoch, shape (n, m, 4)."""
-        values, component = simulate_histories(self._followed, errors)
-        values[~followed_samples(component)] = np.nan
-        return values
+        """Simulate samples, shape (n, sources): their errors at every epoch, shape (n, m, outputs)."""
+        deviations, component = simulate_histories(self._followed, errors)
+        deviations[~followed_samples(component)] = np.nan
+        return append_errors(self.navigation.further, deviations, self._actual)
 
     def history_sums(self, errors: Array) -> PowerSums:
-        """Add up power sums of samples' errors, shape (n, sources), at every epoch."""
-        return history_sums(self._followed, errors)
+        """Add up power sums of samples' errors, shape (n, sources), at every epoch.
+
+        The kernel adds those of the polar state as it goes; further outputs need the histories.
+        """
+        if not self.navigation.further:
+            return history_sums(self._followed, errors)
+        histories = self.histories(errors)
+        pivot = append_errors(self.navigation.further, nominal_errors(self._followed), self._actual)
+        return sum_powers(histories[np.isfinite(histories).all(axis=(1, 2))], pivot)
 
 
 def events(navigation: Navigation) -> dict[str, float]:
@@ -232,7 +262,7 @@ def events(navigation: Navigation) -> dict[str, float]:
     }
 
 
-def _navigation(trajectory: Trajectory, start: float, axes: str) -> Navigation:
+def _navigation(trajectory: Trajectory, start: float, axes: str, further: tuple[FurtherOutput, ...]) -> Navigation:
     """Start navigation along a truth at a time (s from its first point); `ScenarioError` when that is not on it."""
     if not 0.0 <= start < trajectory.final_time:
         earliest, latest = -trajectory.reentry_time, trajectory.final_time - trajectory.reentry_time
@@ -242,17 +272,17 @@ def _navigation(trajectory: Trajectory, start: float, axes: str) -> Navigation:
             f"from {earliest / 60:.2f} min to {latest / 60:.2f} min",
         )
     aligned = trajectory.state(start if axes == "start" else 0.0)
-    return Navigation(trajectory, start, float(aligned[1]))
+    return Navigation(trajectory, start, float(aligned[1]), further)
 
 
 class Reentry:
     """The scenario: a truth integrated once, and the engines that simulate a navigator along it.
 
-    Raises `ScenarioError` when the truth never comes down, or navigation would start outside it.
+    Its outputs are the errors of the polar state and ``further`` ones. Raises `ScenarioError` when the truth never
+    comes down, or navigation would start outside it.
     """
 
     sources = SOURCES
-    outputs = OUTPUTS
     engines = ("ensemble", "reference")
     revision = REVISION
     start_clock = StartClock("min from reentry", "reentry")
@@ -261,7 +291,7 @@ class Reentry:
     _latest: tuple[bytes, EnsembleEngine] | None = None
     """Content of the last probes, and the ensemble: another run of the campaign has the same."""
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, flight: Flight, further: tuple[FurtherOutput, ...] = ()) -> None:
         if not 0.0 <= flight.final_altitude < REENTRY_ALTITUDE:
             raise ScenarioError(
                 "final_altitude",
@@ -275,16 +305,25 @@ class Reentry:
         except NoReentry as failure:
             raise ScenarioError("final_altitude", str(failure)) from None
         start = 0.0 if flight.start is None else trajectory.reentry_time + flight.start
-        self.navigation = _navigation(trajectory, start, flight.axes)
+        self.navigation = _navigation(trajectory, start, flight.axes, further)
 
     @property
     def trajectory(self) -> Trajectory:
         """The truth."""
         return self.navigation.trajectory
 
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """Errors of the polar state, and further outputs."""
+        return (*DEVIATIONS, *(each.output for each in self.navigation.further))
+
     @cached_property
     def _linear(self) -> LinearSystem:
-        return LinearSystem.at_end(*linearize(self.trajectory, self.navigation.start, self.navigation.theta_axes))
+        navigation = self.navigation
+        partials, nominal = linearize(self.trajectory, navigation.start, navigation.theta_axes)
+        indicated = navigation.final + nominal / SCALE
+        rows = append_partials(navigation.further, partials, indicated)
+        return LinearSystem.at_end(rows, navigation.outputs_from(nominal))
 
     def linear(self, times: Array | None = None) -> LinearSystem:
         """Compute partial derivatives at the end by the variational equations along the truth."""
@@ -309,7 +348,8 @@ class Reentry:
                 np.linspace(max(reentry, navigation.start), final, count - before),
             ]
         )
-        partials = linearize_throughout(self.trajectory, navigation.start, navigation.theta_axes, times)
+        known = linearize_throughout(self.trajectory, navigation.start, navigation.theta_axes, times)
+        partials = append_partials(navigation.further, *known)
         return LinearSystem((times - reentry) / 60.0, partials, label="time from reentry [min]")
 
     @cached_property
@@ -322,7 +362,8 @@ class Reentry:
         Raises `ScenarioError` when the time is not on the trajectory.
         """
         other = object.__new__(Reentry)
-        other.navigation = _navigation(self.trajectory, time + self.trajectory.reentry_time, axes)
+        since = time + self.trajectory.reentry_time
+        other.navigation = _navigation(self.trajectory, since, axes, self.navigation.further)
         return other
 
     def check_start_axes(self, axes: str) -> None:
@@ -334,15 +375,16 @@ class Reentry:
         return np.asarray(np.linspace(0.0, trajectory.final_time, count) - trajectory.reentry_time)
 
     def partials_at(self, times: Array, axes: str = "start") -> Array:
-        """Compute the partial derivatives for navigation started at each time (s from reentry), shape (n, 4, sources).
+        """Compute the partial derivatives for navigation started at each time (s from reentry).
 
-        From one backward sweep of the adjoint. ``axes`` as in `Flight`.
+        Of shape (n, outputs, sources), from one backward sweep of the adjoint. ``axes`` as in `Flight`.
         """
         starts = np.clip(times + self.trajectory.reentry_time, 0.0, self.trajectory.final_time)
-        return np.array([self._adjoint.partials(float(start), axes) for start in starts])
+        partials = np.array([self._adjoint.partials(float(start), axes) for start in starts])
+        return append_partials(self.navigation.further, partials, self.navigation.final)
 
     def error_histories(self, errors: Array, times: Array) -> tuple[Array, Array, Array]:
-        """Simulate a few samples: actual and indicated states, and errors, at chosen times (s from reentry).
+        """Simulate a few samples: actual and indicated polar states, and their errors, at times (s from reentry).
 
         Parameters
         ----------
@@ -374,7 +416,8 @@ class Reentry:
         if not times:
             return History()
         history = np.concatenate(states)
-        off = navigation_error(history[:, :4], history[:, 4:])
+        deviations = navigation_error(history[:, :4], history[:, 4:])
+        errors_over_time = append_errors(navigation.further, deviations, history[:, :4])
         columns = {"time from reentry [min]": (np.concatenate(times) - self.trajectory.reentry_time) / 60.0}
         for name, state in (("actual", history[:, :4]), ("indicated", history[:, 4:])):
             columns[f"{name} altitude [km]"] = (state[:, 0] - EARTH_RADIUS) / 1e3
@@ -389,7 +432,7 @@ class Reentry:
             )
             for quantity in ("altitude", "range")
         ]
-        return with_errors(History(columns, {}, tuple(panels)), off, self.outputs)
+        return with_errors(History(columns, {}, tuple(panels)), errors_over_time, self.outputs)
 
     def error_sets(self, errors: Array, times: Array) -> tuple[Array, Array]:
         """Convert errors in force at chosen times of a few flights to start errors of flights begun there.

@@ -13,7 +13,8 @@ from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import AreaPerMass, Duration, Length, Number, Speed, Table, TimePerLength
 from mcnav.entries.unions import ByType
 from mcnav.systems.description import ScenarioSpec, ScenarioType
-from mcnav.systems.reentry.scenario import OUTPUTS, SOURCES, Flight, Reentry
+from mcnav.systems.reentry.outputs import FURTHER, OUTPUTS, FurtherOutput
+from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.table_i import TABLE_I, common_start, start_state
 from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
 
@@ -73,6 +74,20 @@ class ReentryTable(Table):
     accelerometers_off_above: Annotated[
         Length, Field(gt=0.0, description="Altitude above which the accelerometers' outputs are taken as zero.")
     ] | None = None  # fmt: skip
+    if FURTHER:  # no key of which no value would be right
+        further_outputs: Annotated[
+            tuple[str, ...], Field(description=f"Of {', '.join(each.output.name for each in FURTHER)}.")
+        ] = ()
+
+
+def _further(table: ReentryTable, context: FileContext) -> tuple[FurtherOutput, ...]:
+    """Look up the further outputs that are asked for; unknown names are added to the context."""
+    known = {each.output.name: each for each in FURTHER}
+    names: tuple[str, ...] = table.further_outputs if FURTHER else ()
+    for name in names:
+        if name not in known:
+            context.problem("scenario.further_outputs", f"unknown output {name!r}; known are {', '.join(known)}")
+    return tuple(each for name, each in known.items() if name in names)
 
 
 def _lift_law(table: ConstantLiftTable | VariableLiftTable) -> LiftLaw:
@@ -115,7 +130,7 @@ def _read_flight(table: ReentryTable, context: FileContext) -> Flight | None:
 
 def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
     """Build the scenario; mistakes are added to the context."""
-    flight = _read_flight(table, context)
+    flight, further = _read_flight(table, context), _further(table, context)
     if flight is None:
         return None
     law = flight.vehicle.lift_law
@@ -130,7 +145,7 @@ def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: File
         "final_altitude": f"{flight.final_altitude!r} m",
         "axes": flight.axes,
     }
-    scenario = _RECENT.get(repr(flight), lambda: Reentry(flight))
+    scenario = _RECENT.get(repr((flight, further)), lambda: Reentry(flight, further))
     return ScenarioSpec(scenario, {**defaults, **entries})
 
 

@@ -19,7 +19,6 @@ from mcnav._types import Array
 from mcnav.compiled.jit import compiled, reduced_math
 from mcnav.compiled.lanes import SMALLEST_COMPONENT
 from mcnav.compiled.shapes import check_shape
-from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.power_sums import PowerSums, sums_of
 from mcnav.systems.reentry.ensemble.grid import (
     force_moments,
@@ -51,6 +50,7 @@ from mcnav.systems.reentry.ensemble.kernel import (
 )
 from mcnav.systems.reentry.ensemble.transition import Response
 from mcnav.systems.reentry.instruments import Error
+from mcnav.systems.reentry.outputs import SCALE
 
 SUMS: Final = sums_of(4)
 """Power sums of an epoch: 4 first, 10 second (by rows of the upper triangle), 4 third and 4 fourth."""
@@ -209,7 +209,7 @@ def _simulate(errors: Array, grid: HistoryGrid, pivot: Array, stored: Array, sum
 
 def nominal_errors(grid: HistoryGrid) -> Array:
     """Compute the navigation errors of a perfect system at the epochs, shape (m, 4), m and m/s."""
-    return np.asarray(grid.nominal * [1.0, EARTH_RADIUS, 1.0, EARTH_RADIUS])
+    return np.asarray(grid.nominal * SCALE)
 
 
 def simulate_histories(grid: HistoryGrid, errors: Array) -> tuple[Array, Array]:

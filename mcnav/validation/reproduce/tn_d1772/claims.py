@@ -24,7 +24,8 @@ from mcnav.lincov.partials import Propagate, partials_at_later_starts
 from mcnav.report.model import humanize
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.navigator import simulate_indicated
-from mcnav.systems.reentry.scenario import OUTPUTS, Flight, Reentry, ReferenceEngine
+from mcnav.systems.reentry.outputs import DEVIATIONS
+from mcnav.systems.reentry.scenario import Flight, Reentry, ReferenceEngine
 from mcnav.systems.reentry.table_i import (
     ALL_ERRORS,
     COLUMNS,
@@ -134,9 +135,9 @@ def linear_at_ten_times() -> Finding:
     finding = alone(fly, linear, directions, LINEAR_WITHIN, 100.0)
     effects = np.abs(linear.partials * ERRORS)
     matters = (effects >= MATTERS * np.sqrt((effects**2).sum(axis=1, keepdims=True))).T
-    labels = source_labels([source.name for source in TN_SOURCES], [output.name for output in OUTPUTS])
+    labels = source_labels([source.name for source in TN_SOURCES], [output.name for output in DEVIATIONS])
     early = [
-        f"{labels[j]} in {humanize(OUTPUTS[i].name)} ({finding.multiples[j, i]:.2g} times)"
+        f"{labels[j]} in {humanize(DEVIATIONS[i].name)} ({finding.multiples[j, i]:.2g} times)"
         for j, i in zip(*np.nonzero(matters & (finding.multiples < 10.0)), strict=True)
     ]
     rest = np.where(matters & (finding.multiples >= 10.0), finding.multiples, np.inf).min()

@@ -18,7 +18,8 @@ from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE
 from mcnav.contract.engine import without_noise
 from mcnav.lincov.start_times import study_start_times
 from mcnav.systems.reentry.instruments import Error
-from mcnav.systems.reentry.scenario import OUTPUTS, SOURCES, Flight, Reentry
+from mcnav.systems.reentry.outputs import DEVIATIONS
+from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.shared_steps import speed_and_angle_errors
 from mcnav.systems.reentry.table_i import (
     ALL_ERRORS,
@@ -40,7 +41,12 @@ from mcnav.validation.reproduce.tn_d1772.ellipse import (
     perigee_by_speed_and_angle,
 )
 from mcnav.validation.reproduce.tn_d1772.printed import TO_PRINTED, sums, trajectories
-from mcnav.validation.reproduce.tn_d1772.tables import TN_SOURCES, absolute_sums, linear_model, table_i_scenario
+from mcnav.validation.reproduce.tn_d1772.tables import (
+    TN_SOURCES,
+    absolute_sums,
+    linear_model,
+    table_i_scenario,
+)
 
 POINTS: Final = 400
 """Points of a curve along a flight."""
@@ -206,7 +212,7 @@ def figures_6_to_9(output: int) -> pd.DataFrame:
     columns = {"start [min from reentry]": times / 60.0}
     for axes, partials in (("axes of that start", own), ("axes of the first start", fixed)):
         for j, source in enumerate(TN_SOURCES):
-            unit = f"{OUTPUTS[output].unit} per {source.unit}"
+            unit = f"{DEVIATIONS[output].unit} per {source.unit}"
             columns[f"{source.name}, {axes} [{unit}]"] = partials[:, output, j]
     return pd.DataFrame(columns)
 
@@ -281,7 +287,7 @@ def switching() -> pd.DataFrame:
         model = Reentry(flight).linear().end
         sigma = np.sqrt(((model.partials * ALL_ERRORS) ** 2).sum(axis=1))
         result: dict[str, float] = {"off above [km]": altitude}
-        for i, output in enumerate(OUTPUTS):
+        for i, output in enumerate(DEVIATIONS):
             scale, unit = TO_PRINTED[i], ("km", "m/s")[i // 2]
             result[f"{output.name}, sigma [{unit}]"] = sigma[i] * scale
             result[f"{output.name}, drag missed [{unit}]"] = model.nominal[i] * scale

@@ -14,11 +14,11 @@ from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Se
 from mcnav.report.figures.palette import BAND, FILTER, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.figures.start_times import REENTRY, START
 from mcnav.report.model import humanize
-from mcnav.systems.reentry.scenario import OUTPUTS
+from mcnav.systems.reentry.outputs import DEVIATIONS
 from mcnav.systems.reentry.table_i import ERRORS
 from mcnav.validation.reproduce.tn_d1772.tables import INITIAL_CONDITIONS, TN_SOURCES
 
-LABELS: Final = source_labels([source.name for source in TN_SOURCES], [output.name for output in OUTPUTS])
+LABELS: Final = source_labels([source.name for source in TN_SOURCES], [output.name for output in DEVIATIONS])
 """Names of the sources for people."""
 
 TIME: Final = axis("time from reentry [min]", margin=0.02, link=True)
@@ -176,7 +176,7 @@ def figure_5(frame: pd.DataFrame) -> Figure:
 
 def figures_6_to_9(frame: pd.DataFrame, output: int) -> Figure:
     """Draw partials of an output against start time, times the report's errors; two conventions of axes."""
-    shown = OUTPUTS[output]
+    shown = DEVIATIONS[output]
     scale, name, count = 1e-3 if shown.shown_in == "km" else 1.0, humanize(shown.name), len(TN_SOURCES)
     start, partials = frame.iloc[:, 0], frame.iloc[:, 1:].to_numpy()
     effects = partials * scale * np.tile(ERRORS, 2)
