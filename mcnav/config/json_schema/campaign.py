@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from mcnav.config.json_schema.errors import ErrorDefinitions
-from mcnav.config.json_schema.filters import filter_schema
 from mcnav.config.json_schema.models import of_model
 from mcnav.config.json_schema.nodes import Node, by_type, choice, first_of, narrowed, suggested
-from mcnav.config.json_schema.sensors import aiding_schema, error_pattern
 from mcnav.config.schema import CampaignFile, UntilTable
 from mcnav.config.stopping import QUANTITIES
 from mcnav.systems.registry import FURTHER_TABLES, SCENARIO_TYPES, USER, ScenarioType
@@ -22,9 +20,6 @@ TITLE: Final = "Campaign of mcnav"
 
 USERS: Final = "of your own"
 """Name of the scenarios whose type is a file and class."""
-
-NAMING_SENSORS: Final[Mapping[str, Callable[[], Node]]] = {"aiding": aiding_schema, "filter": filter_schema}
-"""Schemas of further tables that depend on the types of sensors."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +49,7 @@ def campaign_schema() -> Node:
     }
     properties["scenario"] = _scenario_schema(told["scenario"])
     for name, further in FURTHER_TABLES.items():
-        own = NAMING_SENSORS.get(name)
-        properties[name] = own() if own else {**of_model(further.form), "description": further.description}
+        properties[name] = {**of_model(further.form), "description": further.description}
     sources = {name: kind.sources or () for name, kind in SCENARIO_TYPES.items()}
     every = {source.name: source for each in sources.values() for source in each}
     known = errors.sources(list(every.values()))
@@ -108,10 +102,10 @@ def _keys(kind: ScenarioType) -> list[str]:
 def _of_type(kind: ScenarioType, errors: ErrorDefinitions, every: Mapping[str, Node]) -> Node:
     """Restrict a file with a type of scenario to its keys, sources and outputs."""
     sources = kind.sources or ()
-    known = narrowed(errors.sources(sources, sensors=kind.adds_sources), every)
+    known = narrowed(errors.sources(sources, kind.source_patterns), every)
     names, outputs = [source.name for source in sources], choice(output.name for output in kind.outputs)
     restricted: Node = {"properties": {"errors": known}}
-    named = suggested(names, error_pattern()) if kind.adds_sources else choice(names)
+    named = suggested(names, "|".join(kind.source_patterns.values())) if kind.source_patterns else choice(names)
     _name(restricted, Names(named, outputs))
     return {"propertyNames": choice(_keys(kind)), **restricted}
 
