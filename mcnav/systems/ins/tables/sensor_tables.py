@@ -83,11 +83,16 @@ class MeasuresOne:
         return {"anyOf": required} if len(required) > 1 else required[0]
 
 
-class SensorTable(InstantsTable):
-    """An entry of ``[[aiding]]`` but for what follows from its type."""
+class NamedTable(Table):
+    """A type, and a name."""
 
     type: str
     name: Annotated[SensorName | None, Field(description="Name of its own; its type unless given.")] = None
+
+
+class SensorTable(InstantsTable, NamedTable):
+    """An entry of ``[[aiding]]`` but for what follows from its type; a type and a name are its first keys."""
+
     gate: Annotated[Gate | None, OfGate] = None
 
 
