@@ -262,7 +262,7 @@ def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | N
         context.problem(f"scenario.{wrong.key}", str(wrong))
         described = None
     if len(context.problems) > before and any(
-        table.adds_sources for name, table in kind.tables.items() if name in context.content
+        table.source_patterns for name, table in kind.tables.items() if name in context.content
     ):
         return described, None  # sources of sensors are not known
     return described, kind.sources if described is None else described.scenario.sources

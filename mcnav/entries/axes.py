@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, get_args, get_origin
 
 import numpy as np
-from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter, ValidatorFunctionWrapHandler
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidatorFunctionWrapHandler
 from pydantic_core.core_schema import (
     CoreSchema,
     no_info_plain_validator_function,
@@ -15,14 +15,15 @@ from pydantic_core.core_schema import (
 )
 
 from mcnav._types import Array
-from mcnav.entries.context import FileContext
 from mcnav.entries.mistakes import Mistake, Place, refuse
 from mcnav.entries.quantities import UNIT, JsonSchema, Table
-from mcnav.entries.validation import validate_entry
 from mcnav.units import UnitError, quantity
 
 SIZED_AXES: Final = "x-axes"
 """Key of a JSON schema that stands for sizes by axis: the names of the axes; see `mcnav.entries.quantities.UNIT`."""
+
+ONE_BY_ONE: Final = "x-one-by-one"
+"""Key of such a schema whose axes have no size in common."""
 
 LARGEST_SIZE: Final = 1e15
 """Size in SI units above which it is refused: a slip of the pen, and a risk of overflow."""
@@ -66,15 +67,20 @@ class AxisSizes:
         Returns what is wrong with a size.
     complete : bool
         Whether each axis needs one.
+    one_by_one : str
+        What is expected in place of one size for all axes, if that is refused.
     """
 
     unit: str
     axes: tuple[str, ...]
     fault: Fault = fault_of_size
     complete: bool = False
+    one_by_one: str = ""
 
     def read(self, entry: object) -> Array:
         """Read an entry; `ValidationError` lists its mistakes."""
+        if self.one_by_one and not isinstance(entry, (dict, list)):
+            raise refuse([Mistake(f"got {entry!r}; {self.one_by_one}")])
         result, mistakes = np.full(len(self.axes), np.nan), list[Mistake]()
         for number, (value, place) in self._values(entry, mistakes).items():
             try:
@@ -113,7 +119,8 @@ class AxisSizes:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
         required = {"required": list(self.axes)} if self.complete else {}
-        return {UNIT: self.unit, SIZED_AXES: list(self.axes), **required}
+        marks = {ONE_BY_ONE: True} if self.one_by_one else {}
+        return {UNIT: self.unit, SIZED_AXES: list(self.axes), **marks, **required}
 
 
 @dataclass(frozen=True)
@@ -134,18 +141,6 @@ class OrSizes:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
         node = handler.resolve_ref_schema(handler(schema))
         return {**node, UNIT: self.sizes.unit, SIZED_AXES: list(self.sizes.axes)}
-
-
-def read_axes(
-    entry: object, unit: str, axes: Sequence[str], key: str, context: FileContext,
-    missing: float = 0.0, fault: Fault = fault_of_size,
-) -> Array:  # fmt: skip
-    """Read the sizes of some axes, shape (axes,), with a value for those that are missing.
-
-    A mistake is added to the context; a quantity without axes has one, without a name.
-    """
-    sizes = validate_entry(TypeAdapter(Annotated[Array, AxisSizes(unit, tuple(axes), fault)]), entry, context, key)
-    return np.full(len(axes), missing) if sizes is None else np.where(np.isnan(sizes), missing, sizes)
 
 
 def units_of(table: type[Table], above: str = "") -> dict[str, str]:

@@ -38,14 +38,17 @@ def refuse(mistakes: Iterable[Mistake]) -> ValidationError:
     return ValidationError.from_exception_data("entry", lines)
 
 
-def explain_unknown_keys(invalid: ValidationError, known: list[str], refused: Mapping[str, str]) -> ValidationError:
+def explain_unknown_keys(
+    invalid: ValidationError, known: list[str], refused: Mapping[str, str], called: str
+) -> ValidationError:
     """Return the errors of a table; those of unknown keys say why a key is refused, or which may have been meant."""
+    unknown = f"unknown key of {called}" if called else "unknown key"
 
     def explained(error: ErrorDetails) -> InitErrorDetails:
         kind: str | PydanticCustomError = error["type"]
         if kind == "extra_forbidden":
             key = str(error["loc"][-1])
-            kind = told(refused.get(key) or f"unknown key{suggestion(key, known)}")
+            kind = told(refused.get(key) or f"{unknown}{suggestion(key, known)}")
         elif kind == TOLD:
             kind = told(error["msg"])
         return InitErrorDetails(type=kind, loc=error["loc"], input=error["input"], ctx=error.get("ctx", {}))

@@ -101,12 +101,15 @@ class Table(BaseModel):
         What it should be, for messages about its form; by default any table.
     refused : mapping of str to str
         Why some keys, which other tables like it have, are not known.
+    called : str
+        What it is called in messages about keys that are not known; by default nothing.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
     rules: ClassVar[tuple[Rule, ...]] = ()
     expected: ClassVar[str] = ""
     refused: ClassVar[Mapping[str, str]] = {}
+    called: ClassVar[str] = ""
 
     @model_validator(mode="wrap")
     @classmethod
@@ -116,7 +119,7 @@ class Table(BaseModel):
         try:
             table = read(entry)
         except ValidationError as invalid:
-            raise explain_unknown_keys(invalid, list(cls.model_fields), cls.refused) from None
+            raise explain_unknown_keys(invalid, list(cls.model_fields), cls.refused, cls.called) from None
         broken = [rule.broken(table.model_fields_set, cls.expected) for rule in cls.rules]
         if mistakes := [mistake for mistake in broken if mistake is not None]:
             raise refuse(mistakes)
@@ -148,6 +151,31 @@ class OneOf:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
         return {"enum": list(self.names)}
+
+
+@dataclass(frozen=True)
+class Suggested:
+    """Annotation of a text for which editors suggest some names, and which may be another of a pattern."""
+
+    names: tuple[str, ...]
+    pattern: str
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        told = {key: value for key, value in handler(schema).items() if key != "type"}
+        return {**told, "anyOf": [{"enum": list(self.names)}, {"type": "string", "pattern": self.pattern}]}
+
+
+@dataclass(frozen=True)
+class Distinct:
+    """Annotation of a list for editors: no entry comes twice, and some are there."""
+
+    needed: tuple[str, ...] = ()
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        contained: JsonSchema = {}  # a chain and no ``allOf``, which not every editor follows
+        for name in reversed(self.needed):
+            contained = {"contains": {"enum": [name]}, **({"if": True, "then": contained} if contained else {})}
+        return {**handler(schema), "uniqueItems": True, **contained}
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,23 @@ class SomeButOne:
 
 
 @dataclass(frozen=True)
+class SomeOf:
+    """All of several keys, or at least one."""
+
+    keys: tuple[str, ...]
+    least: int
+
+    def broken(self, given: Set[str], expected: str) -> Mistake | None:
+        """See `Rule`."""
+        return None if len(given & set(self.keys)) >= self.least else _got(given, expected)
+
+    @property
+    def schema(self) -> Mapping[str, object]:
+        """See `Rule`."""
+        return {"required": list(self.keys)} if self.least == len(self.keys) else {"minProperties": self.least}
+
+
+@dataclass(frozen=True)
 class NotBoth:
     """At most one of two keys."""
 

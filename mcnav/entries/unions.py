@@ -20,6 +20,9 @@ BY_KEY: Final = "x-by-key"
 BY_TYPE: Final = "x-by-type"
 """Key of a JSON schema that stands for tables told apart by the text of a key: this key."""
 
+EITHER: Final = "x-either"
+"""Key of a JSON schema that stands for tables of which another part of the file decides which one it is."""
+
 TEXT: Final = "x-text"
 """Pattern of a text that stands for a table."""
 
@@ -85,7 +88,7 @@ class ByType:
             if not isinstance(entry, Mapping):
                 raise told(f"got {display(entry)}; expected a table with a {self.key}")
             if self.key not in entry:
-                raise told(f"got a table; expected a table with a {self.key}")
+                raise refuse([Mistake(f"is missing; it is one of {', '.join(tables)}", (self.key,))])
             name = entry[self.key]
             if not isinstance(name, str) or name not in tables:
                 known = suggestion(str(name), list(tables))
@@ -99,3 +102,11 @@ class ByType:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
         return {**handler(schema), BY_TYPE: self.key}
+
+
+@dataclass(frozen=True)
+class Either:
+    """Annotation of a union of tables for editors: which one it is, another part of the file decides."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        return {**handler(schema), EITHER: True}

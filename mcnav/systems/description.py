@@ -55,14 +55,14 @@ class FurtherTable:
         For editors.
     absent : str
         What is wrong with one where the type of scenario does not read it.
-    adds_sources : bool
-        Whether the scenario has error sources that this table names.
+    source_patterns : mapping of str to str
+        Patterns of the names of error sources that the table brings to the scenario, by SI unit; empty for any unit.
     """
 
     form: Any
     description: str
     absent: str
-    adds_sources: bool = False
+    source_patterns: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,6 @@ class ScenarioType:
     tables: Mapping[str, FurtherTable] = field(default_factory=dict)
 
     @property
-    def adds_sources(self) -> bool:
-        """Whether one of its tables names error sources."""
-        return any(table.adds_sources for table in self.tables.values())
+    def source_patterns(self) -> Mapping[str, str]:
+        """Patterns of the names of error sources that its tables bring, by SI unit; see `FurtherTable`."""
+        return {unit: each for table in self.tables.values() for unit, each in table.source_patterns.items()}

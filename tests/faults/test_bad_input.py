@@ -73,7 +73,10 @@ AIDING = {
     "no filter": (INS + GNSS, "aiding: needs a [filter], which says what is estimated from its measurements"),
     "no sensors": (INS + FILTER, "filter: needs [[aiding]], the sensors whose measurements it uses"),
     "one table": (AIDED.replace("[[aiding]]", "[aiding]"), "aiding: expected tables [[aiding]]"),
-    "text for a table": (INS.replace("[scenario]", 'filter = "ekf"\n[scenario]', 1) + GNSS, "filter: expected a table"),
+    "text for a table": (
+        INS.replace("[scenario]", 'filter = "ekf"\n[scenario]', 1) + GNSS,
+        "filter: got 'ekf'; expected a table",
+    ),
     "no such type": (AIDED.replace('"gnss"', '"gps"'), "aiding #1.type: got 'gps'; expected one of gnss, position-fix"),
     "twice": (INS + GNSS + GNSS + FILTER, "aiding #2.name: got 'gnss' twice; give one of the sensors another name"),
     "no noise": (AIDED.replace("3 m", "0 m"), "aiding #1.position: got '0 m'; expected a sigma above zero"),

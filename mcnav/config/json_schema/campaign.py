@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
 from typing import Final
 
 from mcnav.config.json_schema.errors import ErrorDefinitions
-from mcnav.config.json_schema.filters import filter_schema
 from mcnav.config.json_schema.models import of_model
 from mcnav.config.json_schema.nodes import Node, by_type, choice, first_of, narrowed, suggested
-from mcnav.config.json_schema.sensors import aiding_schema, error_pattern
 from mcnav.config.schema import CampaignFile, UntilTable
 from mcnav.config.stopping import QUANTITIES
 from mcnav.systems.registry import FURTHER_TABLES, SCENARIO_TYPES, USER, ScenarioType
@@ -23,10 +23,12 @@ TITLE: Final = "Campaign of mcnav"
 USERS: Final = "of your own"
 """Name of the scenarios whose type is a file and class."""
 
-OF_LOOPS: Final = ("processes", "measurements")
-"""Tables of sizes by name, which closed loops read."""
-
-LOOP_FILTER: Final = "What a closed loop's filter believes: a table believes with errors, processes, measurements."
+SHARED_TABLES: Final = [
+    name
+    for name, types in Counter(chain(USER.tables, *(kind.tables for kind in SCENARIO_TYPES.values()))).items()
+    if types > 1
+]
+"""Further tables whose form depends on the type of scenario."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +58,8 @@ def campaign_schema() -> Node:
     }
     properties["scenario"] = _scenario_schema(told["scenario"])
     for name, further in FURTHER_TABLES.items():
-        properties[name] = {**of_model(further.form), "description": further.description}
-    properties["aiding"] = aiding_schema()
-    properties["filter"]["type"] = "object"
-    for name in OF_LOOPS:
-        properties[name] = _sizes_by_name(properties[name]["description"])
+        form = {} if name in SHARED_TABLES else of_model(further.form)
+        properties[name] = {**form, "description": further.description}
     sources = {name: kind.sources or () for name, kind in SCENARIO_TYPES.items()}
     every = {source.name: source for each in sources.values() for source in each}
     known = errors.sources(list(every.values()))
@@ -70,12 +69,11 @@ def campaign_schema() -> Node:
     restricted = {name: _of_type(kind, errors, known["properties"]) for name, kind in SCENARIO_TYPES.items()}
     conditions = {name: _has_type(choice([name])) for name in sources} | {USERS: _has_type(_user_type())}
     some: Node = {"properties": {"aiding": {"minItems": 1}}}
-    restricted["ins"]["properties"]["filter"] = filter_schema()
     restricted["ins"]["dependencies"] = {
         "filter": {**some, "required": ["aiding"]},
         "aiding": {"if": some, "then": {"required": ["filter"]}},
     }
-    users: Node = {"propertyNames": choice(_keys(USER)), "properties": {"filter": _loop_filter()}}
+    users: Node = {"propertyNames": choice(_keys(USER)), "properties": _shared_tables(USER)}
     node |= first_of(conditions, {**restricted, USERS: users})
     return {
         "$schema": DRAFT,
@@ -97,17 +95,9 @@ def _scenario_schema(description: str) -> Node:
     return node
 
 
-def _sizes_by_name(description: str) -> Node:
-    size = {"description": "A size, sizes by axis, or a table.", "type": ["string", "number", "array", "object"]}
-    return {"type": "object", "description": description, "additionalProperties": size}
-
-
-def _loop_filter() -> Node:
-    told = "Believed {}, by name."
-    believes = {name: _sizes_by_name(told.format(f"sizes of {name}")) for name in ("errors", *OF_LOOPS)}
-    inside: Node = {"type": "object", "additionalProperties": False, "properties": believes, "description": LOOP_FILTER}
-    return {"type": "object", "additionalProperties": False, "properties": {"believes": inside},
-            "description": LOOP_FILTER}  # fmt: skip
+def _shared_tables(kind: ScenarioType) -> Node:
+    tables = {name: table for name, table in kind.tables.items() if name in SHARED_TABLES}
+    return {name: {**of_model(table.form), "description": table.description} for name, table in tables.items()}
 
 
 def _user_type() -> Node:
@@ -128,10 +118,10 @@ def _keys(kind: ScenarioType) -> list[str]:
 def _of_type(kind: ScenarioType, errors: ErrorDefinitions, every: Mapping[str, Node]) -> Node:
     """Restrict a file with a type of scenario to its keys, sources and outputs."""
     sources = kind.sources or ()
-    known = narrowed(errors.sources(sources, sensors=kind.adds_sources), every)
+    known = narrowed(errors.sources(sources, kind.source_patterns), every)
     names, outputs = [source.name for source in sources], choice(output.name for output in kind.outputs)
-    restricted: Node = {"properties": {"errors": known}}
-    named = suggested(names, error_pattern()) if kind.adds_sources else choice(names)
+    restricted: Node = {"properties": {"errors": known, **_shared_tables(kind)}}
+    named = suggested(names, "|".join(kind.source_patterns.values())) if kind.source_patterns else choice(names)
     _name(restricted, Names(named, outputs))
     return {"propertyNames": choice(_keys(kind)), **restricted}
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from mcnav.config.empirical import SCIPY, TABLE
 from mcnav.config.json_schema.nodes import Node, by_type, choice, quantity, reference, table
-from mcnav.config.json_schema.sensors import error_patterns
 from mcnav.config.sources import DISTRIBUTIONS, OWN_UNIT
 from mcnav.contract.quantities import Source
 from mcnav.units import conversion, dimension_of
@@ -49,8 +48,8 @@ class ErrorDefinitions:
         node = {**sigma, "type": [*sigma["type"], "object"], "if": {"type": "object"}, "then": reference(name)}
         return {**({"description": description} if description else {}), **node, "additionalProperties": True}
 
-    def sources(self, sources: Sequence[Source], sensors: bool = False) -> Node:
-        """Return the schema of ``[errors]`` with the sources of a scenario, and of any sensors."""
+    def sources(self, sources: Sequence[Source], patterns: Mapping[str, str] | None = None) -> Node:
+        """Return the schema of ``[errors]`` with the sources of a scenario, and patterns of others by SI unit."""
         nodes: dict[str, Node] = {}
         for source in sources:
             if source.group and source.group != source.name:
@@ -59,9 +58,9 @@ class ErrorDefinitions:
         for source in sources:
             nodes[source.name] = self.node(source.unit, f"Error {source.name}: {_shown(source)}")
         node = table(nodes)
-        if sensors:
+        if patterns:
             told = "Constant error of a sensor of [[aiding]]."
-            node["patternProperties"] = {pattern: self.node(unit, told) for unit, pattern in error_patterns().items()}
+            node["patternProperties"] = {pattern: self.node(unit, told) for unit, pattern in patterns.items()}
         return node
 
 

@@ -8,12 +8,12 @@ from typing import Any, Final
 from pydantic import TypeAdapter
 
 from mcnav.config.json_schema.axes import by_axes
-from mcnav.config.json_schema.nodes import BOUNDS, Node, by_key, by_type, quantity
-from mcnav.entries.axes import SIZED_AXES
+from mcnav.config.json_schema.nodes import BOUNDS, Node, any_of, by_key, by_type, quantity
+from mcnav.entries.axes import ONE_BY_ONE, SIZED_AXES
 from mcnav.entries.quantities import UNIT
-from mcnav.entries.unions import BY_KEY, BY_TYPE, TEXT
+from mcnav.entries.unions import BY_KEY, BY_TYPE, EITHER, TEXT
 
-MARKS: Final = (UNIT, SIZED_AXES, BY_KEY, BY_TYPE, TEXT)
+MARKS: Final = (UNIT, SIZED_AXES, ONE_BY_ONE, BY_KEY, BY_TYPE, EITHER, TEXT)
 """Keys that stand for what TOML files have and Python has not; see `mcnav.entries`."""
 
 
@@ -36,7 +36,7 @@ def _plain(node: Any, inside: Mapping[str, Node]) -> Any:
         name = node["$ref"].rpartition("/")[2]
         outer = {key: value for key, value in node.items() if key in (*MARKS, "description")}
         return _plain({**inside[name], **outer}, inside)
-    if "anyOf" in node and not {BY_KEY, BY_TYPE} & node.keys():
+    if "anyOf" in node and not {BY_KEY, BY_TYPE, EITHER} & node.keys():
         others = [each for each in node["anyOf"] if each != {"type": "null"}]
         if len(others) == 1:
             outer = {key: value for key, value in node.items() if key != "anyOf"}
@@ -45,7 +45,7 @@ def _plain(node: Any, inside: Mapping[str, Node]) -> Any:
         return _axes(node, inside)
     if UNIT in node:
         return _quantity(node)
-    if BY_KEY in node or BY_TYPE in node:
+    if {BY_KEY, BY_TYPE, EITHER} & node.keys():
         return _union(node, inside)
     return _table(node, inside)
 
@@ -77,7 +77,8 @@ def _quantity(node: Mapping[str, Any]) -> Node:
 
 def _axes(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
     """Describe sizes by axis, and where they stand for a table, this table as well."""
-    sizes = by_axes(node[UNIT], node[SIZED_AXES], node.get("description", ""), *node.get("examples", ())[:1])
+    example = next(iter(node.get("examples") or ()), None)
+    sizes = by_axes(node[UNIT], node[SIZED_AXES], node.get("description", ""), example, ONE_BY_ONE not in node)
     if "properties" not in node:
         return sizes | {key: node[key] for key in ("required",) if key in node}
     table = _table({key: value for key, value in node.items() if key not in MARKS}, inside)
@@ -98,6 +99,8 @@ def _union(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
     for closed in tables:
         closed.pop("description", None)
     told = node.get("description", "")
+    if EITHER in node:
+        return any_of(tables, told)
     if BY_TYPE in node:
         key = node[BY_TYPE]
         kinds = {each["properties"][key]["enum"][0]: each for each in tables}

@@ -63,11 +63,6 @@ def table(properties: Mapping[str, Node], required: Iterable[str] = (), descript
     return {**node, **({"description": description} if description else {})}
 
 
-def every(first: Node, *others: Node) -> Node:
-    """Combine schemas without ``allOf``; see `first_of`."""
-    return {**first, "if": True, "then": every(*others)} if others else first
-
-
 def reference(name: str) -> Node:
     """Refer to a definition."""
     return {"$ref": f"#/definitions/{name}"}
@@ -138,6 +133,11 @@ def by_key(tables: Mapping[str, Node], description: str = "") -> Node:
         {key: narrowed(closed, node["properties"]) for key, closed in tables.items()},
     )
     return node | {"if": {"type": "object"}, "then": {"oneOf": [{"required": [key]} for key in tables], **chain}}
+
+
+def any_of(tables: Sequence[Node], description: str = "") -> Node:
+    """Return the schema of a table that is one of several, whichever it is."""
+    return {**_union(tables, description), "additionalProperties": False}
 
 
 def narrowed(closed: Node, known: Mapping[str, Node]) -> Node:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
+from pydantic import Field, TypeAdapter, WithJsonSchema
 
 from mcnav._types import Array
 from mcnav.contract.scenario import Scenario
-from mcnav.entries.axes import read_axes
+from mcnav.entries.axes import AxisSizes
 from mcnav.entries.context import FileContext
+from mcnav.entries.quantities import Table
+from mcnav.entries.validation import validate_entry
 from mcnav.errors import suggestion
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.closed_loop.declarations import ClosedLoop
@@ -22,20 +25,45 @@ from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
 from mcnav.systems.user import table as user
 
+Size = Annotated[
+    Any,
+    WithJsonSchema(
+        {"description": "A size, sizes by axis, or a table.", "type": ["string", "number", "array", "object"]}
+    ),
+]
+"""Size of a quantity that the class declares, read by its unit and axes."""
+
+
+class BelievesTable(Table):
+    """``[filter.believes]``: sizes by name, where the filter's differ from the true ones."""
+
+    errors: Annotated[dict[str, Size] | None, Field(description="Believed sigmas of error sources, by name.")] = None
+    processes: Annotated[dict[str, Size] | None, Field(description="Believed sizes of processes, by name.")] = None
+    measurements: Annotated[dict[str, Size] | None, Field(description="Believed sigmas of measurements, by name.")] = (
+        None
+    )
+
+
+class LoopFilterTable(Table):
+    """``[filter]`` of a closed loop."""
+
+    believes: Annotated[BelievesTable | None, Field(description="What the filter believes.")] = None
+
+
 TABLES: Final[Mapping[str, FurtherTable]] = {
     "processes": FurtherTable(
-        Any,
+        dict[str, Size],
         "Sizes of a closed loop's processes of noise and of its corrections' errors.",
         "this scenario has no processes of its own, which closed loops have",
     ),
     "measurements": FurtherTable(
-        Any,
+        dict[str, Size],
         "Sigmas of the noise of a closed loop's measurements.",
         "this scenario has no measurements of its own, which closed loops have",
     ),
     "filter": FurtherTable(
-        Any,
-        "Error-state Kalman filter of an aided navigation; beliefs of a closed loop's filter.",
+        LoopFilterTable,
+        "Error-state Kalman filter of an aided navigation, or beliefs of a closed loop's filter.",
         "this scenario cannot be aided, which those of type ins can",
     ),
 }
@@ -113,7 +141,7 @@ def _read_sizes(maps: Maps, context: FileContext) -> tuple[LoopSizes, Beliefs] |
         if not members:
             context.problem(key, f"unknown error source{suggestion(name, list(sources))}")
         for member in members:
-            errors[member] = float(read_axes(entry, sources[member].unit, [""], key, context)[0])
+            errors[member] = float(_read_axes(entry, sources[member].unit, [""], key, context)[0])
     return None if len(context.problems) > before else (LoopSizes(true, believed), Beliefs(errors))
 
 
@@ -134,13 +162,13 @@ def _read_noise(maps: Maps, known: Sizes, content: Mapping[str, Any], prefix: st
         key = f"{prefix}processes.{name}"
         if name in of_white:
             quantity, place = of_white[name]
-            white[place] = read_axes(entry, quantity.unit, quantity.axes or ("",), key, context)
+            white[place] = _read_axes(entry, quantity.unit, quantity.axes or ("",), key, context)
         elif name in of_markov:
             quantity, place = of_markov[name]
             markov[place], decay[place] = _read_markov(entry, quantity, key, context, markov[place], decay[place])
         elif name in impulses:
             quantity = structure.corrections.quantities[impulses[name]]
-            corrections[impulses[name]] = read_axes(entry, quantity.unit, quantity.axes or ("",), key, context)
+            corrections[impulses[name]] = _read_axes(entry, quantity.unit, quantity.axes or ("",), key, context)
         else:
             context.problem(key, f"unknown process{suggestion(name, names)}")
     sensors = {sensor.declared.name: number for number, sensor in enumerate(maps.sensors)}
@@ -151,7 +179,7 @@ def _read_noise(maps: Maps, known: Sizes, content: Mapping[str, Any], prefix: st
             continue
         sensor = maps.sensors[sensors[name]]
         axes: Sequence[str] = tuple(str(each) for each in range(1, sensor.size + 1))
-        measurements[sensors[name]] = read_axes(entry, sensor.declared.unit, axes, key, context)
+        measurements[sensors[name]] = _read_axes(entry, sensor.declared.unit, axes, key, context)
     return replace(
         known, white=white, markov=markov, decay=decay, measurements=tuple(measurements), corrections=tuple(corrections)
     )
@@ -176,9 +204,9 @@ def _read_markov(
         if not decay.any():
             context.problem(key, 'expected a table such as { sigma = "1 mg", correlation_time = "100 s" }')
             return sigma, decay
-        return read_axes(entry, quantity.unit, quantity.axes or ("",), key, context), decay
+        return _read_axes(entry, quantity.unit, quantity.axes or ("",), key, context), decay
     context.check_keys(given, ["sigma", "correlation_time"], key, "a Gauss-Markov process")
-    sigma = read_axes(given["sigma"], quantity.unit, quantity.axes or ("",), f"{key}.sigma", context)
+    sigma = _read_axes(given["sigma"], quantity.unit, quantity.axes or ("",), f"{key}.sigma", context)
     if "correlation_time" not in given:
         if not decay.any():
             context.problem(key, "needs a correlation_time")
@@ -187,6 +215,12 @@ def _read_markov(
     if time is not None and not time > 0.0:
         context.problem(f"{key}.correlation_time", "must be above zero")
     return sigma, np.full(len(sigma), 1.0 / time if time else 0.0)
+
+
+def _read_axes(entry: object, unit: str, axes: Sequence[str], key: str, context: FileContext) -> Array:
+    """Read the sizes of some axes, shape (axes,), zero where none is given; mistakes are added to the context."""
+    sizes = validate_entry(TypeAdapter(Annotated[Array, AxisSizes(unit, tuple(axes))]), entry, context, key)
+    return np.zeros(len(axes)) if sizes is None else np.nan_to_num(sizes)
 
 
 USER: Final = ScenarioType(user.UserTable, read_scenario, tables=TABLES)

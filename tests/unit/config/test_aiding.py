@@ -210,7 +210,7 @@ ODOMETER = {"type": "velocity", "interval": "1 s"}
 @pytest.mark.parametrize(
     ("entry", "line"),
     [
-        ("gnss", "aiding #1: expected a table"),
+        ("gnss", "aiding #1: got 'gnss'; expected a table with a type"),
         ({"interval": "1 s"}, "aiding #1.type: is missing; it is one of gnss, position-fix, zero-velocity,"),
         ({"type": "gns"}, "aiding #1.type: got 'gns'; did you mean 'gnss'?"),
         ({"type": 3}, "aiding #1.type: got 3; expected one of gnss"),
@@ -349,6 +349,15 @@ def test_errors_of_sensors_in_the_table_of_errors() -> None:
     assert found == "mine.toml: errors.altimeter_bias: is given in [[aiding]] as well; keep one"
     (found,) = mistakes(described(ALTIMETER, errors={"gnss_position_bias": "3 m"}))
     assert found.startswith("mine.toml: errors.gnss_position_bias: unknown error source")
+
+
+def test_mistakes_of_sensors_are_told_beside_those_of_the_scenario() -> None:
+    found = mistakes(described({**GNSS, "position": "3 s"}, {"type": "gns"}, scenario={"platform": "raft"}))
+    assert [line.split(":")[1].strip() for line in found] == [
+        "scenario.platform",
+        "aiding #1.position",
+        "aiding #2.type",
+    ]
 
 
 def test_a_mistake_of_a_sensor_leaves_its_errors_alone() -> None:

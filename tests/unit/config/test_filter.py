@@ -165,8 +165,8 @@ def test_tables_are_part_of_the_identity_of_a_run() -> None:
 @pytest.mark.parametrize(
     ("entry", "line"),
     [
-        (3, "filter: expected a table"),
-        ([{"estimates": STATES}], "filter: expected a table"),
+        (3, "filter: got 3; expected a table"),
+        ([{"estimates": STATES}], "filter: got a list; expected a table"),
         ({}, "filter.estimates: is missing"),
         ({"estimates": "position"}, "filter.estimates: got 'position'; expected a list"),
         ({"estimates": [3]}, "filter.estimates #1: got 3; expected text in quotes"),
@@ -217,7 +217,7 @@ def test_one_mistake_is_one_line(entry: Any, line: str) -> None:
         ({"errors": {"gyro_bias_x": "1 deg/h"}, "imu": {"gyro": {"bias": "1 deg/h"}}},
          "errors.gyro_bias_x: is given by another table of [filter.believes]; keep one"),
         ({"aiding": {"gns": {}}}, "aiding.gns: no sensor has this name; did you mean 'gnss'?"),
-        ({"aiding": {"gnss": 3}}, "aiding.gnss: expected a table"),
+        ({"aiding": {"gnss": 3}}, "aiding.gnss: got 3; expected a table"),
         ({"aiding": {"gnss": {"interval": "3 s"}}}, "aiding.gnss.interval: unknown key; expected one of position"),
         ({"aiding": {"gnss": {"lever_arm": ["1 m", "0 m", "0 m"]}}},
          "aiding.gnss.lever_arm: is that of [[aiding]]; a wrong one is an error such as gnss_lever_arm_x = {"),

@@ -14,9 +14,9 @@ from mcnav._types import Array
 from mcnav.config.json_schema.models import of_model
 from mcnav.entries.axes import AxisSizes, OrSizes, units_of
 from mcnav.entries.context import FileContext
-from mcnav.entries.quantities import Later, Length, OneOf, Speed, Table
-from mcnav.entries.rules import ExactlyOne, NotBoth, Rule, SomeButOne
-from mcnav.entries.unions import ByKey, ByType
+from mcnav.entries.quantities import Distinct, Later, Length, OneOf, Speed, Suggested, Table
+from mcnav.entries.rules import ExactlyOne, NotBoth, Rule, SomeButOne, SomeOf
+from mcnav.entries.unions import ByKey, ByType, Either
 from mcnav.entries.validation import validate
 
 Lengths = Annotated[Array, AxisSizes("m", ("x", "y"))]
@@ -69,6 +69,15 @@ class SomeTable(Table):
     other: int = 0
 
 
+class PairTable(Table):
+    """Both of two keys."""
+
+    rules: ClassVar[tuple[Rule, ...]] = (SomeOf(("one", "other"), 2),)
+    called: ClassVar[str] = "a pair"
+    one: int = 0
+    other: int = 0
+
+
 class WholeTable(Table):
     """A table with an entry of each kind."""
 
@@ -79,8 +88,16 @@ class WholeTable(Table):
     move: Annotated[HopTable | SpinTable, ByKey("it is one of"), Field(description="A move.")] | None = None
     form: Annotated[RoundTable | SquareTable, ByType(), Field(description="A form.")] | None = None
     some: Annotated[SomeTable | None, Field(description="Some.")] = None
+    pair: Annotated[PairTable | None, Field(description="A pair.")] = None
+    apart: Annotated[
+        Array | None, AxisSizes("m", ("x", "y"), one_by_one="expected a list"), Field(description="Apart.")
+    ] = None
+    names: Annotated[
+        list[Annotated[str, Suggested(("ada",), "^b")]], Distinct(("ada",)), Field(description="Names.")
+    ] = Field(default_factory=list)
     name: Annotated[str | None, OneOf(("ada", "bob")), Field(description="A name.")] = None
     later: Annotated[Any, Later(HopTable), Field(description="Read later.")] = None
+    either: Annotated[Any, Later(Annotated[HopTable | SpinTable, Either()]), Field(description="A move.")] = None
 
 
 RIGHT: dict[str, object] = {
@@ -90,8 +107,12 @@ RIGHT: dict[str, object] = {
     "move": {"hop": "1 m"},
     "form": {"type": "round", "radius": "1 m"},
     "some": {"other": 1},
+    "pair": {"one": 1, "other": 2},
+    "apart": {"x": "1 m"},
+    "names": ["ada", "bob"],
     "name": "ada",
     "later": {"hop": "1 m"},
+    "either": {"hop": "1 m"},
 }
 
 FORMS: list[tuple[str, object]] = [
@@ -101,6 +122,7 @@ FORMS: list[tuple[str, object]] = [
     ("counted", {"x": "1 m"}),
     ("move", {"spin": 1, "left": 2}),
     ("form", {"type": "square", "side": "1 m"}),
+    ("apart", ["1 m", "2 m"]),
 ]
 
 WRONG: list[tuple[str, object, str]] = [
@@ -116,10 +138,13 @@ WRONG: list[tuple[str, object, str]] = [
     ("move", {"spin": 1, "left": 1, "right": 1}, "move.right: got with a left; keep one"),
     ("move", 3, "move: got 3; expected a table"),
     ("form", {"type": "rounded"}, "form.type: got 'rounded'; did you mean 'round'?"),
-    ("form", {"radius": "1 m"}, "form: got a table; expected a table with a type"),
+    ("form", {"radius": "1 m"}, "form.type: is missing; it is one of round, square"),
     ("form", {"type": "round", "side": "1 m"}, "form."),
     ("some", {}, "some: got nothing"),
     ("some", {"one": 1, "other": 1}, "some: got one, other"),
+    ("pair", {"one": 1}, "pair: got one"),
+    ("pair", {"on": 1}, "pair.on: unknown key of a pair; did you mean 'one'?"),
+    ("apart", "1 m", "apart: got '1 m'; expected a list"),
     ("name", "bop", "name: got 'bop'; did you mean 'bob'?"),
     ("old", 1, "old: is no longer a key"),
 ]
@@ -165,10 +190,21 @@ def test_mistakes(key: str, entry: object, line: str) -> None:
     assert not accepted({key: entry})
 
 
-def test_what_is_read_later_is_described_now() -> None:
-    assert mistakes({"later": {"hopp": "1 m"}}) == []
-    assert not accepted({"later": {"hopp": "1 m"}})
+@pytest.mark.parametrize(
+    ("key", "entry"),
+    [
+        ("later", {"hopp": "1 m"}),
+        ("either", {"hopp": "1 m"}),
+        ("names", ["bob"]),
+        ("names", ["ada", "ada"]),
+        ("names", ["ada", "eve"]),
+    ],
+)
+def test_what_is_read_later_is_described_now(key: str, entry: object) -> None:
+    assert mistakes({key: entry}) == []
+    assert not accepted({key: entry})
 
 
 def test_units() -> None:
-    assert units_of(WholeTable) == {"sizes": "m", "every": "m", "counted.sigma": "m", "counted.step": "m"}
+    keys = ("sizes", "every", "counted.sigma", "counted.step", "apart")
+    assert units_of(WholeTable) == dict.fromkeys(keys, "m")

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from mcnav.entries.context import FileContext
-from mcnav.errors import suggestion
+from mcnav.entries.validation import validate_entry
 from mcnav.systems.ins.filter.model import estimated_kinds
 from mcnav.systems.ins.imu.instruments import AXES, CONSTANTS, PROCESSES
 from mcnav.systems.ins.scenario import Navigation
@@ -18,14 +18,11 @@ from mcnav.systems.ins.sensors.aiding import Component, Sensor
 from mcnav.systems.ins.sensors.quantity import SensorType
 from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import RANDOM
-from mcnav.systems.ins.tables import instants
-from mcnav.systems.ins.tables.instants import check_count, read_instants
-from mcnav.systems.ins.tables.sensors import SensorErrors, check_measured, keys_of_errors, read_sensor_errors
+from mcnav.systems.ins.tables.instants import check_count, instants_of
+from mcnav.systems.ins.tables.sensor_tables import MOST_SENSORS, AnySensor, SensorTable
+from mcnav.systems.ins.tables.sensors import SensorErrors, check_measured, errors_of
 
-NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
-COMMON: Final = ("type", "name", "gate", *instants.KEYS)
-
-MOST_SENSORS: Final = 100
+FORM: Final = TypeAdapter[SensorTable](AnySensor)
 
 NO_CORRELATION: Final = 3600.0
 """Correlation time of an error that there is not, s."""
@@ -52,74 +49,58 @@ def read_aiding(entries: object, navigation: Navigation, context: FileContext) -
     sigmas: dict[str, float] = {}
     for number, entry in enumerate(entries, start=1):
         key = f"aiding #{number}"
-        if not isinstance(entry, dict):
-            context.problem(key, "expected a table")
+        table = validate_entry(FORM, entry, context, key)
+        if table is None:
             continue
-        kind = _read_type(entry, key, context)
-        name = None if kind is None else _read_name(entry, sensors, f"{key}.name", context)
-        if kind is None or name is None:
+        name = _own_name(table, sensors, f"{key}.name", context)
+        if name is None:
             continue
         problems = len(context.problems)
-        sensor, aiding = _read_sensor(entry, kind, name, navigation, key, context)
+        kind = SENSOR_TYPES[table.type]
+        sensor, of_sensor = _read_sensor(table, entry, name, navigation, key, context)
         if len(context.problems) == problems:
             _check_names(sensor, sensors, f"{key}.name", context)
         sound = len(context.problems) == problems
         if sound and len(sensor.times) and (wrong := kind.limit(navigation.truth, sensor.times)):
             context.problem(key, wrong)
         sensors.append(sensor)
-        sigmas |= aiding
+        sigmas |= of_sensor
     check_count(sum(len(sensor.times) for sensor in sensors), context)
     return Aiding(tuple(sensors), sigmas) if len(context.problems) == before else None
 
 
-def _read_type(entry: Mapping[str, Any], key: str, context: FileContext) -> SensorType | None:
-    known = list(SENSOR_TYPES)
-    if "type" not in entry:
-        context.problem(f"{key}.type", f"is missing; it is one of {', '.join(known)}")
-        return None
-    if not isinstance(entry["type"], str) or entry["type"] not in SENSOR_TYPES:
-        context.problem(f"{key}.type", f"got {entry['type']!r}{suggestion(str(entry['type']), known)}")
-        return None
-    return SENSOR_TYPES[entry["type"]]
-
-
-def _read_name(entry: Mapping[str, Any], sensors: list[Sensor], key: str, context: FileContext) -> str | None:
-    name = entry.get("name", entry["type"].replace("-", "_"))
-    if not isinstance(name, str) or not NAME.fullmatch(name):
-        context.problem(key, f"got {name!r}; expected at most 40 letters, digits and _, a letter first")
-    elif name in (sensor.name for sensor in sensors):
-        context.problem(key, f"got {name!r} twice; give one of the sensors another name")
-    else:
+def _own_name(table: SensorTable, sensors: list[Sensor], key: str, context: FileContext) -> str | None:
+    """Return the name of a sensor, which no other has."""
+    name = table.name or table.type.replace("-", "_")
+    if name not in (sensor.name for sensor in sensors):
         return name
+    context.problem(key, f"got {name!r} twice; give one of the sensors another name")
     return None
 
 
 def _read_sensor(
-    entry: Mapping[str, Any], kind: SensorType, name: str, navigation: Navigation, key: str, context: FileContext
+    table: SensorTable, entry: Mapping[str, Any], name: str, navigation: Navigation, key: str, context: FileContext
 ) -> tuple[Sensor, dict[str, float]]:
-    known = [*COMMON, *keys_of_errors(kind), *kind.further]
-    for unknown in (each for each in entry if each not in known):
-        context.problem(f"{key}.{unknown}", f"unknown key of type {entry['type']}{suggestion(unknown, known)}")
-    times, outages = read_instants(entry, navigation, key, context)
+    """Build a sensor from its table; mistakes show the entry as it is written."""
+    kind = SENSOR_TYPES[table.type]
+    times = instants_of(table, entry, navigation, key, context)
     if kind.select is not None:
         times = kind.select(entry, times, navigation.truth, key, context)
-    problems = len(context.problems)
-    errors = read_sensor_errors(entry, kind, key, context)
-    if len(context.problems) == problems:
-        _check_measured(entry, kind, errors, key, context)
+    errors = errors_of(table, kind)
+    _check_measured(entry, kind, errors, key, context)
     components, sigmas = _components(kind, name, errors)
     if kind.lever_arm:
         sized = zip(AXES, errors.lever_arm_error, strict=True)
         sigmas |= {f"{name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
     sensor = Sensor(
         name,
-        entry["type"],
+        kind.name,
         times,
         components,
         np.nan_to_num(errors.lever_arm),
         kind.lever_arm,
-        read_gate(entry, key, context),
-        outages,
+        table.gate,
+        table.outages,
     )
     return sensor, sigmas
 
@@ -131,12 +112,8 @@ def _check_measured(
     empty = [name for name in kind.quantities if name in entry and not measured[name].any()]
     for name in empty:
         context.problem(f"{key}.{name}", "names no axis; expected the sigma of at least one")
-    if empty:
-        return
-    if not any(axes.any() for axes in measured.values()):
-        wanted = " or ".join(kind.quantities)
-        context.problem(f"{key}.{next(iter(kind.quantities))}", f"is missing; expected the sigma of {wanted}")
-    check_measured(entry, kind, measured, key, context)
+    if not empty:
+        check_measured(entry, kind, measured, key, context)
 
 
 def _components(kind: SensorType, name: str, errors: SensorErrors) -> tuple[tuple[Component, ...], dict[str, float]]:
@@ -163,16 +140,6 @@ def constant_sizes(component: Component, bias: float, scale_factor: float) -> di
 def with_gate(sensors: tuple[Sensor, ...], gate: float | None) -> tuple[Sensor, ...]:
     """Give a gate to the sensors that have none of their own."""
     return tuple(sensor if sensor.gate is not None else replace(sensor, gate=gate) for sensor in sensors)
-
-
-def read_gate(entry: Mapping[str, Any], key: str, context: FileContext) -> float | None:
-    """Read the probability of a gate; none when there is none."""
-    if "gate" not in entry:
-        return None
-    gate = context.quantity(entry["gate"], "1", f"{key}.gate")
-    if gate is not None and not 0.0 < gate < 1.0:
-        context.problem(f"{key}.gate", f"got {entry['gate']!r}; expected a probability between 0 and 1, such as 0.999")
-    return gate
 
 
 def _check_names(sensor: Sensor, earlier: list[Sensor], key: str, context: FileContext) -> None:

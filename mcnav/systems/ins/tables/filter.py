@@ -19,7 +19,7 @@ from mcnav._types import Array
 from mcnav.contract.quantities import Source
 from mcnav.entries.axes import within
 from mcnav.entries.context import FileContext
-from mcnav.entries.quantities import UNIT, Later, Table
+from mcnav.entries.quantities import UNIT, Distinct, Later, Suggested, Table
 from mcnav.entries.validation import validate
 from mcnav.errors import suggestion
 from mcnav.sampling.error_model import ErrorModel
@@ -30,22 +30,35 @@ from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import aiding_sources
 from mcnav.systems.ins.tables.aiding import constant_sizes
+from mcnav.systems.ins.tables.error_names import error_patterns, kinds_of_errors, name_pattern
 from mcnav.systems.ins.tables.imu import BelievedImuTable, read_imu
-from mcnav.systems.ins.tables.sensors import (
-    MULTIPLE,
-    SensorErrors,
-    check_measured,
-    keys_of_errors,
-    read_sensor_errors,
-)
+from mcnav.systems.ins.tables.sensor_tables import BELIEVED, MULTIPLE, BelievedSensor, Gate, OfGate, OfName
+from mcnav.systems.ins.tables.sensors import SensorErrors, check_measured, errors_of
 
 ALWAYS: Final = ("position", "velocity", "attitude")
 """States that every filter estimates."""
 
-GATE: Final = "Probability with which an expected measurement is accepted."
+KINDS: Final = estimated_kinds((*GYRO, *ACCELEROMETER))
+"""Kinds of the instruments' errors."""
 
-OF_SENSORS: Final = re.compile(r"(\w+?)_((position|velocity)_bias|bias|scale_factor|lever_arm)")
+OF_ANY_SENSOR: Final = name_pattern(kinds_of_errors())
+"""Pattern of the kinds of any sensor's errors."""
+
+OfEstimates: Final = Field(description="position, velocity, attitude, and kinds of errors that are estimated.")
+OfConsiders: Final = Field(description="Kinds of errors with a covariance and no estimate (Schmidt).")
+
+OF_SENSORS: Final = re.compile(rf"(\w+?)_({'|'.join(kinds_of_errors())})")
 """Kinds of a sensor's errors, after its name."""
+
+
+def _schema_of_believed_errors() -> dict[str, object]:
+    """Return the JSON schema of sigmas by source, or kind of sources, of a navigation with any sensors."""
+    units = {source.group: source.unit for source in SOURCES} | {source.name: source.unit for source in SOURCES}
+    told = "Believed sigma of {}."
+    known = {name: {UNIT: unit, "description": told.format(name)} for name, unit in units.items()}
+    of_sensor = told.format("a constant error of a sensor")
+    others = {pattern: {UNIT: unit, "description": of_sensor} for unit, pattern in error_patterns().items()}
+    return {"type": "object", "properties": known, "patternProperties": others, "additionalProperties": False}
 
 
 class BelievesTable(Table):
@@ -54,27 +67,35 @@ class BelievesTable(Table):
     imu: Annotated[Any, Later(BelievedImuTable)] = Field(
         default_factory=dict, description="Believed errors of the instruments."
     )
-    errors: dict[str, object] = Field(
+    errors: Annotated[dict[str, object], WithJsonSchema(_schema_of_believed_errors())] = Field(
         default_factory=dict, description="Believed sigmas by source, or kind of sources."
     )
-    aiding: dict[str, object] = Field(default_factory=dict, description="Believed errors of sensors, by their names.")
+    aiding: dict[
+        Annotated[str, OfName],
+        Annotated[object, Later(BelievedSensor)],
+    ] = Field(
+        default_factory=dict,
+        description="Believed errors of the sensors, by their names.",
+        json_schema_extra={"additionalProperties": False},
+    )
 
 
 class FilterTable(Table):
     """``[filter]``; the gate is one of the sensors."""
 
     estimates: Annotated[
-        list[str],
-        Field(max_length=1_000, description="position, velocity, attitude, and kinds of errors that are estimated."),
+        list[Annotated[str, Suggested((*ALWAYS, *KINDS), OF_ANY_SENSOR), OfEstimates]],
+        Distinct(ALWAYS),
+        Field(max_length=1_000),
+        OfEstimates,
     ]
-    considers: list[str] = Field(
-        default_factory=list,
-        max_length=1_000,
-        description="Kinds of errors with a covariance and no estimate (Schmidt).",
-    )
-    gate: Annotated[
-        Any, WithJsonSchema({UNIT: "1", "gt": 0.0, "lt": 1.0, "examples": [0.999]}), Field(description=GATE)
-    ] = None
+    considers: Annotated[
+        list[Annotated[str, Suggested(KINDS, OF_ANY_SENSOR), OfConsiders]],
+        Distinct(),
+        Field(max_length=1_000),
+        OfConsiders,
+    ] = Field(default_factory=list)
+    gate: Annotated[Gate | None, OfGate] = None
     believes: BelievesTable = Field(
         default_factory=BelievesTable, description="What the filter takes errors for; the truth where nothing is given."
     )
@@ -121,15 +142,9 @@ def _scaled(covariance: Array, sigmas: Array) -> Array:
     return np.asarray(correlation * np.outer(sigmas, sigmas))
 
 
-def read_filter(entries: object, sensors: tuple[Sensor, ...], imu: Imu, context: FileContext) -> FilterPlan | None:
-    """Read ``[filter]`` of a navigation with these sensors; mistakes are added to the context."""
-    if not isinstance(entries, dict):
-        context.problem("filter", "expected a table")
-        return None
+def plan_filter(table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, context: FileContext) -> FilterPlan | None:
+    """Plan the filter of a navigation with these sensors; mistakes are added to the context."""
     before = len(context.problems)
-    table = validate(FilterTable, entries, context, "filter")
-    if table is None:
-        return None
     _check_states(table, sensors, context)
     believed = read_imu(table.believes.imu, context, "filter.believes.imu", imu)
     sigmas = {} if believed is None else dict(believed.sigmas)
@@ -205,21 +220,16 @@ def _believed_sensor(entry: object, sensor: Sensor, context: FileContext) -> tup
     """Read what the filter believes of a sensor, and of the sigmas of its constant errors."""
     key = f"filter.believes.aiding.{sensor.name}"
     kind = SENSOR_TYPES[sensor.kind]
-    if not isinstance(entry, dict):
-        context.problem(key, "expected a table")
-        return sensor, {}
-    before = len(context.problems)
-    known_keys = keys_of_errors(kind)
-    for unknown in (name for name in entry if name not in known_keys):
-        context.problem(f"{key}.{unknown}", f"unknown key{suggestion(unknown, known_keys)}")
-    if kind.lever_arm and "lever_arm" in entry:
+    if kind.lever_arm and isinstance(entry, dict) and "lever_arm" in entry:
         known = f'{sensor.name}_lever_arm_x = {{ distribution = "fixed", value = "1 cm" }}'
         context.problem(
             f"{key}.lever_arm", f"is that of [[aiding]]; a wrong one is an error such as {known} in [errors]"
         )
-    errors = read_sensor_errors(entry, kind, key, context, believed=True)
-    if len(context.problems) > before:
+        entry = {name: each for name, each in entry.items() if name != "lever_arm"}
+    table = validate(BELIEVED[sensor.kind], entry, context, key)
+    if table is None or not isinstance(entry, dict):
         return sensor, {}
+    errors = errors_of(table, kind)
     measured: dict[str, NDArray[np.bool_]] = {
         name: np.isin(
             np.arange(len(QUANTITIES[quantity].axes)), [c.axis for c in sensor.components if c.quantity == quantity]

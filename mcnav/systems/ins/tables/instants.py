@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+import math
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, PlainValidator, WithJsonSchema
 
 from mcnav._types import Array
 from mcnav.entries.context import FileContext
+from mcnav.entries.mistakes import Mistake, refuse, told
+from mcnav.entries.quantities import UNIT, Duration, Table
 from mcnav.systems.ins.scenario import Navigation
+from mcnav.units import UnitError, quantity
 
 MOST_MEASUREMENTS: Final = 50_000
 """Measurements of all sensors together: each is an update of every sample's filter."""
@@ -26,8 +32,6 @@ SHORTEST_INTERVAL: Final = 1e-3
 
 SAME: Final = 1e-9
 """Difference of two times that are the same, over the largest: many are computed, not written."""
-
-KEYS: Final = ("interval", "instants", "begin", "end", "outages")
 
 
 def same_times(navigation: Navigation) -> float:
@@ -49,41 +53,150 @@ def seconds(time: float) -> str:
     return f"{time:.10g} s"
 
 
-def read_instants(
-    entry: Mapping[str, Any], navigation: Navigation, key: str, context: FileContext
-) -> tuple[Array, tuple[tuple[float, float], ...]]:
-    """Read the instants of a sensor's measurements, shape (u,), s, and its outages; mistakes go to the context."""
+Span = tuple[float, float]
+"""Begin, included, and end, not included, s."""
+
+
+def _read_list(entry: object) -> Array:
+    """Read instants one by one."""
+    if not isinstance(entry, list) or not entry:
+        raise told('expected a list of times such as ["600 s", "1200 s"]')
+    mistakes: list[Mistake] = []
+    times = [_read_time(each, number, mistakes) for number, each in enumerate(entry)]
+    if mistakes:
+        raise refuse(mistakes)
+    return np.array(times)
+
+
+def _read_outages(entry: object) -> tuple[Span, ...]:
+    """Read pairs of begin and end."""
+    expected = 'expected pairs of begin and end such as [["1200 s", "1500 s"]]'
+    if not isinstance(entry, list):
+        raise told(expected)
+    if len(entry) > MOST_OUTAGES:
+        raise told(f"got {len(entry)}; expected at most {MOST_OUTAGES}")
+    mistakes: list[Mistake] = []
+    outages: list[Span] = []
+    for number, pair in enumerate(entry):
+        if not isinstance(pair, list) or len(pair) != 2:
+            raise refuse([Mistake(expected, (number,))])
+        begin, end = (_read_time(each, number, mistakes) for each in pair)
+        if end <= begin:
+            mistakes.append(Mistake(f"got {pair[0]!r} to {pair[1]!r}; expected an end after its begin", (number,)))
+        outages.append((begin, end))
+    if mistakes:
+        raise refuse(mistakes)
+    return tuple(sorted(outages))
+
+
+def _read_time(entry: object, number: int, mistakes: list[Mistake]) -> float:
+    """Read an entry of a list; when it is wrong, add the mistake and return NaN."""
+    try:
+        return quantity(entry, "s")
+    except UnitError as wrong:
+        mistakes.append(Mistake(str(wrong), (number,)))
+        return math.nan
+
+
+InstantList = Annotated[
+    Array,
+    PlainValidator(_read_list),
+    WithJsonSchema({"type": "array", "items": {UNIT: "s", "examples": ["600 s"]}, "minItems": 1}),
+]
+Outages = Annotated[
+    tuple[Span, ...],
+    PlainValidator(_read_outages),
+    WithJsonSchema(
+        {
+            "type": "array",
+            "items": {
+                "type": "array", "items": {UNIT: "s", "examples": ["1200 s"]}, "minItems": 2, "maxItems": 2,
+            },
+            "maxItems": MOST_OUTAGES,
+        }
+    ),
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class InstantRule:
+    """Instants of measurements are those of an interval, which begin and end limit, or a list; see `Rule`."""
+
+    def broken(self, given: Set[str], expected: str) -> Mistake | None:
+        """See `Rule`."""
+        ways = given & {"interval", "instants"}
+        if len(ways) != 1:
+            came = "has interval and instants" if ways else "has no instants of measurements"
+            return Mistake(f'{came}; expected interval = "1 s", or instants = ["600 s", "1200 s"]')
+        limits = [name for name in ("begin", "end") if name in given and "instants" in ways]
+        return Mistake("limits an interval; leave it out with instants", (limits[0],)) if limits else None
+
+    @property
+    def schema(self) -> Mapping[str, object]:
+        """See `Rule`."""
+        ways = [{"required": ["interval"]}, {"required": ["instants"]}]
+        return {"oneOf": ways, "dependencies": {"begin": ["interval"], "end": ["interval"]}}
+
+
+class InstantsTable(Table):
+    """Instants of a sensor's measurements, in the trajectory's time."""
+
+    interval: Annotated[
+        Duration | None,
+        Field(
+            description="Time between measurements; without begin, the first is one interval after the start.",
+            examples=["1 s"],
+        ),
+    ] = None
+    begin: Annotated[
+        Duration | None,
+        Field(description="First measurement at an interval, in the trajectory's time.", examples=["600 s"]),
+    ] = None
+    end: Annotated[
+        Duration | None,
+        Field(
+            description="Last instant of measurements at an interval, in the trajectory's time.", examples=["1200 s"]
+        ),
+    ] = None
+    instants: Annotated[
+        InstantList | None,
+        Field(description="Instants of measurements in place of an interval, in the trajectory's time."),
+    ] = None
+    outages: Annotated[
+        Outages, Field(description="Pairs of begin, included, and end, not included, without measurements.")
+    ] = ()
+
+
+def instants_of(
+    table: InstantsTable, entry: Mapping[str, Any], navigation: Navigation, key: str, context: FileContext
+) -> Array:
+    """Return the instants of a sensor's measurements within a navigation, shape (u,), s.
+
+    Mistakes, which show the entry as it is written, go to the context.
+    """
     before = len(context.problems)
-    outages = _read_outages(entry.get("outages", []), f"{key}.outages", context)
-    given = [name for name in ("interval", "instants") if name in entry]
-    times = np.zeros(0)
-    if len(given) != 1:
-        came = "has interval and instants" if given else "has no instants of measurements"
-        context.problem(key, f'{came}; expected interval = "1 s", or instants = ["600 s", "1200 s"]')
-    elif given[0] == "interval":
-        times = _of_interval(entry, navigation, key, context)
+    if table.interval is not None:
+        times = _of_interval(table, table.interval, entry, navigation, key, context)
     else:
-        for name in ("begin", "end"):
-            if name in entry:
-                context.problem(f"{key}.{name}", "limits an interval; leave it out with instants")
-        times = _of_list(entry["instants"], navigation, f"{key}.instants", context)
+        given = np.zeros(0) if table.instants is None else table.instants
+        times = _of_list(given, entry["instants"], navigation, f"{key}.instants", context)
     if len(context.problems) > before:
-        return np.zeros(0), ()
-    for begin, end in outages:
+        return np.zeros(0)
+    for begin, end in table.outages:
         times = times[~within(times, begin, end, same_times(navigation))]
-    return times, outages
+    return times
 
 
-def _of_interval(entry: Mapping[str, Any], navigation: Navigation, key: str, context: FileContext) -> Array:
-    """Read the instants of an interval: from begin on, or from an interval after the start of navigation on.
+def _of_interval(
+    table: InstantsTable, interval: float, entry: Mapping[str, Any], navigation: Navigation, key: str,
+    context: FileContext,
+) -> Array:  # fmt: skip
+    """Return the instants of an interval: from begin on, or from an interval after the start of navigation on.
 
     Those at the start of navigation and before it are left out, as in a list.
     """
-    interval = context.quantity(entry["interval"], "s", f"{key}.interval")
-    begin = context.quantity(entry["begin"], "s", f"{key}.begin") if "begin" in entry else navigation.start
-    end = context.quantity(entry["end"], "s", f"{key}.end") if "end" in entry else navigation.end
-    if interval is None or begin is None or end is None:
-        return np.zeros(0)
+    begin = navigation.start if table.begin is None else table.begin
+    end = navigation.end if table.end is None else table.end
     came, start, lasts = entry["interval"], navigation.start, navigation.end - navigation.start
     until = min(end, navigation.end)
     count = (until - max(begin, start)) / max(interval, SHORTEST_INTERVAL)
@@ -91,8 +204,8 @@ def _of_interval(entry: Mapping[str, Any], navigation: Navigation, key: str, con
         context.problem(f"{key}.interval", f"got {came!r}; expected at least {seconds(SHORTEST_INTERVAL)}")
     elif interval > lasts + same_times(navigation):
         context.problem(f"{key}.interval", f"got {came!r}; navigation lasts {seconds(lasts)}")
-    elif "end" in entry and end <= begin:
-        after = f"begin of {seconds(begin)}" if "begin" in entry else f"start of navigation at {seconds(begin)}"
+    elif table.end is not None and end <= begin:
+        after = f"begin of {seconds(begin)}" if table.begin is not None else f"start of navigation at {seconds(begin)}"
         context.problem(f"{key}.end", f"got {entry['end']!r}; expected a time after the {after}")
     elif count > MOST_MEASUREMENTS:
         context.problem(f"{key}.interval", f"got {came!r}; {_too_many(count)}")
@@ -105,16 +218,8 @@ def _of_interval(entry: Mapping[str, Any], navigation: Navigation, key: str, con
     return np.zeros(0)
 
 
-def _of_list(entry: object, navigation: Navigation, key: str, context: FileContext) -> Array:
-    """Read instants one by one; those beyond the navigation are left out."""
-    if not isinstance(entry, list) or not entry:
-        context.problem(key, 'expected a list of times such as ["600 s", "1200 s"]')
-        return np.zeros(0)
-    before = len(context.problems)
-    read = (context.quantity(each, "s", f"{key} #{number}") for number, each in enumerate(entry, start=1))
-    times = np.array([time for time in read if time is not None])
-    if len(context.problems) > before:
-        return np.zeros(0)
+def _of_list(times: Array, entry: Sequence[object], navigation: Navigation, key: str, context: FileContext) -> Array:
+    """Return instants that are listed; those beyond the navigation are left out."""
     first, last = (float(time) for time in navigation.truth.times[[0, -1]])
     wrong = np.flatnonzero((times < first - same_times(navigation)) | (times > last + same_times(navigation)))
     falling = np.flatnonzero(np.diff(times) <= same_times(navigation))
@@ -129,29 +234,6 @@ def _of_list(entry: object, navigation: Navigation, key: str, context: FileConte
     times = np.round(times, DECIMALS)
     inside = (times > navigation.start + same_times(navigation)) & (times <= navigation.end + same_times(navigation))
     return np.asarray(np.minimum(times[inside], navigation.end))
-
-
-def _read_outages(entry: object, key: str, context: FileContext) -> tuple[tuple[float, float], ...]:
-    expected = 'expected pairs of begin and end such as [["1200 s", "1500 s"]]'
-    if not isinstance(entry, list):
-        context.problem(key, expected)
-        return ()
-    if len(entry) > MOST_OUTAGES:
-        context.problem(key, f"got {len(entry)}; expected at most {MOST_OUTAGES}")
-        return ()
-    outages = []
-    for number, pair in enumerate(entry, start=1):
-        at = f"{key} #{number}"
-        if not isinstance(pair, list) or len(pair) != 2:
-            context.problem(at, expected)
-            return ()
-        begin, end = (context.quantity(each, "s", at) for each in pair)
-        if begin is None or end is None:
-            continue
-        if end <= begin:
-            context.problem(at, f"got {pair[0]!r} to {pair[1]!r}; expected an end after its begin")
-        outages.append((begin, end))
-    return tuple(sorted(outages))
 
 
 def check_count(count: int, context: FileContext) -> None:

@@ -13,14 +13,17 @@ from pydantic import Field
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import AngularRate, Duration, GravitationalParameter, Later, Length, Table
+from mcnav.entries.validation import validate
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import Imu
 from mcnav.systems.ins.scenario import NAVIGATION_ERRORS, SOURCES, Ins, Navigation, is_ins
-from mcnav.systems.ins.tables.aiding import Aiding, read_aiding, read_gate, with_gate
-from mcnav.systems.ins.tables.filter import FilterPlan, FilterTable, read_filter
+from mcnav.systems.ins.tables.aiding import Aiding, read_aiding, with_gate
+from mcnav.systems.ins.tables.error_names import error_patterns
+from mcnav.systems.ins.tables.filter import FilterPlan, FilterTable, plan_filter
 from mcnav.systems.ins.tables.imu import ImuTable, read_imu
+from mcnav.systems.ins.tables.sensor_tables import Sensors
 from mcnav.systems.ins.tables.trajectories import read_trajectory
 from mcnav.systems.ins.tables.trajectory_tables import Columns, Trajectory
 
@@ -121,9 +124,11 @@ def _read_aiding(navigation: Navigation, context: FileContext) -> tuple[Aiding, 
     if not aiding.sensors:
         context.problem("filter", "needs [[aiding]], the sensors whose measurements it uses")
         return aiding, None
-    gate = read_gate(entries, "filter", context) if isinstance(entries, dict) else None
-    aiding = replace(aiding, sensors=with_gate(aiding.sensors, gate))
-    return aiding, read_filter(entries, aiding.sensors, navigation.imu, context)
+    table = validate(FilterTable, entries, context, "filter")
+    if table is None:
+        return aiding, None
+    aiding = replace(aiding, sensors=with_gate(aiding.sensors, table.gate))
+    return aiding, plan_filter(table, aiding.sensors, navigation.imu, context)
 
 
 NO_AIDING: Final = "this scenario cannot be aided, which those of type ins can"
@@ -140,7 +145,11 @@ INS: Final = ScenarioType(
             "Inertial measurement unit of type ins: a grade, or a data sheet.",
             "this scenario has no inertial measurement unit",
         ),
-        "aiding": FurtherTable(Any, "Sensors that aid a navigation of type ins.", NO_AIDING, adds_sources=True),
-        "filter": FurtherTable(FilterTable, "Error-state Kalman filter of an aided navigation.", NO_AIDING),
+        "aiding": FurtherTable(
+            Sensors, "Sensors that aid the navigation; needs [filter].", NO_AIDING, source_patterns=error_patterns()
+        ),
+        "filter": FurtherTable(
+            FilterTable, "Error-state Kalman filter of an aided navigation; needs [[aiding]].", NO_AIDING
+        ),
     },
 )

@@ -1,0 +1,217 @@
+"""``[[aiding]]`` and ``[filter.believes.aiding]``: tables that follow from the types of sensors."""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Mapping, Set
+from dataclasses import dataclass
+from functools import reduce
+from typing import Annotated, Any, ClassVar, Final, Literal
+
+from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema, create_model
+
+from mcnav._types import Array
+from mcnav.entries.axes import AxisSizes, Fault, within
+from mcnav.entries.mistakes import Mistake, told
+from mcnav.entries.quantities import UNIT, Later, OneOf, QuantityIn, Table
+from mcnav.entries.rules import SomeOf
+from mcnav.entries.unions import ByType, Either
+from mcnav.entries.validation import AnyTable
+from mcnav.systems.ins.imu.instruments import AXES
+from mcnav.systems.ins.sensors.quantity import FurtherKey, QuantityDefinition, SensorType
+from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
+from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR
+from mcnav.systems.ins.tables.instants import InstantRule, InstantsTable
+from mcnav.units import dimension_of, printable, quantity
+
+MULTIPLE: Final = 1e9
+"""Multiple of an error's usual size, and share of it, beyond which a size is refused: a slip of the pen."""
+
+SHORTEST_CORRELATION: Final = 1e-15
+"""Correlation time, s; its reciprocal is the longest one."""
+
+LONGEST_LEVER_ARM: Final = 1e5
+"""m."""
+
+MOST_SENSORS: Final = 100
+
+NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
+
+Fields = Mapping[str, tuple[Any, Any]]
+"""Fields of a table by key, each with its type and default."""
+
+
+def _read_name(entry: object) -> str:
+    if not isinstance(entry, str) or not NAME.fullmatch(entry):
+        raise told(f"got {entry!r}; expected at most 40 letters, digits and _, a letter first")
+    return entry
+
+
+def _read_gate(entry: object) -> float:
+    gate = quantity(entry, "1")
+    if not 0.0 < gate < 1.0:
+        raise told(f"got {entry!r}; expected a probability between 0 and 1, such as 0.999")
+    return gate
+
+
+OfName: Final = WithJsonSchema({"type": "string", "pattern": f"^{NAME.pattern}$"})
+SensorName = Annotated[str, PlainValidator(_read_name), OfName]
+Gate = Annotated[
+    float,
+    PlainValidator(_read_gate),
+    WithJsonSchema({UNIT: "1", "gt": 0.0, "lt": 1.0, "examples": [0.999]}),
+]
+OfGate: Final = Field(description="Probability with which an expected measurement is accepted.")
+
+
+@dataclass(frozen=True)
+class MeasuresOne:
+    """At least one of a sensor's quantities is measured; see `Rule`."""
+
+    quantities: tuple[str, ...]
+
+    def broken(self, given: Set[str], expected: str) -> Mistake | None:
+        """See `Rule`."""
+        missing = f"is missing; expected the sigma of {' or '.join(self.quantities)}"
+        return None if given & set(self.quantities) else Mistake(missing, self.quantities[:1])
+
+    @property
+    def schema(self) -> Mapping[str, object]:
+        """See `Rule`."""
+        required = [{"required": [each]} for each in self.quantities]
+        return {"anyOf": required} if len(required) > 1 else required[0]
+
+
+class NamedTable(Table):
+    """A type, and a name."""
+
+    type: str
+    name: Annotated[SensorName | None, Field(description="Name of its own; its type unless given.")] = None
+
+
+class SensorTable(InstantsTable, NamedTable):
+    """An entry of ``[[aiding]]`` but for what follows from its type; a type and a name are its first keys."""
+
+    gate: Annotated[Gate | None, OfGate] = None
+
+
+class CorrelatedTable(Table):
+    """First-order Gauss-Markov error: ``{ sigma = "2 m", correlation_time = "100 s" }``."""
+
+    sigma: Any = None
+    correlation_time: Any = None
+
+
+def _model(name: str, base: type[AnyTable], **fields: Any) -> type[AnyTable]:
+    """Return a table with further fields, each a type and a default."""
+    return create_model(name, __base__=base, **fields)
+
+
+def _sizes(unit: str, axes: tuple[str, ...], fault: Fault, description: str, *examples: str) -> tuple[Any, Any]:
+    """Return the field of sizes by axis."""
+    sizes = Annotated[Array, AxisSizes(unit, axes, fault)]
+    return Annotated[sizes | None, Field(description=description, examples=list(examples) or None)], None
+
+
+def _correlated(measured: str, of: QuantityDefinition, believed: bool) -> tuple[Any, Any]:
+    """Return the field of a Gauss-Markov error; one that a filter believes may have one of its sizes alone."""
+    keys = ("sigma", "correlation_time")
+
+    def expected(sigma: str) -> str:
+        return f'expected {{ sigma = "{sigma}", correlation_time = "100 s" }}'
+
+    def refuse_text(entry: object) -> object:
+        if isinstance(entry, str):
+            raise told(f"got {entry!r}; {expected(printable(entry, 20))}")
+        return entry
+
+    positive = within(SHORTEST_CORRELATION, 1.0 / SHORTEST_CORRELATION, "s", "expected a time above zero")
+    table = _model(
+        "CorrelatedTable",
+        base=CorrelatedTable,
+        rules=(ClassVar[Any], (SomeOf(keys, 1 if believed else 2),)),
+        expected=(ClassVar[str], expected(dimension_of(of.unit).example)),
+        sigma=_sizes(of.unit, of.axes, within(0.0, MULTIPLE * of.usual, of.unit), "Sigma of the process."),
+        correlation_time=_sizes("s", of.axes, positive, "Correlation time of the process.", "100 s"),
+    )
+    described = Field(description=f"First-order Gauss-Markov error of the {measured}.")
+    return Annotated[Annotated[table, BeforeValidator(refuse_text)] | None, described], None
+
+
+def _errors(kind: SensorType, believed: bool = False) -> Fields:
+    """Return the fields of a sensor's errors."""
+    measured = {key: QUANTITIES[name] for key, name in kind.quantities.items()}
+    fields: dict[str, tuple[Any, Any]] = {}
+    for key, of in measured.items():
+        fault = within(of.usual / MULTIPLE, MULTIPLE * of.usual, of.unit, "expected a sigma above zero")
+        fields[key] = _sizes(of.unit, of.axes, fault, f"Sigma of the white noise of one measurement of the {key}.")
+    for key, of in measured.items():
+        if kind.errors:
+            fault = within(0.0, MULTIPLE * of.usual, of.unit)
+            bias = _sizes(of.unit, of.axes, fault, f"Sigma of the constant bias of the {key}.")
+            fields[kind.key(key, "bias")] = bias
+            fields[kind.key(key, "correlated")] = _correlated(key, of, believed)
+        if of.scaled:
+            unit, _, usual = SCALE_FACTOR
+            scale = _sizes(
+                unit, of.axes, within(0.0, MULTIPLE * usual, unit), f"Sigma of the scale factor of the {key}."
+            )
+            fields[kind.key(key, "scale_factor")] = scale
+    if kind.lever_arm:
+        fields["lever_arm"] = _lever_arm()
+        fault = within(0.0, MULTIPLE * LEVER_ARM[2], LEVER_ARM[0])
+        fields["lever_arm_error"] = _sizes(LEVER_ARM[0], AXES, fault, "Sigma of the lever arm's error.", "1 cm")
+    return fields
+
+
+def _lever_arm() -> tuple[Any, Any]:
+    fault = within(-LONGEST_LEVER_ARM, LONGEST_LEVER_ARM, "m", f"at most {LONGEST_LEVER_ARM:.3g} m makes sense")
+    expected = 'expected lengths forward, right and down such as ["1 m", "0 m", "-0.5 m"]'
+    arm = Annotated[Array, AxisSizes(LEVER_ARM[0], AXES, fault, one_by_one=expected)]
+    return Annotated[arm | None, Field(description="From the unit to the antenna, forward, right and down.")], None
+
+
+def _further(key: FurtherKey) -> tuple[Any, Any]:
+    """Return the field of a key that the type of sensor reads itself."""
+    form = Annotated[str, OneOf(key.choices)] if key.choices else Annotated[float, QuantityIn(key.unit)]
+    return Annotated[Any, Later(form), Field(description=key.meaning)], None
+
+
+def _sensor_table(kind: SensorType) -> type[SensorTable]:
+    return _model(
+        f"{kind.name} sensor",
+        base=SensorTable,
+        rules=(ClassVar[Any], (InstantRule(), MeasuresOne(tuple(kind.quantities)))),
+        called=(ClassVar[str], f"type {kind.name}"),
+        type=(Annotated[Literal[kind.name], Field(description=kind.words)], ...),
+        **_errors(kind),
+        **{key: _further(each) for key, each in kind.further.items()},
+    )
+
+
+def _believed_table(kind: SensorType) -> type[Table]:
+    fields = {key: field for key, field in _errors(kind, believed=True).items() if key != "lever_arm"}
+    return _model(f"believed {kind.name} sensor", base=Table, **fields)
+
+
+SENSORS: Final[Mapping[str, type[SensorTable]]] = {name: _sensor_table(kind) for name, kind in SENSOR_TYPES.items()}
+"""Tables of ``[[aiding]]`` by type of sensor."""
+
+BELIEVED: Final[Mapping[str, type[Table]]] = {name: _believed_table(kind) for name, kind in SENSOR_TYPES.items()}
+"""Tables of ``[filter.believes.aiding]`` by type of sensor."""
+
+AnySensor: Final[Any] = Annotated[
+    reduce(operator.or_, SENSORS.values()),
+    ByType(),
+    Field(description="A sensor, its instants, and the sizes of its errors."),
+]
+Sensors: Final[Any] = Annotated[list[AnySensor], Field(max_length=MOST_SENSORS)]
+"""``[[aiding]]``."""
+
+BelievedSensor: Final[Any] = Annotated[
+    reduce(operator.or_, BELIEVED.values()),
+    Either(),
+    Field(description="Errors that the filter takes others for."),
+]
+"""An entry of ``[filter.believes.aiding]``, whose sensor ``[[aiding]]`` describes."""
