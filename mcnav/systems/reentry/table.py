@@ -76,14 +76,14 @@ class ReentryTable(Table):
     ] | None = None  # fmt: skip
     if FURTHER:  # no key of which no value would be right
         further_outputs: Annotated[
-            tuple[str, ...], Field(description=f"Of {', '.join(each.output.name for each in FURTHER)}.")
-        ] = ()
+            list[str], Field(description=f"Of {', '.join(each.output.name for each in FURTHER)}.")
+        ] = []
 
 
 def _further(table: ReentryTable, context: FileContext) -> tuple[FurtherOutput, ...]:
     """Look up the further outputs that are asked for; unknown names are added to the context."""
     known = {each.output.name: each for each in FURTHER}
-    names: tuple[str, ...] = table.further_outputs if FURTHER else ()
+    names: list[str] = table.further_outputs if FURTHER else []
     for name in names:
         if name not in known:
             context.problem("scenario.further_outputs", f"unknown output {name!r}; known are {', '.join(known)}")
