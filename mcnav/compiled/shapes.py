@@ -16,6 +16,7 @@ Shape = tuple[int | None, ...]
 def check_shape(name: str, array: NDArray[Any], shape: Shape) -> None:
     """Raise ValueError unless an array has a shape.
 
+    >>> import numpy as np
     >>> check_shape("errors", np.zeros((7, 38)), (None, 39))
     Traceback (most recent call last):
     ...
@@ -36,6 +37,7 @@ def check_shapes(arrays: Iterable[tuple[str, NDArray[Any], Shape]]) -> None:
 def check_numbers(name: str, numbers: IndexArray, count: int) -> None:
     """Raise ValueError unless all numbers are at least zero and below a count.
 
+    >>> import numpy as np
     >>> check_numbers("epochs", np.array([0, 12]), 12)
     Traceback (most recent call last):
     ...

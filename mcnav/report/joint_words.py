@@ -44,6 +44,7 @@ def joined(names: Sequence[str]) -> str:
 def combination_words(result: CombinationEntry, summary: Summary) -> str:
     """Name a combination of a summary's ``joint``, in the units shown, without terms below `LEAST`.
 
+    >>> from mcnav.analysis.summary import Named
     >>> two = Summary.model_construct(outputs=[Named(name="y", unit="m"), Named(name="y2", unit="m")])
     >>> of_both = dict(sigma_linear=1.0, sigma_paired=1.1, mean_error=0.0)
     >>> combination_words(CombinationEntry(lead="y2", weights=[-2.0, 1.0], shares=[-1.0, 1.0], **of_both), two)

@@ -126,6 +126,6 @@ def double(x: Array) -> None:
 
 def test_a_vector_is_of_numbers_of_64_bits_in_order() -> None:
     """Others, whose memory would be taken for such numbers, are refused where the function is compiled."""
-    for array in (np.ones((1, LANES), dtype=np.float32), np.ones((1, LANES), dtype=np.int64), np.ones((LANES, 1)).T):
+    for array in (np.ones((1, LANES), dtype=np.float32), np.ones((1, LANES), dtype=np.int64), np.ones((LANES, 2)).T):
         with pytest.raises(TypeError, match="has no place"):
             double(array)
