@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from pydantic_core import ValidationError
 
 from mcnav.units import printable
 
@@ -23,6 +25,12 @@ LONGEST_MESSAGE: Final = 1_000
 
 LONGEST_LINE: Final = 2_000
 """Characters of a message about a run folder that are shown."""
+
+LONGEST_TOLD: Final = 200
+"""Characters that are shown of what is wrong within a file."""
+
+LONGEST_VALUE: Final = 40
+"""Characters of a value that are shown within a longer message."""
 
 LONGEST_NAME: Final = 100
 """Characters of a name that may have been meant for another."""
@@ -88,6 +96,27 @@ class TooManyFailures(Exception):
     """More samples failed than a run was allowed; the message says how many."""
 
 
+def first_mistake(invalid: ValidationError) -> str:
+    """Return the first mistake that pydantic found: its key, what came, and what is expected.
+
+    >>> from pydantic import TypeAdapter
+    >>> try:
+    ...     TypeAdapter(list[float]).validate_python([1.0, "x"])
+    ... except ValidationError as invalid:
+    ...     first_mistake(invalid)
+    "1: got 'x'; expected a valid number, unable to parse string as a number"
+    """
+    first = invalid.errors(include_url=False, include_context=False)[0]
+    came, message = first["input"], str(first["msg"]).removeprefix("Value error, ")
+    message = message[:1].lower() + message[1:]
+    if first["type"] == "missing":
+        message = "is missing"
+    elif message.startswith("input should be "):
+        shown = "a table" if isinstance(came, Mapping) else "a list" if isinstance(came, list | tuple) else repr(came)
+        message = f"got {printable(shown, LONGEST_VALUE)}; expected {message.removeprefix('input should be ')}"
+    return ": ".join(filter(None, (".".join(map(str, first["loc"])), message)))
+
+
 @contextmanager
 def reading_file(path: Path) -> Iterator[None]:
     """Convert parsing errors into `RunFolderError` naming the file.
@@ -97,7 +126,10 @@ def reading_file(path: Path) -> Iterator[None]:
     try:
         yield
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as failure:
-        told = printable(f"{type(failure).__name__}: {failure}", 120)
+        named = (
+            first_mistake(failure) if isinstance(failure, ValidationError) else f"{type(failure).__name__}: {failure}"
+        )
+        told = printable(named, LONGEST_TOLD)
         raise RunFolderError(f"{path}: is not as this program writes it ({told}); run the campaign again") from failure
 
 

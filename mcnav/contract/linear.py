@@ -31,10 +31,10 @@ class LinearSystem:
         Covariance Q_j that each process of noise has added, by name.
     updates : tuple of str or None
         ``before`` or ``after`` where an update of aiding falls on the time.
-    own : ndarray, shape (r, k, k), optional
-        Covariance that the navigator's filter states, of k outputs.
+    own : ndarray, shape (r, outputs, outputs), optional
+        Covariance that the navigator's filter states; NaN for outputs that it does not know.
     own_outputs : tuple of int
-        Numbers of these outputs.
+        Numbers of the outputs that it knows.
     label : str
         What the times are, as ``name [unit]``.
     believed : mapping of str to float

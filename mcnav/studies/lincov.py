@@ -155,10 +155,12 @@ def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearSystem | None]:
     if not is_linear_over_time(scenario):
         return end, None
     system = scenario.linear_over_time(len(scenario.reading_times) if has_epochs(scenario) else HISTORY_POINTS)
-    prediction = scenario.filter_prediction() if can_have_filter(scenario) else None
-    if prediction is not None and np.array_equal(prediction.times, system.times):
-        own = tuple(range(len(scenario.outputs)))
-        system = replace(system, own=prediction.covariance, own_outputs=own, believed=dict(prediction.believed))
+    if not can_have_filter(scenario):
+        return end, system
+    schema, prediction = scenario.filter_schema, scenario.filter_prediction()
+    if schema is not None and prediction is not None and np.array_equal(prediction.times, system.times):
+        own, believed = prediction.covariance, dict(prediction.believed)
+        system = replace(system, own=own, own_outputs=schema.known, believed=believed)
     return end, system
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError
+from mcnav.studies.lincov import linear_covariance
 from tests.commands import invoke
 from tests.runs import simulate
 
@@ -63,6 +64,23 @@ def test_a_filter_states_the_covariance_of_navigation_errors_alone(tmp_path: Pat
     assert "the error of y is 1.2 times its own sigma" in done.stdout
     judged = json.loads((tmp_path / "lin" / "lincov.json").read_text())["filter"]
     assert (judged["verdict"], judged["output"]) == ("optimistic", "y")
+
+
+def test_a_sigma_that_the_filter_does_not_state_is_a_dash(tmp_path: Path) -> None:
+    """In the terminal and on the page; a file has nothing there."""
+    campaign = read_campaign(written(tmp_path))
+    printed = invoke("lincov", "part.toml", "--out", "lin", cwd=tmp_path).stdout
+    (end, *_) = [line.split() for line in printed.splitlines() if line.startswith("true x [m]")]
+    assert end[3:5] == ["5.0000", "–"]
+    assert "nan" not in printed
+    assert ">nan<" not in (tmp_path / "lin" / "lincov.html").read_text()
+    rows = json.loads((tmp_path / "lin" / "lincov.json").read_text())["rows"]
+    assert [row["sigma_filter"][1] for row in rows] == [None] * 4
+    table = invoke("lincov", "part.toml", "--format", "csv", cwd=tmp_path).stdout
+    assert "0.0,,true_x,m,5.0,,0.0,False" in table
+    history = linear_covariance(campaign).history
+    assert history is not None
+    assert history.readings.own_outputs == (0, 2)
 
 
 def test_requirements_at_epochs_of_a_class(tmp_path: Path) -> None:

@@ -258,7 +258,17 @@ def test_a_text_for_a_number(key: str, place: Path) -> None:
     """It is not repeated a hundred times, which takes gigabytes when it is long."""
     path = place / "hostile" / "run" / "summary.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {key: "x"}))
-    assert "summary.json: is not as this program writes it (TypeError: " in refuse("compare", place)
+    mistake = f"{key}: got 'x'; expected a valid number, unable to parse string as a number"
+    line = f"{path}: is not as this program writes it ({mistake}); run the campaign again"
+    assert refuse("compare", place) == f"error: {line}"
+
+
+def test_a_long_text_for_a_number(place: Path) -> None:
+    """It is told in one line, shortened."""
+    path = place / "hostile" / "run" / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"tolerance": "x" * 1_000_000}))
+    assert "(tolerance: got 'xxx" in refuse("compare", place)
+    assert len(refuse("compare", place)) < 600
 
 
 def test_inputs_beyond_number(base: Path, place: Path) -> None:

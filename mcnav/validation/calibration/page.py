@@ -226,7 +226,7 @@ def _rate_table(table: pd.DataFrame) -> Table[_Rates]:
 
     columns: list[Column[_Rates]] = [
         Column("Statement", lambda row: row.statement, kind="words"),
-        Column("System, sources", lambda row: Cell(row.system, below=row.sources), kind="text"),
+        Column("System, sources", lambda row: Cell(row.system, below=row.sources), kind="words"),
         Column("Design", lambda row: row.design, kind="text"),
         Column("Nominal", lambda row: row.nominal),
         *map(of_size, sorted(table["samples"].unique())),

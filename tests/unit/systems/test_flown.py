@@ -26,13 +26,13 @@ def _flown(**changes: Any) -> Flown:
 
 
 def _record(flown: Flown) -> np.ndarray:
-    schema = schema_of(_flown(), NAMES, GROUPS)
+    schema = schema_of(_flown(), NAMES, GROUPS, NAMES)
     assert schema is not None
     return record_of(flown, schema, EPOCHS, NAMES, GROUPS)
 
 
 def test_a_record_by_hand() -> None:
-    schema, records = schema_of(_flown(), NAMES, GROUPS), _record(_flown())
+    schema, records = schema_of(_flown(), NAMES, GROUPS, NAMES), _record(_flown())
     assert schema is not None
     assert (dict(schema.groups), dict(schema.sensors)) == ({"all": 3, "level": 2}, {"radar": 1, "pair": 2})
     assert records.shape == (3, schema.width)
@@ -50,7 +50,7 @@ def test_a_record_by_hand() -> None:
 
 
 def test_no_updates_and_times_that_differ_by_rounding() -> None:
-    schema = schema_of(_flown(), NAMES, GROUPS)
+    schema = schema_of(_flown(), NAMES, GROUPS, NAMES)
     assert schema is not None
     none = Innovations([], [], [])
     late = Innovations([4.0 + 1e-12], [[3.0, 1.0]], [[[9.0, 0.0], [0.0, 1.0]]])
@@ -64,7 +64,7 @@ def test_a_singular_covariance_has_no_nees() -> None:
     covariance = COVARIANCE.copy()
     covariance[0] = 0.0
     covariance[1, :2, :2] = [[1.0, 2.0], [2.0, 4.0]]
-    schema = schema_of(_flown(), NAMES, GROUPS)
+    schema = schema_of(_flown(), NAMES, GROUPS, NAMES)
     assert schema is not None
     records = _record(_flown(covariance=covariance))
     np.testing.assert_allclose(records[:, schema.places["nees"]], [[np.nan] * 2, [np.nan] * 2, [4.0, 3.0]])
@@ -72,9 +72,9 @@ def test_a_singular_covariance_has_no_nees() -> None:
 
 
 def test_without_a_covariance_there_is_no_record() -> None:
-    assert schema_of(Flown(ERRORS), NAMES, {}) is None
+    assert schema_of(Flown(ERRORS), NAMES, {}, NAMES) is None
     with pytest.raises(ValueError, match="need the filter's covariance"):
-        schema_of(_flown(covariance=None), NAMES, {})
+        schema_of(_flown(covariance=None), NAMES, {}, NAMES)
 
 
 @pytest.mark.parametrize(
@@ -122,4 +122,4 @@ def test_innovations_that_are_not_positive_or_not_finite_or_missing() -> None:
 @pytest.mark.parametrize("groups", [{"all": ("x",)}, {"g": ("w",)}, {"g": "x"}, {"g": ()}, {"1": ("x",)}])
 def test_groups_list_outputs(groups: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"must list outputs|is not a name"):
-        schema_of(_flown(), NAMES, groups)
+        schema_of(_flown(), NAMES, groups, NAMES)
