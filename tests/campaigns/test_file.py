@@ -138,7 +138,11 @@ def test_distributions() -> None:
         ("scenario.final_altitude", "122 km", "scenario.final_altitude: 122 km cannot be the end of a reentry"),
         ("scenario.final_altitude", "-1 km", "scenario.final_altitude: -1 km cannot be the end of a reentry"),
         ("scenario.ballistic", "0.1 kg", "scenario.ballistic: got '0.1 kg', which is of dimension [mass]; expected an"),
-        ("scenario.lift_law", {"type": "wings"}, "scenario.lift_law.type: got 'wings'; expected one of constant, variable"),
+        (
+            "scenario.lift_law",
+            {"type": "wings"},
+            "scenario.lift_law.type: got 'wings'; expected one of constant, variable",
+        ),
         ("scenario.lift_law", {"type": "constant"}, "scenario.lift_law.lift_to_drag: is missing"),
         ("accept", 5, "accept: got 5; expected a table"),
         ("accept", {"sigma": 5}, "accept.sigma: unknown key; did you mean 'sigma_ratio'?"),
