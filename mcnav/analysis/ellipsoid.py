@@ -82,7 +82,7 @@ class Ellipsoid:
 
     @property
     def cause(self) -> Cause | None:
-        """What the verdict is due to; none where the joint distribution agrees.
+        """Cause of the verdict; none where the joint distribution agrees.
 
         A mean error counts if it adds more to the mean NEES than the dispersion does.
         """

@@ -40,7 +40,7 @@ DIRECTIONS: Final = (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC)
 
 @dataclass(frozen=True)
 class Claim:
-    """What a finding is of.
+    """Subject of a finding.
 
     Attributes
     ----------

@@ -156,7 +156,7 @@ class LinearAnswer:
 
     @cached_property
     def means(self) -> Mapping[str, Array]:
-        """What the mean of each source adds to the final mean error, shape (outputs,), SI; and the nominal errors."""
+        """Part of the mean of each source in the final mean error, shape (outputs,), SI; and the nominal errors."""
         means = {
             source.name: self.model.partials[:, number] * self.model.mean[number]
             for number, source in enumerate(self.sources)
@@ -166,7 +166,7 @@ class LinearAnswer:
 
     @cached_property
     def final_variances(self) -> Mapping[str, Array]:
-        """What each cause adds to the final variances, shape (outputs,), SI."""
+        """Part of each cause in the final variances, shape (outputs,), SI."""
         squares = self.budget.contributions**2
         return {name: squares[:, number] for number, name in enumerate(self.causes) if squares[:, number].any()}
 

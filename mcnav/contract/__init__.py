@@ -1,4 +1,4 @@
-"""What rooms exchange: quantities, samples, linear systems, engines, scenarios.
+"""Types that rooms exchange: quantities, samples, linear systems, engines, scenarios.
 
 It imports nothing of the other rooms.
 """

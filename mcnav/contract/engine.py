@@ -35,7 +35,7 @@ class Engine(Protocol):
 
     @property
     def noisy(self) -> bool:
-        """Whether its samples have noise besides constant errors."""
+        """True where samples have noise besides constant errors."""
 
     @property
     def filter(self) -> FilterSchema | None:
