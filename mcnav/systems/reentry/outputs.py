@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS
+from mcnav.constants import EARTH_RADIUS, EARTH_RATE
 from mcnav.contract.quantities import Output
 
 DEVIATIONS: Final = (
@@ -46,8 +46,43 @@ class FurtherOutput:
     gradient: Callable[[Array], Array]
 
 
-FURTHER: Final[tuple[FurtherOutput, ...]] = ()
-"""Outputs that a campaign may ask for, by name; they come after `DEVIATIONS`."""
+def _relative_to_air(states: Array) -> tuple[Array, Array]:
+    """Compute the velocity relative to the air that turns with the earth, up and eastward, each of shape (...), m/s."""
+    return states[..., 2], states[..., 0] * (states[..., 3] - EARTH_RATE)
+
+
+def _gradient_of_air_velocity(states: Array) -> tuple[Array, Array]:
+    """Differentiate `_relative_to_air` by the polar state, each of shape (..., 4)."""
+    up, eastward = np.zeros_like(states), np.zeros_like(states)
+    up[..., 2] = 1.0
+    eastward[..., 0], eastward[..., 3] = states[..., 3] - EARTH_RATE, states[..., 0]
+    return up, eastward
+
+
+def _airspeed(states: Array) -> Array:
+    return np.asarray(np.hypot(*_relative_to_air(states)))
+
+
+def _airspeed_gradient(states: Array) -> Array:
+    (u, e), (du, de) = _relative_to_air(states), _gradient_of_air_velocity(states)
+    return (u[..., None] * du + e[..., None] * de) / _airspeed(states)[..., None]
+
+
+def _path_angle(states: Array) -> Array:
+    return np.asarray(np.arctan2(*_relative_to_air(states)))
+
+
+def _path_angle_gradient(states: Array) -> Array:
+    (u, e), (du, de) = _relative_to_air(states), _gradient_of_air_velocity(states)
+    return (e[..., None] * du - u[..., None] * de) / _airspeed(states)[..., None] ** 2
+
+
+FURTHER: Final = (
+    FurtherOutput(Output("airspeed", "m/s", "m/s"), _airspeed, _airspeed_gradient),
+    FurtherOutput(Output("flight_path_angle", "rad", "deg"), _path_angle, _path_angle_gradient),
+)
+"""Outputs that a campaign may ask for, by name; they come after `DEVIATIONS`. Speed relative to the air and its angle
+above the horizon: NASA TN D-1772, eq. (4)."""
 
 OUTPUTS: Final = (*DEVIATIONS, *(each.output for each in FURTHER))
 """All outputs that a campaign can have."""

@@ -10,16 +10,28 @@ from pydantic import Field
 from mcnav._recent import Recent
 from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
 from mcnav.entries.context import FileContext
-from mcnav.entries.quantities import AreaPerMass, Duration, Length, Number, Speed, Table, TimePerLength
+from mcnav.entries.quantities import (
+    AreaPerMass,
+    Duration,
+    Length,
+    Number,
+    OneOf,
+    Speed,
+    Table,
+    TimePerLength,
+)
 from mcnav.entries.unions import ByType
 from mcnav.systems.description import ScenarioSpec, ScenarioType
-from mcnav.systems.reentry.outputs import FURTHER, OUTPUTS, FurtherOutput
+from mcnav.systems.reentry.outputs import FURTHER, OUTPUTS
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.table_i import TABLE_I, common_start, start_state
 from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
 
 _RECENT: Final = Recent[Reentry](most=2)
 """Scenarios of the campaigns read last, which variations of a campaign share: each has a trajectory."""
+
+
+FURTHER_BY_NAME: Final = {each.output.name: each for each in FURTHER}
 
 
 class ConstantLiftTable(Table):
@@ -74,20 +86,10 @@ class ReentryTable(Table):
     accelerometers_off_above: Annotated[
         Length, Field(gt=0.0, description="Altitude above which the accelerometers' outputs are taken as zero.")
     ] | None = None  # fmt: skip
-    if FURTHER:  # no key of which no value would be right
-        further_outputs: Annotated[
-            list[str], Field(description=f"Of {', '.join(each.output.name for each in FURTHER)}.")
-        ] = []
-
-
-def _further(table: ReentryTable, context: FileContext) -> tuple[FurtherOutput, ...]:
-    """Look up the further outputs that are asked for; unknown names are added to the context."""
-    known = {each.output.name: each for each in FURTHER}
-    names: list[str] = table.further_outputs if FURTHER else []
-    for name in names:
-        if name not in known:
-            context.problem("scenario.further_outputs", f"unknown output {name!r}; known are {', '.join(known)}")
-    return tuple(each for name, each in known.items() if name in names)
+    further_outputs: Annotated[
+        list[Annotated[str, OneOf(tuple(FURTHER_BY_NAME))]],
+        Field(description="Outputs besides the errors of the polar state."),
+    ] = []  # noqa: RUF012  # pydantic copies defaults
 
 
 def _lift_law(table: ConstantLiftTable | VariableLiftTable) -> LiftLaw:
@@ -130,7 +132,8 @@ def _read_flight(table: ReentryTable, context: FileContext) -> Flight | None:
 
 def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
     """Build the scenario; mistakes are added to the context."""
-    flight, further = _read_flight(table, context), _further(table, context)
+    flight = _read_flight(table, context)
+    further = tuple(each for name, each in FURTHER_BY_NAME.items() if name in table.further_outputs)
     if flight is None:
         return None
     law = flight.vehicle.lift_law
