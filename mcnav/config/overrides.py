@@ -19,8 +19,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from mcnav.config.campaign import Campaign
-from mcnav.config.empirical import SCIPY, TABLE
+from mcnav.config.distributions import SCIPY
 from mcnav.config.read import UNNAMED, parse_campaign
+from mcnav.config.table_of_values import TABLE
 from mcnav.config.toml import Content, load_file, load_mapping
 from mcnav.errors import CampaignError, Problem, suggestion
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES

@@ -10,13 +10,13 @@ from typing import Any, Final
 from pydantic import TypeAdapter
 
 from mcnav.config.campaign import Campaign, check_stored_samples
-from mcnav.config.empirical import StoredTable, stored_table
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import read_requirements
 from mcnav.config.schema import CampaignFile, CampaignTable, UntilTable
 from mcnav.config.sources import expand_groups, read_correlations, read_errors, read_joint
 from mcnav.config.start_times import StartTimesPlan, read_start_times
 from mcnav.config.stopping import StoppingRule, read_stopping_rule
+from mcnav.config.table_of_values import StoredTable, stored_table
 from mcnav.config.toml import Content, load_file, load_mapping
 from mcnav.contract.quantities import Source
 from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, has_start_times

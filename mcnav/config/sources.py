@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from mcnav.config.empirical import SCIPY, TABLE, read_scipy, read_table
+from mcnav.config.distributions import ENTRY, KIND, implausible
 from mcnav.config.schema import CorrelationTable, JointTable
+from mcnav.config.table_of_values import ValuesError
 from mcnav.config.toml import Content
 from mcnav.contract.quantities import Source
 from mcnav.entries.context import FileContext
+from mcnav.entries.validation import validate_entry
 from mcnav.errors import MOST_PROBLEMS, suggestion
-from mcnav.sampling.distributions import Distribution, Fixed, Normal, StudentT, Triangular, TruncatedNormal, Uniform
+from mcnav.sampling.distributions import Distribution
 from mcnav.sampling.error_model import Correlation
 from mcnav.sampling.multivariate_t import MultivariateT
-
-LARGEST_MULTIPLE: Final = 1e9
-"""Multiple of a source's usual size above which an error is refused: a slip of the pen, and a risk of overflow."""
-
-OWN_UNIT: Final = "own"
-"""Placeholder for the unit of the source itself."""
-
-DISTRIBUTIONS: Final[Mapping[str, tuple[Callable[..., Distribution], Mapping[str, str]]]] = {
-    "normal": (Normal, {"sigma": OWN_UNIT}),
-    "uniform": (Uniform, {"half_width": OWN_UNIT}),
-    "truncated-normal": (TruncatedNormal, {"sigma": OWN_UNIT, "limit": OWN_UNIT}),
-    "triangular": (Triangular, {"half_width": OWN_UNIT}),
-    "student-t": (StudentT, {"sigma": OWN_UNIT, "degrees_of_freedom": "1"}),
-    "fixed": (lambda value: Fixed(value), {"value": OWN_UNIT}),
-}
-"""Each distribution with its keys and their units."""
 
 
 def expand_groups(entries: Mapping[str, Any], sources: Sequence[Source]) -> Content:
@@ -60,46 +46,24 @@ def read_errors(entries: Mapping[str, Any], sources: Sequence[Source], context: 
 
 
 def _read_distribution(entry: object, source: Source, key: str, context: FileContext) -> Distribution | None:
-    table: Mapping[str, Any] = entry if isinstance(entry, dict) else {"sigma": entry}
-    kind = table.get("distribution", "normal")
-    if isinstance(kind, str) and (kind == TABLE or kind.startswith(SCIPY)):
-        distribution = (read_table if kind == TABLE else read_scipy)(table, source, key, context)
-        if distribution is None:
-            return None
-        size = max(abs(distribution.mean), distribution.standard_deviation)
-        return distribution if _plausible(size, f"its mean or sigma is {size:.3g}", source, key, context) else None
-    if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
-        wanted = ", ".join((*DISTRIBUTIONS, TABLE, f"{SCIPY}NAME"))
-        context.problem(f"{key}.distribution", f"got {kind!r}; expected one of {wanted}")
-        return None
-    make, units = DISTRIBUTIONS[kind]
-    context.check_keys(table, list(units), key, f"a {kind} distribution")
-    values: dict[str, float] = {}
-    for name, unit in units.items():
-        at = f"{key}.{name}" if isinstance(entry, dict) else key
-        if name not in table:
-            context.problem(at, f"is missing; a {kind} distribution needs {' and '.join(units)}")
-            continue
-        value = context.quantity(table[name], source.unit if unit == OWN_UNIT else unit, at)
-        if value is not None and (unit != OWN_UNIT or _plausible(value, f"got {table[name]!r}", source, at, context)):
-            values[name] = value
-    if len(values) < len(units):
+    table = validate_entry(ENTRY, entry, context, key, source)
+    if table is None:
         return None
     try:
-        return make(**values)
-    except ValueError as wrong:
-        written = ", ".join(f"{name} = {table[name]!r}" for name in units)
-        context.problem(key, f"got {written if isinstance(entry, dict) else repr(entry)}; {wrong}")
+        distribution = table.build(source, context)
+    except ValuesError as wrong:
+        context.problem(f"{key}.{wrong.key}", str(wrong))
         return None
-
-
-def _plausible(value: float, came: str, source: Source, key: str, context: FileContext) -> bool:
-    """Add a mistake when an error is larger than `LARGEST_MULTIPLE` allows; return whether it is not."""
-    largest = LARGEST_MULTIPLE * source.nominal
-    if abs(value) <= largest:
-        return True
-    context.problem(key, f"{came}; at most {largest:.3g}{'' if source.unit == '1' else f' {source.unit}'} makes sense")
-    return False
+    except ValueError as wrong:
+        given = {name: value for name, value in entry.items() if name != KIND} if isinstance(entry, dict) else {}
+        written = ", ".join(f"{name} = {value!r}" for name, value in given.items()) or repr(entry)
+        context.problem(key, f"got {written}; {wrong}")
+        return None
+    size = max(abs(distribution.mean), distribution.standard_deviation)
+    if too_large := implausible(size, source):
+        context.problem(key, f"its mean or sigma is {size:.3g}; {too_large}")
+        return None
+    return distribution
 
 
 def read_correlations(

@@ -38,22 +38,36 @@ def refuse(mistakes: Iterable[Mistake]) -> ValidationError:
     return ValidationError.from_exception_data("entry", lines)
 
 
-def explain_unknown_keys(
-    invalid: ValidationError, known: list[str], refused: Mapping[str, str], called: str
+def explain_keys(
+    invalid: ValidationError, known: Mapping[str, bool], refused: Mapping[str, str], called: str
 ) -> ValidationError:
-    """Return the errors of a table; those of unknown keys say why a key is refused, or which may have been meant."""
+    """Return the errors of a table with more to say about its keys.
+
+    Those of unknown keys come first and say why a key is refused, or which may have been meant; those of missing keys
+    say what is needed.
+
+    Parameters
+    ----------
+    known : mapping of str to bool
+        Whether each key is required.
+    refused, called
+        See `mcnav.entries.quantities.Table`.
+    """
     unknown = f"unknown key of {called}" if called else "unknown key"
+    needed = " and ".join(key for key, required in known.items() if required)
 
     def explained(error: ErrorDetails) -> InitErrorDetails:
         kind: str | PydanticCustomError = error["type"]
+        key = str(error["loc"][-1]) if error["loc"] else ""
         if kind == "extra_forbidden":
-            key = str(error["loc"][-1])
-            kind = told(refused.get(key) or f"{unknown}{suggestion(key, known)}")
+            kind = told(refused.get(key) or f"{unknown}{suggestion(key, list(known))}")
+        elif kind == "missing" and called and error["loc"] == (key,):
+            kind = told(f"is missing; {called} needs {needed}")
         elif kind == TOLD:
             kind = told(error["msg"])
         return InitErrorDetails(type=kind, loc=error["loc"], input=error["input"], ctx=error.get("ctx", {}))
 
-    errors = invalid.errors(include_url=False)
-    if all(error["type"] != "extra_forbidden" for error in errors):
+    errors = sorted(invalid.errors(include_url=False), key=lambda error: error["type"] != "extra_forbidden")
+    if not {"extra_forbidden", "missing"} & {error["type"] for error in errors}:
         return invalid
     return ValidationError.from_exception_data(invalid.title, [explained(error) for error in errors])

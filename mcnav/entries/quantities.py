@@ -25,7 +25,7 @@ from pydantic_core.core_schema import (
     no_info_wrap_validator_function,
 )
 
-from mcnav.entries.mistakes import explain_unknown_keys, refuse, told
+from mcnav.entries.mistakes import explain_keys, refuse, told
 from mcnav.entries.rules import Rule
 from mcnav.entries.values import display
 from mcnav.errors import suggestion
@@ -102,7 +102,9 @@ class Table(BaseModel):
     refused : mapping of str to str
         Why some keys, which other tables like it have, are not known.
     called : str
-        What it is called in messages about keys that are not known; by default nothing.
+        What it is called in messages about keys that are unknown or missing; by default nothing.
+    told_by : str
+        The key by which it is told from other tables, if messages about others should not list it.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -110,6 +112,7 @@ class Table(BaseModel):
     expected: ClassVar[str] = ""
     refused: ClassVar[Mapping[str, str]] = {}
     called: ClassVar[str] = ""
+    told_by: ClassVar[str] = ""
 
     @model_validator(mode="wrap")
     @classmethod
@@ -119,7 +122,8 @@ class Table(BaseModel):
         try:
             table = read(entry)
         except ValidationError as invalid:
-            raise explain_unknown_keys(invalid, list(cls.model_fields), cls.refused, cls.called) from None
+            known = {name: field.is_required() for name, field in cls.model_fields.items() if name != cls.told_by}
+            raise explain_keys(invalid, known, cls.refused, cls.called) from None
         broken = [rule.broken(table.model_fields_set, cls.expected) for rule in cls.rules]
         if mistakes := [mistake for mistake in broken if mistake is not None]:
             raise refuse(mistakes)

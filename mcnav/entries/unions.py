@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, get_args
+from typing import Any, ClassVar, Final, get_args
 
-from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core.core_schema import CoreSchema, no_info_wrap_validator_function
+from pydantic import (
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    TypeAdapter,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+)
+from pydantic_core.core_schema import (
+    CoreSchema,
+    no_info_wrap_validator_function,
+    with_info_wrap_validator_function,
+)
 
 from mcnav.entries.mistakes import Mistake, refuse, told
-from mcnav.entries.quantities import JsonSchema, Table
+from mcnav.entries.quantities import UNIT, JsonSchema, Table
 from mcnav.entries.values import display
 from mcnav.errors import suggestion
 
@@ -22,6 +32,9 @@ BY_TYPE: Final = "x-by-type"
 
 EITHER: Final = "x-either"
 """Key of a JSON schema that stands for tables of which another part of the file decides which one it is."""
+
+OR_FIRST: Final = "x-or-first"
+"""Key of a JSON schema that stands for tables, and for a quantity in place of one of them."""
 
 TEXT: Final = "x-text"
 """Pattern of a text that stands for a table."""
@@ -75,33 +88,85 @@ class ByKey:
         return {**handler(schema), BY_KEY: True, **({TEXT: self.text} if self.text else {})}
 
 
+class Family(Table):
+    """A table of a `ByType` for all texts that begin with a prefix; each has a table of its own.
+
+    Attributes
+    ----------
+    prefix : str
+    """
+
+    prefix: ClassVar[str]
+
+    @classmethod
+    def member(cls, text: str) -> type[Table]:
+        """Return the table of a text; `ValidationError` when there is none."""
+        return cls
+
+
 @dataclass(frozen=True)
 class ByType:
-    """Annotation of a union of tables, told apart by the text of a key: a ``Literal`` in each."""
+    """Annotation of a union of tables, told apart by the text of a key.
+
+    The key is a ``Literal`` in each, but for a `Family`; a table with a default for it needs none.
+    """
 
     key: str = "type"
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        tables = self._tables(get_args(source))
+        of_union: tuple[type[Table], ...] = get_args(source)
+        families = {each.prefix: each for each in of_union if issubclass(each, Family)}
+        tables: Mapping[str, type[Table]] = {
+            get_args(each.model_fields[self.key].annotation)[0]: each
+            for each in of_union
+            if each not in families.values()
+        }
+        names = [*tables, *(f"{prefix}NAME" for prefix in families)]
+        usual = next((each for each in tables.values() if not each.model_fields[self.key].is_required()), None)
 
-        def read(entry: object, _: object) -> Table:
+        def table(name: object) -> type[Table]:
+            if isinstance(name, str):
+                if name in tables:
+                    return tables[name]
+                for prefix, family in families.items():
+                    if name.startswith(prefix):
+                        return family.member(name)
+            raise refuse([Mistake(f"got {display(name)}{suggestion(str(name), names)}", (self.key,))])
+
+        def read(entry: object, _: object, info: ValidationInfo) -> Table:
             if not isinstance(entry, Mapping):
                 raise told(f"got {display(entry)}; expected a table with a {self.key}")
-            if self.key not in entry:
-                raise refuse([Mistake(f"is missing; it is one of {', '.join(tables)}", (self.key,))])
-            name = entry[self.key]
-            if not isinstance(name, str) or name not in tables:
-                known = suggestion(str(name), list(tables))
-                raise refuse([Mistake(f"got {display(name)}{known}", (self.key,))])
-            return tables[name].model_validate(entry)
+            if self.key not in entry and usual is None:
+                raise refuse([Mistake(f"is missing; it is one of {', '.join(names)}", (self.key,))])
+            known = usual if usual is not None and self.key not in entry else table(entry[self.key])
+            return known.model_validate(entry, context=info.context)
 
-        return no_info_wrap_validator_function(read, handler(source))
-
-    def _tables(self, tables: tuple[type[Table], ...]) -> Mapping[str, type[Table]]:
-        return {get_args(table.model_fields[self.key].annotation)[0]: table for table in tables}
+        return with_info_wrap_validator_function(read, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
         return {**handler(schema), BY_TYPE: self.key}
+
+
+@dataclass(frozen=True)
+class OrFirst:
+    """Annotation of tables for one of which its ``key`` alone may stand, a quantity of type ``form``."""
+
+    table: type[Table]
+    key: str
+    form: Any
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        alone: TypeAdapter[Any] = TypeAdapter(self.form)
+
+        def read(entry: object, tables: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+            if isinstance(entry, Mapping):
+                return tables(entry)
+            return self.table.model_construct(**{self.key: alone.validate_python(entry, context=info.context)})
+
+        return with_info_wrap_validator_function(read, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        return {OR_FIRST: handler(schema), UNIT: TypeAdapter(self.form).json_schema()[UNIT]}
 
 
 @dataclass(frozen=True)

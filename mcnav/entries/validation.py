@@ -36,11 +36,14 @@ def validate(table: type[AnyTable], content: object, context: FileContext, key: 
 
 
 def validate_entry(
-    form: TypeAdapter[AnyEntry], content: object, context: FileContext, key: str = ""
+    form: TypeAdapter[AnyEntry], content: object, context: FileContext, key: str = "", given: object = None
 ) -> AnyEntry | None:
-    """Validate an entry of any type at a key; when there are mistakes, add them to the context and return None."""
+    """Validate an entry of any type at a key; when there are mistakes, add them to the context and return None.
+
+    ``given`` is what the form's annotations need besides the entry.
+    """
     try:
-        return form.validate_python(content)
+        return form.validate_python(content, context=given)
     except ValidationError as invalid:
         for error in invalid.errors(include_url=False)[: MOST_PROBLEMS + 1]:
             at = key

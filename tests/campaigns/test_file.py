@@ -95,7 +95,7 @@ def test_distributions() -> None:
         ("errors.range", {"distribution": "scipy.gamma", "scale": "1 km", "b": 3},
          "errors.range.b: unknown key of scipy.gamma"),
         ("errors.range", {"distribution": "scipy.cauchy", "scale": "1 km"},
-         "errors.range: cauchy has no finite mean and variance"),
+         "errors.range: got scale = '1 km'; cauchy has no finite mean and variance"),
         ("errors.range", {"distribution": "scipy.laplace", "scale": "1e300 km"}, "errors.range: its mean or sigma is"),
         ("errors.range", {"distribution": "table"}, "errors.range.file: is missing; a table needs file and column and"),
         ("errors.range", {"distribution": "table", "file": "no.csv", "column": "x", "unit": "km"},

@@ -11,19 +11,32 @@ from mcnav.config.json_schema.axes import by_axes
 from mcnav.config.json_schema.nodes import BOUNDS, Node, any_of, by_key, by_type, quantity
 from mcnav.entries.axes import ONE_BY_ONE, SIZED_AXES
 from mcnav.entries.quantities import UNIT
-from mcnav.entries.unions import BY_KEY, BY_TYPE, EITHER, TEXT
+from mcnav.entries.unions import BY_KEY, BY_TYPE, EITHER, OR_FIRST, TEXT
 
 MARKS: Final = (UNIT, SIZED_AXES, ONE_BY_ONE, BY_KEY, BY_TYPE, EITHER, TEXT)
 """Keys that stand for what TOML files have and Python has not; see `mcnav.entries`."""
 
 
-def of_model(model: Any) -> Node:
-    """Return the schema of an entry that a pydantic model or another type reads, with every table inside it."""
-    raw = TypeAdapter(model).json_schema(ref_template="#/$defs/{model}")
+def of_model(model: Any, unit: str = "") -> Node:
+    """Return the schema of an entry that a pydantic model or another type reads, with every table inside it.
+
+    ``unit`` is the SI unit of quantities that have that of an error source.
+    """
+    form: TypeAdapter[Any] = model if isinstance(model, TypeAdapter) else TypeAdapter(model)
+    raw = _in_unit(form.json_schema(ref_template="#/$defs/{model}"), unit)
     node: Node = _plain(raw, raw.get("$defs", {}))
     node.pop("$defs", None)
     node.pop("description", None)
     return node
+
+
+def _in_unit(node: Any, unit: str) -> Any:
+    """Give quantities without a unit one."""
+    if isinstance(node, list):
+        return [_in_unit(each, unit) for each in node]
+    if not isinstance(node, dict):
+        return node
+    return {key: unit if key == UNIT and not value else _in_unit(value, unit) for key, value in node.items()}
 
 
 def _plain(node: Any, inside: Mapping[str, Node]) -> Any:
@@ -43,6 +56,8 @@ def _plain(node: Any, inside: Mapping[str, Node]) -> Any:
             return _plain({**others[0], **outer}, inside)
     if SIZED_AXES in node:
         return _axes(node, inside)
+    if OR_FIRST in node:
+        return _or_first(node, inside)
     if UNIT in node:
         return _quantity(node)
     if {BY_KEY, BY_TYPE, EITHER} & node.keys():
@@ -103,7 +118,21 @@ def _union(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
         return any_of(tables, told)
     if BY_TYPE in node:
         key = node[BY_TYPE]
-        kinds = {each["properties"][key]["enum"][0]: each for each in tables}
-        return by_type(key, {kind: {"enum": [kind]} for kind in kinds}, kinds, told)
+        kinds = {str(_condition(each, key)): each for each in tables}
+        usual = next((kind for kind, each in kinds.items() if key not in each["required"]), "")
+        return by_type(key, {kind: _condition(each, key) for kind, each in kinds.items()}, kinds, told, usual)
     union = by_key({next(iter(each["properties"])): each for each in tables}, told)
     return {**union, "type": ["string", "object"], "pattern": f"^{node[TEXT]}$"} if TEXT in node else union
+
+
+def _condition(table: Node, key: str) -> Node:
+    """Return the schema of the texts by which a table is told from others: one, or those of a pattern."""
+    text = table["properties"][key]
+    return {"enum": text["enum"]} if "enum" in text else {"type": "string", "pattern": text["pattern"]}
+
+
+def _or_first(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
+    """Describe tables, and a quantity that may stand for one of them."""
+    size = quantity(node[UNIT], described=False)
+    tables = _plain(node[OR_FIRST], inside)
+    return {**size, "type": [*size["type"], "object"], "if": {"type": "object"}, "then": tables}
