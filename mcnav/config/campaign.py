@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import tomli_w
 
-from mcnav.config.schema import CampaignFile, CampaignTable
+from mcnav.config.schema import CampaignFile, CampaignTable, UntilTable
 from mcnav.config.start_times import StartTimesPlan
 from mcnav.config.stopping import StoppingRule
 from mcnav.contract.scenario import Scenario, ScenarioError
@@ -109,14 +109,16 @@ class Campaign:
         resolved = {**self.resolved, **overrides}
         until = None if "samples" in overrides else self.until
         table = validate(CampaignFile, resolved if until is None else {**resolved, "samples": self.samples}, context)
-        if table is not None:
+        if table is not None and isinstance(table.samples, UntilTable):
+            context.problem("samples", "got a table; expected a whole number")
+        elif table is not None:
             check_stored_samples(table, context)
         if table is None or context.problems:
             raise context.error()
-        return replace(self, samples=table.samples, seed=table.seed, until=until, resolved=resolved)
+        return replace(self, samples=table.most_samples(), seed=table.seed, until=until, resolved=resolved)
 
 
 def check_stored_samples(table: CampaignTable, context: FileContext) -> None:
     """Add a mistake when more samples are to be stored one by one than `MOST_STORED`."""
-    if table.store == "samples" and table.samples > MOST_STORED:
-        context.problem("samples", f"got {table.samples}; more than {MOST_STORED} need store = 'summary'")
+    if table.store == "samples" and table.most_samples() > MOST_STORED:
+        context.problem("samples", f"got {table.most_samples()}; more than {MOST_STORED} need store = 'summary'")

@@ -137,7 +137,7 @@ class StudentTTable(DistributionTable):
     makes = StudentT
     distribution: Annotated[Literal["student-t"], Meaning]
     sigma: Sigma
-    degrees_of_freedom: Annotated[Number, Field(description="Degrees of freedom.")]
+    degrees_of_freedom: Annotated[Number, Field(gt=2.0, description="Degrees of freedom.")]
 
 
 class FixedTable(DistributionTable):

@@ -104,7 +104,7 @@ def parse_campaign(
     """Check the content of a campaign file and build the campaign; see `read_campaign`."""
     content = {**content, **(overrides or {})}
     context = FileContext(file, Path(file).parent, earlier or {}, content, confined)
-    table, rule = _read_file(content, context)
+    table = validate(CampaignFile, content, context)
     described, sources = _read_scenario(content.get("scenario"), context)
     distributions = _read_distributions(described, sources, context)
     if described is not None:
@@ -119,8 +119,10 @@ def parse_campaign(
         if is_ins(described.scenario):
             described = replace(described, scenario=with_epochs(described.scenario, table.accept))
         requirements = read_requirements(table.accept, described.scenario, context)
-    until = read_stopping_rule(rule, str(table.design), context) if rule else None
-    if rule and table.store == SUMMARY:
+    until = None
+    if isinstance(table.samples, UntilTable):
+        until = read_stopping_rule(table.samples, str(table.design), context)
+    if isinstance(table.samples, UntilTable) and table.store == SUMMARY:
         context.problem("samples.until", "needs store = 'samples': the blocks of a summary are fixed for one size")
     model = None if context.problems else _error_model(sources, distributions, correlations, joint, context)
     if described is None:
@@ -138,15 +140,6 @@ def parse_campaign(
         if isinstance(each := distributions.get(source.name), EmpiricalDistribution)
     }
     return _campaign(table, stem, described, model, until, requirements, start_times, columns, context)
-
-
-def _read_file(content: Mapping[str, Any], context: FileContext) -> tuple[CampaignTable | None, UntilTable | None]:
-    """Read the file but for its scenario and errors, and the stopping rule that may stand for a number of samples."""
-    rule = None
-    if isinstance(content.get("samples"), dict):
-        rule = validate(UntilTable, content["samples"], context, "samples")
-        content = {**content, "samples": rule.at_most if rule else 2}
-    return validate(CampaignFile, content, context), rule
 
 
 def _read_distributions(
@@ -172,6 +165,9 @@ def _check_use(described: ScenarioSpec, context: FileContext) -> None:
     for name, further in FURTHER_TABLES.items():
         if name in content and kind is not None and name not in kind.tables:
             context.problem(name, f"{further.absent}; leave it out")
+    for name, further in () if kind is None else kind.tables.items():
+        if further.needs and content.get(name) not in (None, []) and content.get(further.needs) in (None, []):
+            context.problem(name, further.because)
 
 
 def _error_model(
@@ -208,7 +204,7 @@ def _campaign(
     entries = {**content.get("errors", {}), **{source: dict(column.entry) for source, column in columns.items()}}
     return Campaign(
         name=name,
-        samples=table.samples,
+        samples=table.most_samples(),
         seed=table.seed,
         until=until,
         design=str(table.design),
@@ -272,7 +268,7 @@ def _resolve(content: Mapping[str, Any], table: CampaignTable, name: str, descri
     """Return the entries of the file with all defaults; numbers keep their full precision."""
     resolved = {
         "name": name,
-        "samples": content["samples"] if isinstance(content.get("samples"), dict) else table.samples,
+        "samples": content["samples"] if isinstance(table.samples, UntilTable) else table.samples,
         "seed": table.seed,
         "design": str(table.design),
         "tolerance": content.get("tolerance", table.tolerance),

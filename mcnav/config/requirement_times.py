@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.config.schema import AcceptTable, CircularTable, QuantileTable
+from mcnav.config.schema import OUTAGES, AcceptTable, CircularTable, QuantileTable
 from mcnav.contract.scenario import EpochScenario, Scenario, has_epochs
 from mcnav.entries.context import FileContext
 from mcnav.systems.ins.scenario import Ins
 from mcnav.systems.ins.tables.instants import DECIMALS, SAME, same_times, seconds, within
 
 KEYS: Final = ("after", "during", "at")
-OUTAGES: Final = "outages"
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def read_epochs(
     elif given[0] == "at":
         return _at(scenario, entry.at or 0.0, at, context)
     else:
-        return _during(scenario, entry.during, at, context)
+        return _during(scenario, entry.during or OUTAGES, at, context)
     return None
 
 
@@ -98,25 +97,23 @@ def _at(scenario: EpochScenario, time: float, key: str, context: FileContext) ->
     return RequirementEpochs(f"at {seconds(time)}", (nearest,))
 
 
-def _during(scenario: EpochScenario, entry: object, key: str, context: FileContext) -> RequirementEpochs | None:
+def _during(
+    scenario: EpochScenario, entry: str | list[float], key: str, context: FileContext
+) -> RequirementEpochs | None:
     times = scenario.reading_times
-    if entry == OUTAGES:
+    if isinstance(entry, str):
         spans, words = list(scenario.outages), "during outages"
         if not spans:
             context.problem(key, f"got {entry!r}; no sensor has one within the navigation")
             return None
-    elif isinstance(entry, list) and len(entry) == 2:
-        ends = [context.quantity(each, "s", f"{key} #{number}") for number, each in enumerate(entry, start=1)]
-        if any(each is None or not _within_flight(times, each, key, context) for each in ends):
+    else:
+        begin, end = entry
+        if not all(_within_flight(times, each, key, context) for each in entry):
             return None
-        begin, end = (each or 0.0 for each in ends)
         if not begin < end:
-            context.problem(key, f"got {entry[0]!r} to {entry[1]!r}; expected an end after its begin")
+            context.problem(key, f"got {seconds(begin)} to {seconds(end)}; expected an end after its begin")
             return None
         spans, words = [(begin, end)], f"from {seconds(begin)} to {seconds(end)}"
-    else:
-        context.problem(key, f'expected a begin and an end such as ["1200 s", "1500 s"], or "{OUTAGES}"')
-        return None
     inside = np.zeros(len(times), dtype=bool)
     for begin, end in spans:
         epochs = within(times, begin, end, _tolerance(times))

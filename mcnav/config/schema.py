@@ -5,34 +5,55 @@ The tables of ``[scenario]`` are in `mcnav.systems.registry`.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
-from pydantic import Field, WithJsonSchema, create_model
+from pydantic import Field, create_model
 
 from mcnav.config.toml import Content
-from mcnav.entries.quantities import UNIT, Duration, Number, Probability, Table, Text, Written
+from mcnav.entries.quantities import (
+    Duration,
+    Number,
+    OutputName,
+    Pair,
+    Probability,
+    SourceName,
+    Table,
+    Text,
+    Written,
+)
+from mcnav.entries.rules import OneOfTwo, Rule
+from mcnav.entries.unions import ByForm
 from mcnav.sampling.designs import DESIGNS
 from mcnav.systems.registry import FURTHER_TABLES
 
-Span = Annotated[
-    Any,
-    WithJsonSchema(
-        {"anyOf": [{"enum": ["outages"]}, {"type": "array", "items": {UNIT: "s"}, "minItems": 2, "maxItems": 2}]}
-    ),
-]
-"""A begin and an end, or the outages of all sensors; read later."""
+QUANTITIES: Final = ("sigma_ratio", "sigma_ratio_paired")
+"""Quantities with a precision, named as in ``summary.json``: Monte Carlo over linear sigma, plain or paired."""
 
-Point = Annotated[Any, WithJsonSchema({"type": "array", "items": {UNIT: ""}, "minItems": 2, "maxItems": 2})]
+OUTAGES: Final = "outages"
+
+Span = Annotated[
+    Literal["outages"]
+    | Annotated[list[Duration], Pair('expected a begin and an end such as ["1200 s", "1500 s"], or "outages"')],
+    ByForm(),
+]
+"""A begin and an end, s, or the outages of all sensors."""
+
+Point = Annotated[list[Written], Pair('expected a pair ["start time", "one sigma"]')]
 """A start time and a sigma; read later."""
 After = Annotated[Duration | None, Field(description="Time from which on the requirement holds, to the end.")]
-During = Annotated[Span, Field(description='Begin and end between which it holds, or "outages" of all sensors.')]
+During = Annotated[Span | None, Field(description='Begin and end between which it holds, or "outages" of all sensors.')]
 At = Annotated[Duration | None, Field(description="Time of the one epoch at which the requirement holds.")]
 
 
 class CorrelationTable(Table):
     """An entry of ``[[correlations]]``."""
 
-    between: Annotated[list[str], Field(min_length=2, max_length=2, description="Names of two error sources.")]
+    rules: ClassVar[tuple[Rule, ...]] = (
+        OneOfTwo(
+            "coefficient", "rank_coefficient", "expected coefficient (Pearson's) or rank_coefficient (Spearman's)"
+        ),
+    )
+    between: Annotated[list[SourceName], Field(min_length=2, max_length=2, description="Names of two error sources.")]
     coefficient: Annotated[Number, Field(ge=-1.0, le=1.0, description="Pearson's coefficient.")] | None = None
     rank_coefficient: Annotated[Number, Field(ge=-1.0, le=1.0, description="Spearman's coefficient.")] | None = None
 
@@ -40,9 +61,11 @@ class CorrelationTable(Table):
 class JointTable(Table):
     """An entry of ``[[joint]]``: sources that share their tails."""
 
-    sources: Annotated[list[str], Field(min_length=2, description="Names of sources whose large errors coincide.")]
+    sources: Annotated[
+        list[SourceName], Field(min_length=2, description="Names of sources whose large errors coincide.")
+    ]
     distribution: Annotated[Literal["student-t"], Field(description="Multivariate distribution of the sources.")]
-    degrees_of_freedom: Annotated[Number, Field(description="Of the distribution; fewer make longer tails.")]
+    degrees_of_freedom: Annotated[Number, Field(gt=2.0, description="Of the distribution; fewer make longer tails.")]
 
 
 class StartTimesTable(Table):
@@ -58,11 +81,11 @@ class StartTimesTable(Table):
     ] = []
     samples: Annotated[int, Field(ge=100, le=1_000_000, description="Samples of each check.")] = 4_000
     weights: Annotated[
-        dict[str, Written],
+        dict[OutputName, Written],
         Field(description="Sigma of each output that counts as one unit of harm; omitted outputs do not count."),
     ] = {}
     errors: Annotated[
-        dict[str, Annotated[list[Point], Field(min_length=1)]],
+        dict[SourceName, Annotated[list[Point], Field(min_length=1)]],
         Field(description="Sigmas that change with the start time: pairs of start time and sigma, by source."),
     ] = {}
 
@@ -70,7 +93,7 @@ class StartTimesTable(Table):
 class QuantileTable(Table):
     """``[[accept.quantile]]``: a quantile of an output's absolute value lies below a limit."""
 
-    output: Annotated[str, Field(description="Name of the output.")]
+    output: Annotated[OutputName, Field(description="Name of the output.")]
     probability: Annotated[Probability, Field(description="Probability with which its magnitude is below the limit.")]
     below: Annotated[Written, Field(description="Limit, in a unit of the output.")]
     after: After = None
@@ -81,7 +104,7 @@ class QuantileTable(Table):
 class CircularTable(Table):
     """``[[accept.cep]]`` and ``[[accept.r95]]``: 50 or 95 % of all errors in two outputs lie within a circle."""
 
-    outputs: Annotated[list[str], Field(min_length=2, max_length=2, description="Names of outputs of one unit.")]
+    outputs: Annotated[list[OutputName], Field(min_length=2, max_length=2, description="Names of outputs of one unit.")]
     below: Annotated[Written, Field(description="Largest radius, in a unit of the outputs.")]
     after: After = None
     during: During = None
@@ -91,13 +114,13 @@ class CircularTable(Table):
 class SphericalTable(CircularTable):
     """``[[accept.sep]]``: half of all errors in three outputs lie within a sphere."""
 
-    outputs: Annotated[list[str], Field(min_length=3, max_length=3, description="Names of outputs of one unit.")]
+    outputs: Annotated[list[OutputName], Field(min_length=3, max_length=3, description="Names of outputs of one unit.")]
 
 
 class BoxTable(Table):
     """``[[accept.box]]``: the absolute values of some outputs lie within limits jointly, with a probability."""
 
-    within: Annotated[dict[str, Written], Field(description="Limit of each output, in its unit.")]
+    within: Annotated[dict[OutputName, Written], Field(description="Limit of each output, in its unit.")]
     probability: Annotated[Probability, Field(description="Probability with which all lie within their limits.")]
 
 
@@ -133,6 +156,7 @@ class UntilTable(Table):
         Field(
             description='"sigma_ratio" or "sigma_ratio_paired", and the precision at which the run stops.',
             examples=["sigma_ratio 1 %"],
+            json_schema_extra={"pattern": rf"^\s*({'|'.join(QUANTITIES)}) "},
         ),
     ]
     confidence: Annotated[
@@ -148,7 +172,11 @@ class CampaignTable(Table):
     """
 
     name: Annotated[Text, Field(description="Title of the report; the file's name unless given.")] | None = None
-    samples: Annotated[int, Field(ge=2, le=1_000_000_000_000, description="Number of samples.")] = 20_000
+    samples: Annotated[
+        UntilTable | Annotated[int, Field(ge=2, le=1_000_000_000_000)],
+        ByForm(),
+        Field(description="Number of samples, or a table with the precision at which the run stops."),
+    ] = 20_000
     seed: Annotated[int, Field(ge=0, lt=2**63, description="Seed of the random numbers.")] = 0
     design: Annotated[
         Literal[DESIGNS], Field(description="How samples are drawn.")  # type: ignore[valid-type]
@@ -182,6 +210,10 @@ class CampaignTable(Table):
     ] = []
     start_times: Annotated[StartTimesTable, Field(description="Study of mcnav start-times.")] = StartTimesTable()
     accept: Annotated[AcceptTable, Field(description="Requirements, which mcnav run --check tests.")] | None = None
+
+    def most_samples(self) -> int:
+        """Return the number of samples, the largest one with a rule for stopping."""
+        return self.samples.at_most if isinstance(self.samples, UntilTable) else self.samples
 
 
 _FURTHER: Final[Content] = {

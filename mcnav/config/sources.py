@@ -82,13 +82,8 @@ def read_correlations(
         elif {first, second} in seen:
             context.problem(key, f"{first} and {second} are correlated twice; expected one entry for each pair")
         seen.add(frozenset((first, second)))
-        given = [each for each in (entry.coefficient, entry.rank_coefficient) if each is not None]
-        if len(given) == 1:
-            correlations.append(Correlation((first, second), given[0], of_ranks=entry.coefficient is None))
-        else:
-            came = "both" if given else "neither"
-            message = f"got {came}; expected coefficient (Pearson's) or rank_coefficient (Spearman's)"
-            context.problem(f"correlations #{number}", message)
+        size = entry.rank_coefficient if entry.coefficient is None else entry.coefficient
+        correlations.append(Correlation((first, second), size or 0.0, of_ranks=entry.coefficient is None))
     return correlations
 
 

@@ -90,14 +90,11 @@ def _read_weights(entries: Mapping[str, Any], outputs: Sequence[Output], context
     return np.array(list(weights.values()))
 
 
-def _read_points(entries: list[Any], source: Source, key: str, context: FileContext) -> Array | None:
+def _read_points(entries: list[list[Any]], source: Source, key: str, context: FileContext) -> Array | None:
     """Read rows (time, one sigma) in SI units; None when there is a mistake."""
     points = []
     for number, entry in enumerate(entries, start=1):
         at = f"{key} #{number}"
-        if not isinstance(entry, list) or len(entry) != 2:
-            context.problem(at, 'expected a pair ["start time", "one sigma"]')
-            return None
         time, sigma = context.quantity(entry[0], "s", at), context.quantity(entry[1], source.unit, at)
         if time is None or sigma is None:
             return None

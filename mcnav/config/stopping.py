@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from mcnav.config.schema import UntilTable
+from mcnav.config.schema import QUANTITIES, UntilTable
 from mcnav.entries.context import FileContext
-
-QUANTITIES: Final = ("sigma_ratio", "sigma_ratio_paired")
-"""Quantities with a precision, named as in ``summary.json``: Monte Carlo over linear sigma, plain or paired."""
 
 GROWING: Final = ("random", "antithetic")
 """Designs whose samples do not change when more are added."""

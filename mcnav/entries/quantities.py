@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Final, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -15,6 +15,7 @@ from pydantic import (
     ModelWrapValidatorHandler,
     StringConstraints,
     ValidationError,
+    ValidatorFunctionWrapHandler,
     WithJsonSchema,
     model_validator,
 )
@@ -157,6 +158,24 @@ class OneOf:
         return {"enum": list(self.names)}
 
 
+NAME_OF: Final = "x-name-of"
+"""Key of a JSON schema that stands for names that the scenario decides: what they are names of."""
+
+
+@dataclass(frozen=True)
+class NameOf:
+    """Annotation of a text that names an error source, or an output, of the campaign's scenario."""
+
+    what: Literal["source", "output"]
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        return {**handler(schema), NAME_OF: self.what}
+
+
+SourceName = Annotated[str, NameOf("source")]
+OutputName = Annotated[str, NameOf("output")]
+
+
 @dataclass(frozen=True)
 class Suggested:
     """Annotation of a text for which editors suggest some names, and which may be another of a pattern."""
@@ -180,6 +199,24 @@ class Distinct:
         for name in reversed(self.needed):
             contained = {"contains": {"enum": [name]}, **({"if": True, "then": contained} if contained else {})}
         return {**handler(schema), "uniqueItems": True, **contained}
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Annotation of a list of two; ``expected`` is the message about another entry."""
+
+    expected: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def read(entry: object, pair: ValidatorFunctionWrapHandler) -> Any:
+            if not isinstance(entry, list) or len(entry) != 2:
+                raise told(self.expected)
+            return pair(entry)
+
+        return no_info_wrap_validator_function(read, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        return {**handler(schema), "minItems": 2, "maxItems": 2}
 
 
 @dataclass(frozen=True)

@@ -77,6 +77,25 @@ class SomeOf:
 
 
 @dataclass(frozen=True)
+class OneOfTwo:
+    """One of two keys, and not both; ``expected`` says which they are."""
+
+    first: str
+    second: str
+    expected: str
+
+    def broken(self, given: Set[str], expected: str) -> Mistake | None:
+        """See `Rule`."""
+        count = len(given & {self.first, self.second})
+        return None if count == 1 else Mistake(f"got {'both' if count else 'neither'}; {self.expected}")
+
+    @property
+    def schema(self) -> Mapping[str, object]:
+        """See `Rule`."""
+        return {"oneOf": [{"required": [self.first]}, {"required": [self.second]}]}
+
+
+@dataclass(frozen=True)
 class NotBoth:
     """At most one of two keys."""
 

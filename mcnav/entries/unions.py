@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, get_args
+from typing import Any, ClassVar, Final, Literal, get_args, get_origin
 
 from pydantic import (
     GetCoreSchemaHandler,
@@ -35,6 +35,9 @@ EITHER: Final = "x-either"
 
 OR_FIRST: Final = "x-or-first"
 """Key of a JSON schema that stands for tables, and for a quantity in place of one of them."""
+
+BY_FORM: Final = "x-by-form"
+"""Key of a JSON schema that stands for types told apart by the form of the entry."""
 
 TEXT: Final = "x-text"
 """Pattern of a text that stands for a table."""
@@ -167,6 +170,30 @@ class OrFirst:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
         return {OR_FIRST: handler(schema), UNIT: TypeAdapter(self.form).json_schema()[UNIT]}
+
+
+@dataclass(frozen=True)
+class ByForm:
+    """Annotation of a union of types told apart by the form of the entry: a table, some texts, or else the last."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        forms = [(each, TypeAdapter[Any](each)) for each in get_args(source)]
+
+        def read(entry: object, _: object, info: ValidationInfo) -> Any:
+            form = next((form for each, form in forms[:-1] if _has_form(entry, each)), forms[-1][1])
+            return form.validate_python(entry, strict=True, context=info.context)
+
+        return with_info_wrap_validator_function(read, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        return {**handler(schema), BY_FORM: True}
+
+
+def _has_form(entry: object, of: Any) -> bool:
+    """Return whether an entry has the form of a table, or is one of some texts."""
+    if get_origin(of) is Literal:
+        return isinstance(entry, str) and entry in get_args(of)
+    return isinstance(entry, Mapping)
 
 
 @dataclass(frozen=True)

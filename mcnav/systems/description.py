@@ -55,6 +55,8 @@ class FurtherTable:
         For editors.
     absent : str
         What is wrong with one where the type of scenario does not read it.
+    needs, because : str
+        Another table without which this one has no use, and the end of the message where it is missing.
     source_patterns : mapping of str to str
         Patterns of the names of error sources that the table brings to the scenario, by SI unit; empty for any unit.
     """
@@ -62,6 +64,8 @@ class FurtherTable:
     form: Any
     description: str
     absent: str
+    needs: str = ""
+    because: str = ""
     source_patterns: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -299,7 +299,7 @@ def test_errors_that_share_their_tails() -> None:
     [
         ({"sources": ["altitude", "speed"]}, "joint #1.sources: unknown error source 'speed'"),
         ({"sources": ["altitude", "altitude"]}, "joint #1.sources: altitude is named twice"),
-        ({"degrees_of_freedom": 2}, "joint #1.degrees_of_freedom: got 2; degrees_of_freedom must exceed 2"),
+        ({"degrees_of_freedom": 2}, "joint #1.degrees_of_freedom: got 2; expected a number greater than 2"),
         ({"distribution": "normal"}, "joint #1.distribution: got 'normal'; expected 'student-t'"),
         ({"degrees_of_fredom": 2}, "joint #1.degrees_of_fredom: unknown key; did you mean 'degrees_of_freedom'"),
     ],

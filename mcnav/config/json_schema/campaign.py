@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import chain
-from typing import Final
+from typing import Any, Final
 
 from mcnav.config.json_schema.errors import ErrorDefinitions
 from mcnav.config.json_schema.models import of_model
 from mcnav.config.json_schema.nodes import Node, by_type, choice, first_of, narrowed, suggested
-from mcnav.config.schema import CampaignFile, UntilTable
-from mcnav.config.stopping import QUANTITIES
+from mcnav.config.schema import CampaignFile
+from mcnav.entries.quantities import NAME_OF
 from mcnav.systems.registry import FURTHER_TABLES, SCENARIO_TYPES, USER, ScenarioType
 
 DRAFT: Final = "http://json-schema.org/draft-07/schema#"
@@ -31,14 +30,6 @@ SHARED_TABLES: Final = [
 """Further tables whose form depends on the type of scenario."""
 
 
-@dataclass(frozen=True)
-class Names:
-    """Names that a type of scenario knows: schemas of one of its sources and of one of its outputs."""
-
-    source: Node
-    output: Node
-
-
 def campaign_schema() -> Node:
     """Build the schema of campaign files.
 
@@ -49,13 +40,6 @@ def campaign_schema() -> Node:
     node = of_model(CampaignFile)
     properties: dict[str, Node] = node["properties"]
     told = {key: each["description"] for key, each in properties.items() if "description" in each}
-    samples, rule = properties["samples"], of_model(UntilTable)
-    rule["properties"]["until"]["pattern"] = rf"^\s*({'|'.join(QUANTITIES)}) "
-    properties["samples"] = {
-        "description": f"{told['samples'][:-1]}, or a table with the precision at which the run stops.",
-        **{key: value for key, value in {**samples, **rule}.items() if key != "description"},
-        "type": ["integer", "object"],
-    }
     properties["scenario"] = _scenario_schema(told["scenario"])
     for name, further in FURTHER_TABLES.items():
         form = {} if name in SHARED_TABLES else of_model(further.form)
@@ -65,14 +49,10 @@ def campaign_schema() -> Node:
     known = errors.sources(list(every.values()))
     properties["errors"] = {**known, "additionalProperties": errors.node("", ""), "description": told["errors"]}
     outputs = dict.fromkeys(output.name for kind in SCENARIO_TYPES.values() for output in kind.outputs)
-    _name(node, Names(suggested(every), suggested(outputs)))
-    restricted = {name: _of_type(kind, errors, known["properties"]) for name, kind in SCENARIO_TYPES.items()}
+    marked = node
+    node = _named(marked, {"source": suggested(every), "output": suggested(outputs)})
+    restricted = {name: _of_type(kind, errors, known["properties"], marked) for name, kind in SCENARIO_TYPES.items()}
     conditions = {name: _has_type(choice([name])) for name in sources} | {USERS: _has_type(_user_type())}
-    some: Node = {"properties": {"aiding": {"minItems": 1}}}
-    restricted["ins"]["dependencies"] = {
-        "filter": {**some, "required": ["aiding"]},
-        "aiding": {"if": some, "then": {"required": ["filter"]}},
-    }
     users: Node = {"propertyNames": choice(_keys(USER)), "properties": _shared_tables(USER)}
     node |= first_of(conditions, {**restricted, USERS: users})
     return {
@@ -88,7 +68,6 @@ def _scenario_schema(description: str) -> Node:
     tables = {name: of_model(kind.table) for name, kind in SCENARIO_TYPES.items()}
     own = of_model(USER.table)
     own["additionalProperties"] = True
-    own["properties"]["type"] |= _user_type()
     conditions = {**{name: choice([name]) for name in SCENARIO_TYPES}, USERS: _user_type()}
     node = by_type("type", conditions, {**tables, USERS: own}, description)
     node["properties"]["type"]["description"] = "Type of scenario, or file and class of one of your own."
@@ -115,32 +94,48 @@ def _keys(kind: ScenarioType) -> list[str]:
     return [key for key in CampaignFile.model_fields if key not in other]
 
 
-def _of_type(kind: ScenarioType, errors: ErrorDefinitions, every: Mapping[str, Node]) -> Node:
+def _of_type(kind: ScenarioType, errors: ErrorDefinitions, every: Mapping[str, Node], marked: Node) -> Node:
     """Restrict a file with a type of scenario to its keys, sources and outputs."""
     sources = kind.sources or ()
     known = narrowed(errors.sources(sources, kind.source_patterns), every)
     names, outputs = [source.name for source in sources], choice(output.name for output in kind.outputs)
-    restricted: Node = {"properties": {"errors": known, **_shared_tables(kind)}}
     named = suggested(names, "|".join(kind.source_patterns.values())) if kind.source_patterns else choice(names)
-    _name(restricted, Names(named, outputs))
-    return {"propertyNames": choice(_keys(kind)), **restricted}
+    restricted = _names_alone(marked, {"source": named, "output": outputs}) or {}
+    restricted["properties"] |= {"errors": known, **_shared_tables(kind)}
+    return {"propertyNames": choice(_keys(kind)), **restricted, **_dependencies(kind)}
 
 
-def _name(node: Node, names: Names) -> None:
-    """Put the names of sources and outputs where a file has such names."""
-    properties = node["properties"]
-    for key, listed in (("correlations", "between"), ("joint", "sources")):
-        items = properties.setdefault(key, {}).setdefault("items", {}).setdefault("properties", {})
-        items.setdefault(listed, {})["items"] = names.source
-    requirements = properties.setdefault("accept", {}).setdefault("properties", {})
-    for kind in ("cep", "r95", "sep", "quantile", "box"):
-        items = requirements.setdefault(kind, {}).setdefault("items", {}).setdefault("properties", {})
-        if kind == "quantile":
-            items.setdefault("output", {}).update(names.output)
-        elif kind == "box":
-            items.setdefault("within", {})["propertyNames"] = names.output
-        else:
-            items.setdefault("outputs", {})["items"] = names.output
-    starts = properties.setdefault("start_times", {}).setdefault("properties", {})
-    starts.setdefault("weights", {})["propertyNames"] = names.output
-    starts.setdefault("errors", {})["propertyNames"] = names.source
+def _dependencies(kind: ScenarioType) -> Node:
+    """Require the tables without which others have no use."""
+    needs: Node = {}
+    for name, table in kind.tables.items():
+        if table.needs:
+            needed = {**_not_empty(kind, table.needs), "required": [table.needs]}
+            needs[name] = {"if": given, "then": needed} if (given := _not_empty(kind, name)) else needed
+    return {"dependencies": needs} if needs else {}
+
+
+def _not_empty(kind: ScenarioType, name: str) -> Node:
+    """Return the schema of a file whose further table is not an empty list; nothing for a table that is no list."""
+    is_list = of_model(kind.tables[name].form)["type"] == "array"
+    return {"properties": {name: {"minItems": 1}}} if is_list else {}
+
+
+def _named(node: Any, names: Mapping[str, Node]) -> Any:
+    """Put names of sources and outputs where a file has such names."""
+    if isinstance(node, list):
+        return [_named(each, names) for each in node]
+    if not isinstance(node, dict):
+        return node
+    inside = {key: _named(each, names) for key, each in node.items() if key != NAME_OF}
+    return {**inside, **names[node[NAME_OF]]} if NAME_OF in node else inside
+
+
+def _names_alone(node: Any, names: Mapping[str, Node]) -> Node | None:
+    """Return the schema of nothing but the names of sources and outputs; none where there are none."""
+    if not isinstance(node, dict):
+        return None
+    if NAME_OF in node:
+        return names[node[NAME_OF]]
+    inside = {key: part for key, each in node.items() if (part := _names_alone(each, names)) is not None}
+    return inside or None

@@ -11,9 +11,9 @@ from mcnav.config.json_schema.axes import by_axes
 from mcnav.config.json_schema.nodes import BOUNDS, Node, any_of, by_key, by_type, quantity
 from mcnav.entries.axes import ONE_BY_ONE, SIZED_AXES
 from mcnav.entries.quantities import UNIT
-from mcnav.entries.unions import BY_KEY, BY_TYPE, EITHER, OR_FIRST, TEXT
+from mcnav.entries.unions import BY_FORM, BY_KEY, BY_TYPE, EITHER, OR_FIRST, TEXT
 
-MARKS: Final = (UNIT, SIZED_AXES, ONE_BY_ONE, BY_KEY, BY_TYPE, EITHER, TEXT)
+MARKS: Final = (UNIT, SIZED_AXES, ONE_BY_ONE, BY_KEY, BY_TYPE, BY_FORM, EITHER, TEXT)
 """Keys that stand for what TOML files have and Python has not; see `mcnav.entries`."""
 
 
@@ -62,6 +62,8 @@ def _plain(node: Any, inside: Mapping[str, Node]) -> Any:
         return _quantity(node)
     if {BY_KEY, BY_TYPE, EITHER} & node.keys():
         return _union(node, inside)
+    if BY_FORM in node:
+        return _by_form(node, inside)
     return _table(node, inside)
 
 
@@ -136,3 +138,13 @@ def _or_first(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
     size = quantity(node[UNIT], described=False)
     tables = _plain(node[OR_FIRST], inside)
     return {**size, "type": [*size["type"], "object"], "if": {"type": "object"}, "then": tables}
+
+
+def _by_form(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
+    """Describe a table and a value in one: editors look for keys in ``properties``; other types are alternatives."""
+    forms = [_plain(each, inside) for each in node["anyOf"]]
+    outer = {key: value for key, value in _table(node, inside).items() if key not in ("anyOf", BY_FORM)}
+    if not any("properties" in each for each in forms):
+        return {**outer, "anyOf": forms}
+    merged = {key: value for each in forms for key, value in each.items()}
+    return {**merged, **outer, "type": [each["type"] for each in reversed(forms)]}

@@ -41,7 +41,12 @@ class UserTable(Table):
     model_config = ConfigDict(extra="allow", strict=True, frozen=True)
 
     type: Annotated[
-        str, Field(description="File and class of a scenario of your own.", examples=["my_system.py:MySystem"])
+        str,
+        Field(
+            description="File and class of a scenario of your own.",
+            examples=["my_system.py:MySystem"],
+            json_schema_extra={"pattern": f"^{re.sub('[?]P<[a-z]+>', '', CLASS_IN_FILE.pattern)}$"},
+        ),
     ]
 
 

@@ -117,13 +117,8 @@ def _read_aiding(navigation: Navigation, context: FileContext) -> tuple[Aiding, 
     none = Aiding((), {})
     sensors, entries = context.content.get("aiding", []), context.content.get("filter")
     aiding = read_aiding(sensors, navigation, context)
-    if entries is None and sensors:
-        context.problem("aiding", "needs a [filter], which says what is estimated from its measurements")
-    if entries is None or aiding is None:
+    if entries is None or aiding is None or not aiding.sensors:
         return aiding or none, None
-    if not aiding.sensors:
-        context.problem("filter", "needs [[aiding]], the sensors whose measurements it uses")
-        return aiding, None
     table = validate(FilterTable, entries, context, "filter")
     if table is None:
         return aiding, None
@@ -146,10 +141,19 @@ INS: Final = ScenarioType(
             "this scenario has no inertial measurement unit",
         ),
         "aiding": FurtherTable(
-            Sensors, "Sensors that aid the navigation; needs [filter].", NO_AIDING, source_patterns=error_patterns()
+            Sensors,
+            "Sensors that aid the navigation; needs [filter].",
+            NO_AIDING,
+            "filter",
+            "needs a [filter], which says what is estimated from its measurements",
+            error_patterns(),
         ),
         "filter": FurtherTable(
-            FilterTable, "Error-state Kalman filter of an aided navigation; needs [[aiding]].", NO_AIDING
+            FilterTable,
+            "Error-state Kalman filter of an aided navigation; needs [[aiding]].",
+            NO_AIDING,
+            "aiding",
+            "needs [[aiding]], the sensors whose measurements it uses",
         ),
     },
 )
