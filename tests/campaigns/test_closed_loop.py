@@ -12,6 +12,7 @@ import pytest
 import tomli_w
 
 from mcnav.config.read import read_campaign
+from mcnav.errors import CampaignError
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.run import run_campaign
@@ -73,3 +74,44 @@ def test_a_plain_scenario_has_no_sizes_of_processes(tmp_path: Path) -> None:
     path.write_text(path.read_text(encoding="utf-8") + '\n[processes]\ngusts = "1 m"\n', encoding="utf-8")
     with pytest.raises(Exception, match="no ClosedLoop"):
         read_campaign(path)
+
+
+BIAS = {"sigma": "1 mrad", "correlation_time": "10 s"}
+"""A Gauss-Markov process."""
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"processes": {"gust": "1 rad/s^2/sqrt(Hz)"}}, "processes.gust: unknown process; did you mean 'gusts'?"),
+        ({"processes": {"gusts": "1 m"}}, "processes.gusts: got '1 m', which is a length; expected"),
+        ({"processes": 3}, "processes: got 3; expected a table"),
+        ({"processes": {"bias": "1 mrad"}}, "processes.bias: got '1 mrad'; expected a table such as { sigma"),
+        ({"processes": {"bias": {"sigma": "1 mrad"}}}, "processes.bias.correlation_time: is missing; a Gauss-Markov"),
+        ({"processes": {"bias": {**BIAS, "sigm": 3}}}, "processes.bias.sigm: unknown key of a Gauss-Markov process"),
+        ({"processes": {"bias": {**BIAS, "sigma": "1 s"}}}, "processes.bias.sigma: got '1 s', which is a time; "),
+        ({"processes": {"bias": {**BIAS, "correlation_time": "0 s"}}}, "processes.bias.correlation_time: got '0 s'"),
+        ({"measurements": {"sonar": "1 m"}}, "measurements.sonar: unknown measurement; expected one of"),
+        ({"filter": {"believe": {}}}, "filter.believe: unknown key of a closed loop's filter; did you"),
+        ({"filter": {"believes": {"noise": {}}}}, "filter.believes.noise: unknown key of what a filter believes; exp"),
+        ({"filter": {"believes": {"errors": {"x": "1 m"}}}}, "filter.believes.errors.x: unknown error source; "),
+        ({"filter": {"believes": {"errors": 3}}}, "filter.believes.errors: got 3; expected a table"),
+        ({"filter": 3}, "filter: got 3; expected a table"),
+    ],
+)  # fmt: skip
+def test_one_mistake_in_a_size_is_one_line(changes: dict[str, Any], line: str, tmp_path: Path) -> None:
+    path = written(tmp_path / "case", "Pendulum", **changes)
+    with pytest.raises(CampaignError) as wrong:
+        read_campaign(path)
+    (told,) = str(wrong.value).splitlines()
+    assert told.startswith(f"{path}: {line}")
+
+
+def test_a_filter_believes_a_process_with_another_sigma(tmp_path: Path) -> None:
+    """Its correlation time is the true one unless given."""
+    for believed in ("2 mrad", {"sigma": "2 mrad"}):
+        filter_table = {"believes": {"processes": {"bias": believed}}}
+        path = written(tmp_path / "case", "Pendulum", processes={"bias": BIAS}, filter=filter_table)
+        sizes = read_campaign(path).scenario.sizes  # type: ignore[attr-defined]
+        assert (sizes.true.markov[0], sizes.believed.markov[0]) == pytest.approx((1e-3, 2e-3))
+        assert sizes.believed.decay == pytest.approx(0.1)

@@ -2,53 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final
+from typing import Any, Final
 
 import numpy as np
-from pydantic import Field, TypeAdapter, WithJsonSchema
 
 from mcnav._types import Array
 from mcnav.contract.scenario import Scenario
-from mcnav.entries.axes import AxisSizes
 from mcnav.entries.context import FileContext
-from mcnav.entries.quantities import Table
-from mcnav.entries.validation import validate_entry
+from mcnav.entries.validation import validate, validate_entry
 from mcnav.errors import suggestion
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.closed_loop.declarations import ClosedLoop
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.quantities import Quantity
 from mcnav.systems.closed_loop.scenario import ClosedLoopScenario, without_errors
+from mcnav.systems.closed_loop.size_tables import (
+    BELIEVED_MARKOV,
+    MARKOV,
+    SIZES,
+    BelievesTable,
+    Declared,
+    LoopFilterTable,
+    MarkovTable,
+    NoiseTable,
+    Size,
+)
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
 from mcnav.systems.user import table as user
-
-Size = Annotated[
-    Any,
-    WithJsonSchema(
-        {"description": "A size, sizes by axis, or a table.", "type": ["string", "number", "array", "object"]}
-    ),
-]
-"""Size of a quantity that the class declares, read by its unit and axes."""
-
-
-class BelievesTable(Table):
-    """``[filter.believes]``: sizes by name, where the filter's differ from the true ones."""
-
-    errors: Annotated[dict[str, Size] | None, Field(description="Believed sigmas of error sources, by name.")] = None
-    processes: Annotated[dict[str, Size] | None, Field(description="Believed sizes of processes, by name.")] = None
-    measurements: Annotated[dict[str, Size] | None, Field(description="Believed sigmas of measurements, by name.")] = (
-        None
-    )
-
-
-class LoopFilterTable(Table):
-    """``[filter]`` of a closed loop."""
-
-    believes: Annotated[BelievesTable | None, Field(description="What the filter believes.")] = None
-
 
 TABLES: Final[Mapping[str, FurtherTable]] = {
     "processes": FurtherTable(
@@ -68,8 +51,6 @@ TABLES: Final[Mapping[str, FurtherTable]] = {
     ),
 }
 """Tables besides ``[scenario]`` and ``[errors]`` that a closed loop reads."""
-
-BELIEFS: Final = ("errors", "processes", "measurements")
 
 
 @dataclass(frozen=True)
@@ -121,106 +102,105 @@ def _with_errors(beliefs: Beliefs, scenario: ClosedLoopScenario, errors: ErrorMo
 def _read_sizes(maps: Maps, context: FileContext) -> tuple[LoopSizes, Beliefs] | None:
     """Read true and believed sizes; mistakes are added to the context, and none is returned."""
     before, content = len(context.problems), context.content
-    true = _read_noise(maps, Sizes.none(maps), content, "", context)
-    table = content.get("filter", {})
-    believes = table.get("believes", {}) if isinstance(table, dict) else {}
-    if not isinstance(table, dict) or not isinstance(believes, dict):
-        context.problem("filter", "expected a table such as [filter.believes.measurements]")
+    given = {name: content[name] for name in NoiseTable.model_fields if name in content}
+    stated = validate(NoiseTable, given, context)
+    filter_table = validate(LoopFilterTable, content.get("filter", {}), context, "filter")
+    if stated is None or filter_table is None:
         return None
-    context.check_keys(table, ["believes"], "filter", "a closed loop's filter")
-    context.check_keys(believes, list(BELIEFS), "filter.believes", "what a filter believes")
-    believed = _read_noise(maps, true, believes, "filter.believes.", context)
-    given, errors = believes.get("errors", {}), {}
+    believes = filter_table.believes
+    true = _Noise(maps, "", context).read(Sizes.none(maps), stated)
+    believed = _Noise(maps, "filter.believes.", context).read(true, believes)
+    errors = _believed_errors(maps, believes.errors, context)
+    return None if len(context.problems) > before else (LoopSizes(true, believed), Beliefs(errors))
+
+
+def _believed_errors(maps: Maps, entries: Mapping[str, Any], context: FileContext) -> dict[str, float]:
+    """Read believed sigmas by source, or group of sources."""
     sources = {source.name: source for source in maps.structure.sources}
     groups: dict[str, list[str]] = {}
     for source in sources.values():
         groups.setdefault(source.group, []).append(source.name)
-    for name, entry in given.items() if isinstance(given, dict) else ():
+    errors = {}
+    for name, entry in entries.items():
         key = f"filter.believes.errors.{name}"
         members = [name] if name in sources else groups.get(name, [])
         if not members:
             context.problem(key, f"unknown error source{suggestion(name, list(sources))}")
         for member in members:
-            errors[member] = float(_read_axes(entry, sources[member].unit, [""], key, context)[0])
-    return None if len(context.problems) > before else (LoopSizes(true, believed), Beliefs(errors))
+            errors[member] = float(_read_axes(entry, Declared(sources[member].unit, ("",)), key, context)[0])
+    return errors
 
 
-def _read_noise(maps: Maps, known: Sizes, content: Mapping[str, Any], prefix: str, context: FileContext) -> Sizes:
-    """Read ``processes`` and ``measurements``; what is not given stays as known."""
-    structure = maps.structure
-    white, markov, decay = known.white.copy(), known.markov.copy(), known.decay.copy()
-    corrections, measurements = list(known.corrections), list(known.measurements)
-    of_white = {quantity.name: (quantity, place) for quantity, place in structure.white.places()}
-    begin = structure.markov.begin
-    of_markov = {
-        quantity.name: (quantity, slice(place.start - begin, place.stop - begin))
-        for quantity, place in structure.markov.places()
-    }
-    impulses = {quantity.name: number for number, quantity in enumerate(structure.corrections.quantities)}
-    names = [*of_white, *of_markov, *impulses]
-    for name, entry in _entries(content, "processes", prefix, context):
-        key = f"{prefix}processes.{name}"
-        if name in of_white:
-            quantity, place = of_white[name]
-            white[place] = _read_axes(entry, quantity.unit, quantity.axes or ("",), key, context)
-        elif name in of_markov:
-            quantity, place = of_markov[name]
-            markov[place], decay[place] = _read_markov(entry, quantity, key, context, markov[place], decay[place])
-        elif name in impulses:
-            quantity = structure.corrections.quantities[impulses[name]]
-            corrections[impulses[name]] = _read_axes(entry, quantity.unit, quantity.axes or ("",), key, context)
-        else:
-            context.problem(key, f"unknown process{suggestion(name, names)}")
-    sensors = {sensor.declared.name: number for number, sensor in enumerate(maps.sensors)}
-    for name, entry in _entries(content, "measurements", prefix, context):
-        key = f"{prefix}measurements.{name}"
-        if name not in sensors:
-            context.problem(key, f"unknown measurement{suggestion(name, list(sensors))}")
-            continue
-        sensor = maps.sensors[sensors[name]]
-        axes: Sequence[str] = tuple(str(each) for each in range(1, sensor.size + 1))
-        measurements[sensors[name]] = _read_axes(entry, sensor.declared.unit, axes, key, context)
-    return replace(
-        known, white=white, markov=markov, decay=decay, measurements=tuple(measurements), corrections=tuple(corrections)
-    )
+@dataclass(frozen=True)
+class _Noise:
+    """Reads sizes of processes and measurements; ``prefix`` is the beginning of their keys."""
+
+    maps: Maps
+    prefix: str
+    context: FileContext
+
+    def read(self, known: Sizes, given: NoiseTable | BelievesTable) -> Sizes:
+        """Read both tables; what is not given stays as known."""
+        return self._measurements(self._processes(known, given.processes), given.measurements)
+
+    def _processes(self, known: Sizes, entries: Mapping[str, Any]) -> Sizes:
+        structure, context = self.maps.structure, self.context
+        white, markov, decay = known.white.copy(), known.markov.copy(), known.decay.copy()
+        corrections = list(known.corrections)
+        of_white = {quantity.name: (quantity, place) for quantity, place in structure.white.places()}
+        of_markov = {quantity.name: (quantity, place) for quantity, place in structure.markov.places()}
+        impulses = {quantity.name: number for number, quantity in enumerate(structure.corrections.quantities)}
+        names = [*of_white, *of_markov, *impulses]
+        for name, entry in entries.items():
+            key = f"{self.prefix}processes.{name}"
+            if name in of_white:
+                quantity, place = of_white[name]
+                white[place] = _read_axes(entry, _declared(quantity), key, context)
+            elif name in of_markov:
+                quantity, of_state = of_markov[name]
+                place = slice(of_state.start - structure.markov.begin, of_state.stop - structure.markov.begin)
+                markov[place], decay[place] = self._markov(entry, quantity, key, decay[place])
+            elif name in impulses:
+                quantity = structure.corrections.quantities[impulses[name]]
+                corrections[impulses[name]] = _read_axes(entry, _declared(quantity), key, context)
+            else:
+                context.problem(key, f"unknown process{suggestion(name, names)}")
+        return replace(known, white=white, markov=markov, decay=decay, corrections=tuple(corrections))
+
+    def _markov(self, entry: object, quantity: Quantity, key: str, decay: Array) -> tuple[Array, Array]:
+        """Read sigmas of a Gauss-Markov process and one over its correlation time; a belief may leave out the time."""
+        declared, known = _declared(quantity), bool(decay.any())
+        if known and not (isinstance(entry, dict) and entry.keys() & MarkovTable.model_fields.keys()):
+            return _read_axes(entry, declared, key, self.context), decay
+        table = validate_entry(BELIEVED_MARKOV if known else MARKOV, entry, self.context, key, declared)
+        if table is None:
+            return np.zeros(quantity.size), decay
+        if table.correlation_time is not None:
+            decay = np.full(quantity.size, 1.0 / table.correlation_time)
+        return np.nan_to_num(table.sigma), decay
+
+    def _measurements(self, known: Sizes, entries: Mapping[str, Any]) -> Sizes:
+        sensors = {sensor.declared.name: number for number, sensor in enumerate(self.maps.sensors)}
+        measurements = list(known.measurements)
+        for name, entry in entries.items():
+            key = f"{self.prefix}measurements.{name}"
+            if name not in sensors:
+                self.context.problem(key, f"unknown measurement{suggestion(name, list(sensors))}")
+                continue
+            sensor = self.maps.sensors[sensors[name]]
+            axes = tuple(str(each) for each in range(1, sensor.size + 1))
+            measurements[sensors[name]] = _read_axes(entry, Declared(sensor.declared.unit, axes), key, self.context)
+        return replace(known, measurements=tuple(measurements))
 
 
-def _entries(
-    content: Mapping[str, Any], table: str, prefix: str, context: FileContext
-) -> Sequence[tuple[str, Any]]:  # fmt: skip
-    entries = content.get(table, {})
-    if not isinstance(entries, dict):
-        context.problem(f"{prefix}{table}", "expected a table of sizes by name")
-        return ()
-    return tuple(entries.items())
+def _declared(quantity: Quantity) -> Declared:
+    return Declared(quantity.unit, quantity.axes or ("",))
 
 
-def _read_markov(
-    entry: object, quantity: Quantity, key: str, context: FileContext, sigma: Array, decay: Array
-) -> tuple[Array, Array]:
-    """Read ``{ sigma = …, correlation_time = … }``; a belief may leave out the time."""
-    given = entry if isinstance(entry, dict) and "sigma" in entry else None
-    if given is None:
-        if not decay.any():
-            context.problem(key, 'expected a table such as { sigma = "1 mg", correlation_time = "100 s" }')
-            return sigma, decay
-        return _read_axes(entry, quantity.unit, quantity.axes or ("",), key, context), decay
-    context.check_keys(given, ["sigma", "correlation_time"], key, "a Gauss-Markov process")
-    sigma = _read_axes(given["sigma"], quantity.unit, quantity.axes or ("",), f"{key}.sigma", context)
-    if "correlation_time" not in given:
-        if not decay.any():
-            context.problem(key, "needs a correlation_time")
-        return sigma, decay
-    time = context.quantity(given["correlation_time"], "s", f"{key}.correlation_time")
-    if time is not None and not time > 0.0:
-        context.problem(f"{key}.correlation_time", "must be above zero")
-    return sigma, np.full(len(sigma), 1.0 / time if time else 0.0)
-
-
-def _read_axes(entry: object, unit: str, axes: Sequence[str], key: str, context: FileContext) -> Array:
+def _read_axes(entry: object, declared: Declared, key: str, context: FileContext) -> Array:
     """Read the sizes of some axes, shape (axes,), zero where none is given; mistakes are added to the context."""
-    sizes = validate_entry(TypeAdapter(Annotated[Array, AxisSizes(unit, tuple(axes))]), entry, context, key)
-    return np.zeros(len(axes)) if sizes is None else np.nan_to_num(sizes)
+    sizes = validate_entry(SIZES, entry, context, key, declared)
+    return np.zeros(len(declared.axes)) if sizes is None else np.nan_to_num(sizes)
 
 
 USER: Final = ScenarioType(user.UserTable, read_scenario, tables=TABLES)

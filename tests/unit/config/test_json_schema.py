@@ -238,6 +238,17 @@ WRONG: dict[str, Content] = {
     "a number without a unit": {"errors": {"heading": 1e-3}},
     "a text without a unit": {"errors": {"heading": "0.001"}},
     "a correlation of an unknown source": {"correlations": [{"between": ["heading", "headin"], "coefficient": 0.1}]},
+    "a correlation with two coefficients": {
+        "correlations": [
+            {"between": ["heading", "tilt_north"], "coefficient": 0.1, "rank_coefficient": 0.1},
+        ]
+    },
+    "a joint distribution without a variance": {
+        "joint": [{"sources": ["heading", "tilt_north"], "distribution": "student-t", "degrees_of_freedom": 2}]
+    },
+    "a requirement over half a span": {
+        "accept": {"quantile": [{"output": "heading", "probability": 0.9, "below": "1 rad", "during": ["30 s"]}]}
+    },
     "a requirement on an unknown output": {
         "accept": {"quantile": [{"output": "altitude", "probability": 0.9, "below": "1 m"}]}
     },
