@@ -26,7 +26,7 @@ from pydantic_core.core_schema import (
     no_info_wrap_validator_function,
 )
 
-from mcnav.entries.mistakes import explain_keys, refuse, told
+from mcnav.entries.mistakes import Mistake, explain_keys, refuse, told
 from mcnav.entries.rules import Rule
 from mcnav.entries.values import display
 from mcnav.errors import suggestion
@@ -125,8 +125,10 @@ class Table(BaseModel):
         except ValidationError as invalid:
             known = {name: field.is_required() for name, field in cls.model_fields.items() if name != cls.told_by}
             raise explain_keys(invalid, known, cls.refused, cls.called) from None
-        broken = [rule.broken(table.model_fields_set, cls.expected) for rule in cls.rules]
-        if mistakes := [mistake for mistake in broken if mistake is not None]:
+        given = {name for name in table.model_fields_set if getattr(table, name) is not None}
+        nothing = [Mistake("got None; leave it out", (name,)) for name in sorted(table.model_fields_set - given)]
+        broken = [] if nothing else [rule.broken(given, cls.expected) for rule in cls.rules]
+        if mistakes := [*nothing, *(mistake for mistake in broken if mistake is not None)]:
             raise refuse(mistakes)
         return table
 

@@ -217,6 +217,7 @@ ODOMETER = {"type": "velocity", "interval": "1 s"}
         ({**GNSS, "postion_bias": "1 m"}, "aiding #1.postion_bias: unknown key of type gnss; did you mean 'position_b"),
         ({**GNSS, "distribution": "x"}, "aiding #1.distribution: unknown key of type gnss; "),
         ({**GNSS, "altitude": "1 m"}, "aiding #1.altitude: unknown key of type gnss; "),
+        ({**GNSS, "interval": None}, "aiding #1.interval: got None; leave it out"),
         ({**REST, "instants": ["30 s"], "bias": "1 m/s"}, "aiding #1.bias: unknown key of type zero-velocity;"),
         ({**GNSS, "name": "my gnss"}, "aiding #1.name: got 'my gnss'; expected at most 40 letters, digits and _"),
         ({**GNSS, "name": "é"}, "aiding #1.name: got 'é'; expected at most 40 letters"),
@@ -387,3 +388,17 @@ def test_a_vertical_body_has_no_heading_to_measure(tmp_path: Path, pitch: float)
         return
     with pytest.raises(CampaignError, match=rf"aiding #1: the pitch is {pitch:g} deg at 5 s, where the heading is not"):
         parse_campaign(content, file, "mine")
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"bais": "1 m/s"}, "aiding #1.bais: unknown key of type zero-velocity"),
+        ({"velocity": {}}, "aiding #1.velocity: names no axis"),
+    ],
+)
+def test_mistakes_in_the_form_and_in_the_motion_are_told_together(changes: dict[str, Any], line: str) -> None:
+    told = mistakes(described({**REST, "instants": ["200 s"], **changes}))
+    assert len(told) == 2
+    assert any(each.startswith(f"mine.toml: {line}") for each in told)
+    assert any(each.startswith("mine.toml: aiding #1: the vehicle moves at 80 m/s at 200 s") for each in told)

@@ -9,8 +9,9 @@ from typing import Any, Final
 import numpy as np
 from pydantic import TypeAdapter
 
+from mcnav._types import Array
 from mcnav.entries.context import FileContext
-from mcnav.entries.validation import validate_entry
+from mcnav.entries.validation import validate, validate_entry
 from mcnav.systems.ins.filter.model import estimated_kinds
 from mcnav.systems.ins.imu.instruments import AXES, CONSTANTS, PROCESSES
 from mcnav.systems.ins.scenario import Navigation
@@ -18,7 +19,7 @@ from mcnav.systems.ins.sensors.aiding import Component, Sensor
 from mcnav.systems.ins.sensors.quantity import SensorType
 from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import RANDOM
-from mcnav.systems.ins.tables.instants import check_count, instants_of
+from mcnav.systems.ins.tables.instants import InstantRule, InstantsTable, check_count, instants_of
 from mcnav.systems.ins.tables.sensor_tables import MOST_SENSORS, AnySensor, SensorTable
 from mcnav.systems.ins.tables.sensors import SensorErrors, check_measured, errors_of
 
@@ -51,18 +52,15 @@ def read_aiding(entries: object, navigation: Navigation, context: FileContext) -
         key = f"aiding #{number}"
         table = validate_entry(FORM, entry, context, key)
         if table is None:
+            _check_motion(entry, navigation, key, context)
             continue
         name = _own_name(table, sensors, f"{key}.name", context)
         if name is None:
             continue
         problems = len(context.problems)
-        kind = SENSOR_TYPES[table.type]
         sensor, of_sensor = _read_sensor(table, entry, name, navigation, key, context)
         if len(context.problems) == problems:
             _check_names(sensor, sensors, f"{key}.name", context)
-        sound = len(context.problems) == problems
-        if sound and len(sensor.times) and (wrong := kind.limit(navigation.truth, sensor.times)):
-            context.problem(key, wrong)
         sensors.append(sensor)
         sigmas |= of_sensor
     check_count(sum(len(sensor.times) for sensor in sensors), context)
@@ -83,9 +81,7 @@ def _read_sensor(
 ) -> tuple[Sensor, dict[str, float]]:
     """Build a sensor from its table; mistakes show the entry as it is written."""
     kind = SENSOR_TYPES[table.type]
-    times = instants_of(table, entry, navigation, key, context)
-    if kind.select is not None:
-        times = kind.select(entry, times, navigation.truth, key, context)
+    times = _read_times(table, kind, entry, navigation, key, context)
     errors = errors_of(table, kind)
     _check_measured(entry, kind, errors, key, context)
     components, sigmas = _components(kind, name, errors)
@@ -103,6 +99,33 @@ def _read_sensor(
         table.outages,
     )
     return sensor, sigmas
+
+
+def _read_times(
+    table: InstantsTable, kind: SensorType, entry: Mapping[str, Any], navigation: Navigation, key: str,
+    context: FileContext,
+) -> Array:  # fmt: skip
+    """Return the instants at which a sensor measures; mistakes, also of the motion then, go to the context."""
+    before = len(context.problems)
+    times = instants_of(table, entry, navigation, key, context)
+    if kind.select is not None:
+        times = kind.select(entry, times, navigation.truth, key, context)
+    if len(context.problems) == before and len(times) and (wrong := kind.limit(navigation.truth, times)):
+        context.problem(key, wrong)
+    return times
+
+
+def _check_motion(entry: object, navigation: Navigation, key: str, context: FileContext) -> None:
+    """Add a mistake in the vehicle's motion at the instants of a sensor whose table has others, if they can be read."""
+    kind = SENSOR_TYPES.get(str(entry.get("type"))) if isinstance(entry, dict) else None
+    if kind is None or not isinstance(entry, dict):
+        return
+    given = {name: entry[name] for name in InstantsTable.model_fields if name in entry}
+    silent = FileContext(context.file, context.folder)
+    table = validate(InstantsTable, given, silent)
+    if table is not None and InstantRule().broken(given.keys(), "") is None:
+        times = _read_times(table, kind, entry, navigation, key, silent)
+        context.problems.extend(each for each in silent.problems if len(times) and each.key == key)
 
 
 def _check_measured(
