@@ -398,7 +398,7 @@ def test_a_vertical_body_has_no_heading_to_measure(tmp_path: Path, pitch: float)
     ],
 )
 def test_mistakes_in_the_form_and_in_the_motion_are_told_together(changes: dict[str, Any], line: str) -> None:
-    told = mistakes(described({**REST, "instants": ["200 s"], **changes}))
+    told = mistakes(described({**REST, "instants": ["280 s"], **changes}))
     assert len(told) == 2
     assert any(each.startswith(f"mine.toml: {line}") for each in told)
-    assert any(each.startswith("mine.toml: aiding #1: the vehicle moves at 80 m/s at 200 s") for each in told)
+    assert any(each.startswith("mine.toml: aiding #1: the vehicle moves at 80 m/s at 280 s") for each in told)
