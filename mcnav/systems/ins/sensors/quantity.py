@@ -9,6 +9,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeAlias
 
@@ -27,8 +28,31 @@ LEVEL_AXES: Final = ("north", "east", "down")
 MOST_AXES: Final = 3
 """Each axis has a stream of variates of its own (`mcnav.systems.ins.imu.sample_noise`)."""
 
-GIVEN: Final = ("value", "u", "c", "tables", "errors", "rows", "wanted")
-"""Parameters of an innovation."""
+GIVEN: Final = {
+    "geometry": ("along", "axis"),
+    "innovation": ("value", "u", "c", "tables", "errors", "rows", "wanted"),
+    "compare": ("at",),
+    "select": ("entry", "times", "truth", "key", "context"),
+    "limit": ("truth", "times"),
+}
+"""Parameters of the functions of a file. The names of those of an innovation are fixed, of others their number."""
+
+
+def wrong_parameters(name: str, function: object) -> str:
+    """Return what is wrong with the parameters of a function of a file; nothing if they are right.
+
+    >>> wrong_parameters("limit", lambda truth: None)
+    'limit must have the parameters (truth, times), and has (truth)'
+    """
+    if not callable(function):
+        return f"{name} must be a function"
+    signature, wanted = inspect.signature(function), GIVEN[name]
+    given = tuple(signature.parameters)
+    with suppress(TypeError):
+        signature.bind(*wanted)
+        if name != "innovation" or given == wanted:
+            return ""
+    return f"{name} must have the parameters ({', '.join(wanted)}), and has ({', '.join(given)})"
 
 
 @dataclass(frozen=True)
@@ -113,7 +137,7 @@ class QuantityDefinition:
     fixed_row: bool = False
 
     def __post_init__(self) -> None:
-        wrong = None
+        wrong: str | None = None
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
             wrong = "name must be of small letters, digits and _"
         elif not 1 <= len(self.axes) <= MOST_AXES or len(set(self.axes)) < len(self.axes):
@@ -122,12 +146,11 @@ class QuantityDefinition:
             wrong = "usual must be the size of an error above zero"
         elif not hasattr(self.innovation, "py_func"):
             wrong = "innovation must be compiled: decorate it with allocation_free_part"
-        elif (given := tuple(inspect.signature(self.innovation.py_func).parameters)) != GIVEN:
-            wrong = f"innovation must have the parameters ({', '.join(GIVEN)}), and has ({', '.join(given)})"
-        elif not callable(self.geometry) or not callable(self.compare):
-            wrong = "geometry and compare must be functions"
         elif self.unit not in DIMENSIONS:
             wrong = f"unit {self.unit!r} is not among DIMENSIONS in mcnav/units.py; add it there and in mcnav/units.txt"
+        else:
+            functions = {"geometry": self.geometry, "innovation": self.innovation.py_func, "compare": self.compare}
+            wrong = next(filter(None, (wrong_parameters(*each) for each in functions.items())), None)
         if wrong:
             raise ValueError(f"quantity {self.name!r}: {wrong}")
         try:
@@ -210,6 +233,8 @@ class SensorType:
             wrong = f"template must give {' and '.join(lacking)}"
         elif self.further and self.select is None:
             wrong = f"select must read {' and '.join(self.further)}"
+        elif not (wrong := wrong_parameters("limit", self.limit)) and self.select is not None:
+            wrong = wrong_parameters("select", self.select)
         if wrong:
             raise ValueError(f"sensor {self.name!r}: {wrong}")
 
