@@ -32,7 +32,14 @@ FIGURE: Final = re.compile(r'<figure id="figure-([a-z_]+)">')
 SENSOR: Final = re.compile(r'^SENSOR\b.*= SensorType\(\s*name="([a-z0-9-]+)"', re.MULTILINE)
 """Definition of a type of sensor."""
 
-ENGINES: Final = ("ensemble", "reference", "map")
+ENGINES: Final = re.compile(r"^ +(?:self\.)?engines = .*$|^    def engines\(.*\n(?: {8}.*\n)+", re.MULTILINE)
+"""Definition of the engines of a scenario: an attribute, or a property."""
+
+TUPLE: Final = re.compile(r'\(((?:"[a-z-]+",? ?)+)\)')
+"""Tuple of names."""
+
+MAP: Final = "map"
+"""Engine that every scenario without noise and filter has besides its own."""
 
 HORIZONTAL: Final = ("position_horizontal", "velocity_horizontal")
 """Horizontal errors that a sweep measures where a scenario has both axes."""
@@ -83,8 +90,11 @@ def aids(incomplete: str) -> list[str]:
 
 
 def engines(incomplete: str) -> list[str]:
-    """Return engines."""
-    return _beginning(ENGINES, incomplete)
+    """Return the engines of all types of scenarios."""
+    texts = (file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parent.glob("systems/*/*scenario.py")))
+    listed = [names for text in texts for defined in ENGINES.findall(text) for names in TUPLE.findall(defined)]
+    names = [name.strip('" ') for each in listed for name in each.split(",") if name]
+    return _beginning(dict.fromkeys((*names, MAP)), incomplete)
 
 
 def examples(incomplete: str) -> list[str]:
@@ -109,6 +119,9 @@ def outputs(words: Words, incomplete: str) -> list[str]:
     scenario = _campaign(words).get("scenario")
     kind = SCENARIO_TYPES.get(str(scenario.get("type"))) if isinstance(scenario, dict) else None
     names = [output.name for output in kind.outputs] if kind is not None else []
+    if kind is not None and isinstance(scenario, dict):
+        asked = scenario.get("further_outputs", [])
+        names += [output.name for output in kind.further_outputs if output.name in asked]
     together = [name for name in HORIZONTAL if name.replace("horizontal", "north") in names]
     return _beginning([*names, *together], incomplete)
 

@@ -18,6 +18,7 @@ from mcnav.config.start_times import StartTimesPlan, read_start_times
 from mcnav.config.stopping import StoppingRule, read_stopping_rule
 from mcnav.config.table_of_values import StoredTable, stored_table
 from mcnav.config.toml import Content, load_file, load_mapping
+from mcnav.contract.members import lacks_scenario
 from mcnav.contract.quantities import Source
 from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, has_start_times
 from mcnav.entries.context import EarlierFile, FileContext
@@ -256,6 +257,10 @@ def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | N
         described = kind.read(table, entries, context)
     except ScenarioError as wrong:
         context.problem(f"scenario.{wrong.key}", str(wrong))
+        described = None
+    if described is not None and (lines := lacks_scenario(described.scenario)):
+        for line in lines:
+            context.problem("scenario.type", line)
         described = None
     if len(context.problems) > before and any(
         table.source_patterns for name, table in kind.tables.items() if name in context.content

@@ -6,6 +6,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.engine import Engine
+from mcnav.contract.members import ready_engine
 from mcnav.contract.scenario import Scenario, runs_user_code
 from mcnav.execution.chunks import DrawPlan
 from mcnav.systems.user.noise_soundness import find_unsettled_noise
@@ -16,7 +17,7 @@ from mcnav.systems.user.stochastic_scenario import is_users_with_noise
 
 def exact_engine(scenario: Scenario, probes: Array, timeout: float | None) -> Engine:
     """Prepare the scenario's first engine, isolated where that is needed."""
-    return isolated(scenario, scenario.engine(scenario.engines[0], probes), timeout)
+    return isolated(scenario, ready_engine(scenario, scenario.engines[0], probes), timeout)
 
 
 def isolated(scenario: Scenario, engine: Engine, timeout: float | None) -> Engine:

@@ -13,6 +13,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.engine import Engine, HistoryEngine, without_noise
+from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import Scenario
 from mcnav.systems.timeouts import check_stopped
@@ -145,8 +146,8 @@ def partials_by(scenario: Scenario, method: str) -> Array:
     sizes = np.array([source.nominal for source in scenario.sources])
     fast, slow = scenario.engines[0], scenario.engines[-1]
     if method == "differences":
-        return partials_by_differences(without_noise(scenario.engine(fast, np.diag(sizes))), sizes)
-    return partials_by_independent_sets(without_noise(scenario.engine(slow, np.diag(sizes))), sizes)
+        return partials_by_differences(without_noise(ready_engine(scenario, fast, np.diag(sizes))), sizes)
+    return partials_by_independent_sets(without_noise(ready_engine(scenario, slow, np.diag(sizes))), sizes)
 
 
 def compare_partials(scenario: Scenario, methods: Sequence[str]) -> tuple[Array, dict[str, Array]]:

@@ -11,6 +11,7 @@ from mcnav._types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
+from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, can_have_filter, can_have_noise
 from mcnav.lincov.polynomial import PolynomialMap, fitted_map
@@ -77,5 +78,5 @@ def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, 
     For the probes see `mcnav.contract.scenario.Scenario.engine`, for what is raised `fit_polynomial_engine`.
     """
     if engine != MAP:
-        return scenario.engine(engine, probes)
-    return fit_polynomial_engine(scenario.engine(scenario.engines[0], probes), mean, standard_deviations)
+        return ready_engine(scenario, engine, probes)
+    return fit_polynomial_engine(ready_engine(scenario, scenario.engines[0], probes), mean, standard_deviations)

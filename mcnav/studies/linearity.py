@@ -14,6 +14,7 @@ from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, together
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import without_noise
+from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import SimulationResult
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import PROBES
@@ -73,7 +74,7 @@ def linearity_study(
         raise CampaignError([Problem(campaign.file, "scenario", message)])
 
     def counted(probes: Array) -> Propagate:
-        propagate = without_noise(scenario.engine(scenario.engines[0], probes))
+        propagate = without_noise(ready_engine(scenario, scenario.engines[0], probes))
 
         def propagate_and_count(errors: Array) -> SimulationResult:
             outcomes = propagate(errors)

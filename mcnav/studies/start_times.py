@@ -14,6 +14,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine
+from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError, VariableStart, has_start_times
 from mcnav.errors import CampaignError, Problem
@@ -84,7 +85,7 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Comparison:
         raise CampaignError([Problem(campaign.file, "start_times.check", str(wrong))]) from None
     multiples = plan.schedule.at(np.array([time]), len(campaign.scenario.sources))[0]
     draws = errors.draw(design, campaign.seed, plan.samples, 0, plan.samples) * multiples
-    engine = started.engine(campaign.scenario.engines[0], draws[:PROBES])
+    engine = ready_engine(started, campaign.scenario.engines[0], draws[:PROBES])
     outcomes, linear_outcomes = _simulated(engine, Batch(np.arange(len(draws)), draws, campaign.seed))
     linear = started.linear().end
     covariance = errors.covariance * np.outer(multiples, multiples)

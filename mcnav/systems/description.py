@@ -84,6 +84,8 @@ class ScenarioType:
         Sources against which ``[errors]`` is checked when ``[scenario]`` itself is wrong.
     outputs : sequence of Output
         Outputs of every such scenario, for editors and the command line.
+    further_outputs : sequence of Output
+        Outputs of those whose key of this name has them.
     start_times : bool
         Whether its start can be chosen.
     tables : mapping of str to FurtherTable
@@ -94,6 +96,7 @@ class ScenarioType:
     read: Callable[[Any, Mapping[str, Any], FileContext], ScenarioSpec | None]
     sources: Sequence[Source] | None = None
     outputs: Sequence[Output] = ()
+    further_outputs: Sequence[Output] = ()
     start_times: bool = False
     tables: Mapping[str, FurtherTable] = field(default_factory=dict)
 

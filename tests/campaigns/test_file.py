@@ -17,8 +17,10 @@ from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.config.stopping import StoppingRule
 from mcnav.errors import CampaignError
 from mcnav.sampling.distributions import Fixed, StudentT, Triangular, TruncatedNormal, Uniform
+from mcnav.systems.registry import SCENARIO_TYPES
 from tests.conftest import ROOT, content
 
+TYPES = ", ".join(SCENARIO_TYPES)
 CAMPAIGNS = sorted((ROOT / "campaigns").glob("*.toml"))
 
 
@@ -130,7 +132,7 @@ def test_distributions() -> None:
         ("name", "  ", "name: got '  '; expected some text"),
         ("errors.altitude", "1e300 km", "errors.altitude: got '1e300 km'; at most 5e+12 m makes sense"),
         ("scenario", None, "scenario: got None; expected a table"),
-        ("scenario.type", "orbit", "scenario.type: got 'orbit'; expected one of reentry, cruise, hover, ins,"),
+        ("scenario.type", "orbit", f"scenario.type: got 'orbit'; expected one of {TYPES},"),
         ("scenario.trajectory", 8, "scenario.trajectory: got 8; expected a number less than or equal to 7"),
         ("scenario.axis", "start", "scenario.axis: unknown key; did you mean 'axes'?"),
         ("scenario.start", "-90 min", "scenario.start: -90 min from reentry is not on the trajectory, which runs from"),
@@ -199,8 +201,8 @@ HOVER = {"type": "hover", "duration": "20 min"}
         (HOVER | {"speed": "1 m/s"}, "scenario.speed: unknown key"),
         (HOVER | {"gravity": "1 km"}, "scenario.gravity: got '1 km', which is a length; expected an acceleration"),
         ({"type": "hover"}, "scenario.duration: is missing"),
-        ({"type": 3}, "scenario.type: got 3; expected one of reentry, cruise, hover, ins, or a file and class such as"),
-        ({}, "scenario.type: is missing; it is one of reentry, cruise, hover, ins, or a file and class such as"),
+        ({"type": 3}, f"scenario.type: got 3; expected one of {TYPES}, or a file and class such as"),
+        ({}, f"scenario.type: is missing; it is one of {TYPES}, or a file and class such as"),
     ],
 )
 def test_one_mistake_of_a_steady_flight(scenario: dict[str, Any], line: str) -> None:

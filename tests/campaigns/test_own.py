@@ -21,6 +21,7 @@ from mcnav.cli import TemplateType
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.config.templates import new_campaign, new_scenario
 from mcnav.errors import CampaignError, RunFolderError
+from mcnav.systems.registry import SCENARIO_TYPES
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
@@ -277,7 +278,7 @@ def test_what_cannot_be_flown_is_told_before_the_flight(before: str, after: str,
     ("kind", "message"),
     [
         ("nowhere.py:Mine", "nowhere.py does not exist; paths are relative to the campaign file"),
-        ("mine.py", "got 'mine.py'; expected one of reentry, cruise, hover, ins, or a file and class"),
+        ("mine.py", f"got 'mine.py'; expected one of {', '.join(SCENARIO_TYPES)}, or a file and class"),
         ("mine.py:not a class", "got 'mine.py:not a class'; expected one of"),
     ],
 )
@@ -299,7 +300,7 @@ def _check(path: Path) -> dict[str, tuple[bool, str]]:
 )  # fmt: skip
 def test_our_own_scenarios_keep_the_protocol(campaign: Path) -> None:
     found = _check(campaign)
-    assert len(found) == 9
+    assert len(found) == 10
     switching = "not zero without errors: altitude 0.36"  # drag above the switch is not measured
     assert found["nominal outputs"][1].startswith(switching if "10_" in campaign.name else "zero without errors")
     assert all(passed for passed, _ in found.values()), found
@@ -409,7 +410,7 @@ def test_commands(tmp_path: Path) -> None:
     assert mcnav_says("new", "campaign", "flight", "--type", "cruise").returncode == 0
     checked = mcnav_says("check-scenario", "mine.toml")
     assert checked.returncode == 0, checked.stderr
-    assert checked.stdout.count(" passed ") == 9
+    assert checked.stdout.count(" passed ") == 10
     code = (tmp_path / "mine.py").read_text()
     plain = "np.column_stack(self._trajectory(speed, angle))"
     kinked = code.replace(plain, f"np.abs(errors) + {plain}")

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from mcnav.config.read import read_campaign
-from mcnav.shell_completion import ENGINES, aids, campaigns, keys, outputs, runs, sources, trajectories
+from mcnav.lincov.polynomial_engine import MAP
+from mcnav.shell_completion import aids, campaigns, engines, keys, outputs, runs, sources, trajectories
 from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.tables.imu_catalogue import catalogue
 from tests.conftest import ROOT
@@ -173,12 +174,23 @@ def test_names_of_a_campaign(tmp_path: Path) -> None:
     assert keys(Before(tmp_path / "nowhere.toml"), "") == []
 
 
-def test_names_are_those_of_the_program() -> None:
+@pytest.mark.parametrize(
+    "campaign", ["01_tn_d1772", "11_cruise", "12_hover", "14_polar", "15_flight", "19_flight", "24_rendezvous"]
+)
+def test_engines_are_those_of_every_type_of_scenario(campaign: str) -> None:
+    (path,) = (ROOT / "campaigns").glob(f"{campaign}*.toml")
+    assert set(read_campaign(path).scenario.engines) < set(engines(""))
+
+
+def test_names_are_those_of_the_program(tmp_path: Path) -> None:
     """The lists here, which importing the modules that have them would make slow."""
     assert set(aids("")) == SENSOR_TYPES.keys()
     assert aids("gn") == ["gnss"]
     path = ROOT / "campaigns" / "01_tn_d1772_trajectory_4.toml"
-    scenario = read_campaign(path).scenario
-    assert outputs(Before(path), "") == [output.name for output in scenario.outputs]
-    assert set(scenario.engines) < set(ENGINES)
+    assert outputs(Before(path), "") == [output.name for output in read_campaign(path).scenario.outputs]
+    further = tmp_path / "further.toml"
+    further.write_text(path.read_text("utf-8").replace("[scenario]", '[scenario]\nfurther_outputs = ["airspeed"]'))
+    assert outputs(Before(further), "") == [output.name for output in read_campaign(further).scenario.outputs]
+    assert engines("sh") == ["shared-gains"]
+    assert engines("")[-1] == MAP
     assert "STIM300" in catalogue()

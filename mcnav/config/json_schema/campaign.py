@@ -48,7 +48,7 @@ def campaign_schema() -> Node:
     every = {source.name: source for each in sources.values() for source in each}
     known = errors.sources(list(every.values()))
     properties["errors"] = {**known, "additionalProperties": errors.node("", ""), "description": told["errors"]}
-    outputs = dict.fromkeys(output.name for kind in SCENARIO_TYPES.values() for output in kind.outputs)
+    outputs = dict.fromkeys(name for kind in SCENARIO_TYPES.values() for name in _output_names(kind))
     marked = node
     node = _named(marked, {"source": suggested(every), "output": suggested(outputs)})
     restricted = {name: _of_type(kind, errors, known["properties"], marked) for name, kind in SCENARIO_TYPES.items()}
@@ -88,6 +88,10 @@ def _has_type(condition: Node) -> Node:
     return {"required": ["scenario"], "properties": {"scenario": inside}}
 
 
+def _output_names(kind: ScenarioType) -> list[str]:
+    return [output.name for output in (*kind.outputs, *kind.further_outputs)]
+
+
 def _keys(kind: ScenarioType) -> list[str]:
     """Return the keys of a file with a type of scenario."""
     other = {*(FURTHER_TABLES.keys() - kind.tables.keys()), *(() if kind.start_times else ("start_times",))}
@@ -98,7 +102,7 @@ def _of_type(kind: ScenarioType, errors: ErrorDefinitions, every: Mapping[str, N
     """Restrict a file with a type of scenario to its keys, sources and outputs."""
     sources = kind.sources or ()
     known = narrowed(errors.sources(sources, kind.source_patterns), every)
-    names, outputs = [source.name for source in sources], choice(output.name for output in kind.outputs)
+    names, outputs = [source.name for source in sources], choice(_output_names(kind))
     named = suggested(names, "|".join(kind.source_patterns.values())) if kind.source_patterns else choice(names)
     restricted = _names_alone(marked, {"source": named, "output": outputs}) or {}
     restricted["properties"] |= {"errors": known, **_shared_tables(kind)}

@@ -84,9 +84,6 @@ FURTHER: Final = (
 """Outputs that a campaign may ask for, by name; they come after `DEVIATIONS`. Speed relative to the air and its angle
 above the horizon: NASA TN D-1772, eq. (4)."""
 
-OUTPUTS: Final = (*DEVIATIONS, *(each.output for each in FURTHER))
-"""All outputs that a campaign can have."""
-
 
 def append_errors(further: tuple[FurtherOutput, ...], deviations: Array, actual: Array) -> Array:
     """Append further outputs to errors of the polar state, shape (..., 4): shape (..., 4 + k), SI.

@@ -22,7 +22,7 @@ from mcnav.entries.quantities import (
 )
 from mcnav.entries.unions import ByType
 from mcnav.systems.description import ScenarioSpec, ScenarioType
-from mcnav.systems.reentry.outputs import FURTHER, OUTPUTS
+from mcnav.systems.reentry.outputs import DEVIATIONS, FURTHER
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.table_i import TABLE_I, common_start, start_state
 from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
@@ -152,4 +152,6 @@ def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: File
     return ScenarioSpec(scenario, {**defaults, **entries})
 
 
-REENTRY: Final = ScenarioType(ReentryTable, read_scenario, SOURCES, OUTPUTS, start_times=True)
+REENTRY: Final = ScenarioType(
+    ReentryTable, read_scenario, SOURCES, DEVIATIONS, tuple(each.output for each in FURTHER), start_times=True
+)

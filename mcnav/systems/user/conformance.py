@@ -12,6 +12,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.linear import LinearModel
+from mcnav.contract.members import lacks_engine, lacks_scenario
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.systems.finite_differences import differentiate
@@ -66,6 +67,8 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
     sizes : ndarray, shape (sources,)
         One sigma of each source, SI; the usual size where it is zero.
     """
+    if lines := lacks_scenario(scenario):
+        return [Check("contract", False, line) for line in lines]
     nominal = np.array([source.nominal for source in scenario.sources])
     sizes = np.where(np.asarray(sizes) > 0.0, sizes, nominal)
     errors = np.random.default_rng(SEED).standard_normal((TRIED, len(sizes))) * sizes
@@ -84,6 +87,9 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
         prepared = scenario.engine(scenario.engines[0], errors)
     except Exception as wrong:
         return [*checks, Check("flies", False, str(wrong) or type(wrong).__name__)]
+    if lines := lacks_engine(prepared):
+        return [*checks, *(Check("contract", False, line) for line in lines)]
+    checks.append(Check("contract", True, f"scenario and engine {scenario.engines[0]} have what is asked of them"))
     tried("shapes", lambda: _shapes(scenario, prepared, errors))
     if not all(check.passed for check in checks):
         return checks

@@ -1,0 +1,113 @@
+"""Members that the protocols of the contract ask for, and what an object lacks of them."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from functools import cache, cached_property
+from typing import Any, Final, Protocol
+
+from mcnav._types import Array
+from mcnav.contract.engine import Engine, HistoryEngine
+from mcnav.contract.scenario import (
+    Capability,
+    CovarianceScenario,
+    EpochScenario,
+    FilterScenario,
+    LinearAtAnyTime,
+    LinearOverTime,
+    NoisyScenario,
+    NoisyStart,
+    Replayable,
+    Scenario,
+    ScenarioError,
+    VariableStart,
+)
+
+PROTOCOLS: Final[Mapping[frozenset[Capability], type]] = {
+    frozenset({Capability.NOISE}): NoisyScenario,
+    frozenset({Capability.FILTER}): FilterScenario,
+    frozenset({Capability.LINEAR_OVER_TIME}): LinearOverTime,
+    frozenset({Capability.EPOCHS}): EpochScenario,
+    frozenset({Capability.LINEAR_AT_ANY_TIME}): LinearAtAnyTime,
+    frozenset({Capability.COVARIANCE}): CovarianceScenario,
+    frozenset({Capability.START_TIMES}): VariableStart,
+    frozenset({Capability.START_TIMES, Capability.NOISE}): NoisyStart,
+    frozenset({Capability.REPLAY}): Replayable,
+}
+"""What a scenario with some capabilities has to have."""
+
+
+@cache
+def members(protocol: type) -> Mapping[str, Any]:
+    """Return the members of a protocol by name, with those of the protocols that it extends.
+
+    >>> sorted(members(Engine))
+    ['accuracy', 'chunk', 'epochs', 'filter', 'noisy', 'parallel', 'simulate']
+    """
+    protocols = [each for each in protocol.__mro__ if getattr(each, "_is_protocol", False) and each is not Protocol]
+    return {
+        name: member for each in reversed(protocols) for name, member in vars(each).items() if not name.startswith("_")
+    }
+
+
+def lacks(instance: object, protocol: type) -> list[str]:
+    """Return what an object lacks of a protocol, a line for each member; no property is computed."""
+    kind = type(instance)
+    given = {**dict(inspect.getmembers_static(kind)), **getattr(instance, "__dict__", {})}
+    lines = []
+    for name, wanted in members(protocol).items():
+        if name not in given:
+            lines.append(f"{kind.__name__} lacks {name}: {_meaning(wanted)}")
+        elif wrong := _wrong_parameters(instance, name, given[name], wanted):
+            lines.append(f"{kind.__name__}.{name} {wrong}")
+    return lines
+
+
+def lacks_scenario(scenario: Scenario) -> list[str]:
+    """Return what a scenario lacks of `Scenario`, and of what it says that it can, a line for each member."""
+    lines = lacks(scenario, Scenario)
+    for capabilities, protocol in PROTOCOLS.items() if not lines else ():
+        if capabilities <= scenario.can:
+            lines += lacks(scenario, protocol)
+    return list(dict.fromkeys(lines))
+
+
+def lacks_engine(engine: Engine) -> list[str]:
+    """Return what an engine lacks of `Engine`, and of `HistoryEngine` if it has histories, a line for each member."""
+    return lacks(engine, HistoryEngine if hasattr(engine, "histories") else Engine)
+
+
+def ready_engine(scenario: Scenario, engine: str, probes: Array) -> Engine:
+    """Prepare an engine of a scenario; see `Scenario.engine`.
+
+    Raises `ScenarioError` when the engine lacks a member of the contract.
+    """
+    ready = scenario.engine(engine, probes)
+    if lines := lacks_engine(ready):
+        raise ScenarioError("type", f"its engine {engine!r} is not complete: {'; '.join(lines)}")
+    return ready
+
+
+def _meaning(member: Any) -> str:
+    text = inspect.getdoc(member.fget if isinstance(member, property) else member) or ""
+    return " ".join(text.partition("\n\n")[0].split()).removesuffix(".")
+
+
+def _wrong_parameters(instance: object, name: str, static: Any, wanted: Any) -> str:
+    """Return what is wrong with the parameters of a method; nothing if it can be called as the contract does."""
+    if not inspect.isfunction(wanted) or isinstance(static, property | cached_property):
+        return ""
+    given = getattr(instance, name)
+    if not callable(given):
+        return "must be a method"
+    _, *asked = inspect.signature(wanted).parameters.values()
+    needed = [each.name for each in asked if each.default is each.empty]
+    optional = {each.name: None for each in asked if each.default is not each.empty}
+    try:
+        inspect.signature(given).bind(*needed, **optional)
+    except TypeError:
+        return f"must have the parameters ({', '.join((*needed, *(f'{name}=…' for name in optional)))})"
+    except ValueError:  # a method of C, whose parameters are not known
+        return ""
+    return ""
