@@ -11,7 +11,7 @@ from mcnav._types import Array
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.user.sample_noise import CHECKED, ScaledNoise, sample_noise
-from mcnav.systems.user.soundness import FLOWN_TWICE, LARGEST, NEAR, SEED, SHARE, Unsettled, same
+from mcnav.systems.user.soundness import FLOWN_TWICE, LARGEST, SEED, SHARE, Unsettled, same, small_errors
 from mcnav.systems.user.stochastic_engine import SCALE
 from mcnav.systems.user.stochastic_scenario import NOISE, StochasticUserScenario
 
@@ -43,8 +43,7 @@ def check_noise(engine: NoisyEngine, sizes: Array) -> None:
     ScenarioError
         When a sample's outcome depends on anything but its errors and its noise.
     """
-    errors = NEAR * np.random.default_rng(SEED).standard_normal((FLOWN_TWICE, len(sizes))) * sizes
-    batch = Batch(np.arange(FLOWN_TWICE), errors, SEED)
+    batch = Batch(np.arange(FLOWN_TWICE), small_errors(sizes), SEED)
     whole, backwards = engine.simulate(batch), np.arange(FLOWN_TWICE)[::-1]
     again = engine.simulate(batch[backwards])
     restored = SimulationResult(

@@ -115,6 +115,11 @@ def apart(one: Array, other: Array) -> float:
     return float((gaps / np.where(scale > 0.0, scale, 1.0)).max(initial=0.0))
 
 
+def small_errors(sizes: Array) -> Array:
+    """Draw the errors that are simulated twice, a small share of their sigmas, shape (FLOWN_TWICE, sources), SI."""
+    return np.asarray(NEAR * np.random.default_rng(SEED).standard_normal((FLOWN_TWICE, len(sizes))) * sizes)
+
+
 def check_repeatable(prepared: Engine, sizes: Array) -> None:
     """Simulate a few small errors twice, and once more in the opposite order.
 
@@ -128,7 +133,7 @@ def check_repeatable(prepared: Engine, sizes: Array) -> None:
     ScenarioError
         When identical errors have other outcomes, or a sample depends on its place among others.
     """
-    errors = NEAR * np.random.default_rng(SEED).standard_normal((FLOWN_TWICE, len(sizes))) * sizes
+    errors = small_errors(sizes)
     errors[0] = 0.0
     first, second = without_noise(prepared)(errors), without_noise(prepared)(errors)
     if not same(first, second):

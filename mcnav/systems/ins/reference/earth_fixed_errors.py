@@ -287,7 +287,11 @@ def _decay_integrals(durations: Array, rates: Array) -> Array:
 
 @compiled
 def gravitation_gradients(constants: Array, positions: Array) -> Array:
-    """Compute the gradients of gravitation at positions, shape (n, 3), by central differences: shape (n, 3, 3)."""
+    """Compute the gradients of gravitation at positions, shape (n, 3), by central differences: shape (n, 3, 3).
+
+    They are those of the closed form, and not of the zonal harmonics of `Earth.gravity_gradient`: the engines stay
+    independent.
+    """
     gradients = np.empty((len(positions), 3, 3))
     there = np.empty(3)
     for row in range(len(positions)):
