@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any, get_args, get_origin
 
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Scenario
@@ -67,6 +67,12 @@ class FurtherTable:
     needs: str = ""
     because: str = ""
     source_patterns: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def is_list(self) -> bool:
+        """Whether the file has several of it, ``[[name]]``."""
+        form = get_args(self.form)[0] if get_origin(self.form) is Annotated else self.form
+        return get_origin(form) is list
 
 
 @dataclass(frozen=True)

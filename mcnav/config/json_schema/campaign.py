@@ -121,8 +121,7 @@ def _dependencies(kind: ScenarioType) -> Node:
 
 def _not_empty(kind: ScenarioType, name: str) -> Node:
     """Return the schema of a file whose further table is not an empty list; nothing for a table that is no list."""
-    is_list = of_model(kind.tables[name].form)["type"] == "array"
-    return {"properties": {name: {"minItems": 1}}} if is_list else {}
+    return {"properties": {name: {"minItems": 1}}} if kind.tables[name].is_list else {}
 
 
 def _named(node: Any, names: Mapping[str, Node]) -> Any:

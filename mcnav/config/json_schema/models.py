@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, Final
 
 from pydantic import TypeAdapter
@@ -23,11 +24,17 @@ def of_model(model: Any, unit: str = "") -> Node:
     ``unit`` is the SI unit of quantities that have that of an error source.
     """
     form: TypeAdapter[Any] = model if isinstance(model, TypeAdapter) else TypeAdapter(model)
-    raw = _in_unit(form.json_schema(ref_template="#/$defs/{model}"), unit)
+    raw = _in_unit(_raw(form), unit)
     node: Node = _plain(raw, raw.get("$defs", {}))
     node.pop("$defs", None)
     node.pop("description", None)
     return node
+
+
+@lru_cache(maxsize=32)
+def _raw(form: TypeAdapter[Any]) -> Node:
+    """Return pydantic's schema of a form, which is not to be changed."""
+    return form.json_schema(ref_template="#/$defs/{model}")
 
 
 def _in_unit(node: Any, unit: str) -> Any:

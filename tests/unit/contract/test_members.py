@@ -81,7 +81,7 @@ def test_histories_need_their_sums() -> None:
     assert members(cast(type, HistoryEngine)).keys() > members(cast(type, Engine)).keys()
 
 
-@pytest.mark.parametrize("capabilities", PROTOCOLS, ids=lambda each: " and ".join(each))
+@pytest.mark.parametrize("capabilities", PROTOCOLS, ids=lambda each: " and ".join(sorted(each)))
 def test_what_a_scenario_says_that_it_can_it_must_have(capabilities: frozenset[Capability]) -> None:
     of = scenario(ENGINE)
     of.__dict__["can"] = capabilities
