@@ -10,7 +10,7 @@ from markupsafe import Markup
 from mcnav.analysis.heading import heading_remark
 from mcnav.report import filter_tables, sentences
 from mcnav.report.document import Findings, Note, Page, Part, Section, Verdict, Verdicts, joined
-from mcnav.report.figures import agreement, consistency, dispersion, matrices, sources
+from mcnav.report.figures import agreement, consistency, dispersion, matrices, run_budget
 from mcnav.report.figures.combination import combination
 from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.estimation import estimation
@@ -30,9 +30,9 @@ from mcnav.report.sections.provenance import provenance_section, simulated_per_s
 from mcnav.report.sentences import Statement
 
 FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
-    "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices, "budget": sources.budget,
-    "development": sources.partials_history, "envelopes": envelopes, "scatter": dispersion.scatter,
-    "histograms": dispersion.histograms, "quantiles": agreement.normal_quantiles,
+    "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices,
+    "budget": run_budget.budget, "development": run_budget.partials_history, "envelopes": envelopes,
+    "scatter": dispersion.scatter, "histograms": dispersion.histograms, "quantiles": agreement.normal_quantiles,
     "convergence": agreement.running_ratios, "nees_history": consistency.nees_over_time,
     "nis_history": consistency.nis_over_time, "sigma_history": consistency.sigma_ratios_over_time,
     "within_history": consistency.shares_within, "estimation": estimation,
