@@ -10,7 +10,7 @@ from markupsafe import Markup
 from mcnav.analysis.heading import heading_remark
 from mcnav.report import filter_tables, sentences
 from mcnav.report.document import Findings, Note, Page, Part, Section, Verdict, Verdicts, joined
-from mcnav.report.figures import agreement, consistency, dispersion, matrices, run_budget
+from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios
 from mcnav.report.figures.combination import combination
 from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.estimation import estimation
@@ -33,10 +33,9 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices,
     "budget": run_budget.budget, "development": run_budget.partials_history, "envelopes": envelopes,
     "scatter": dispersion.scatter, "histograms": dispersion.histograms, "quantiles": agreement.normal_quantiles,
-    "convergence": agreement.running_ratios, "nees_history": consistency.nees_over_time,
-    "nis_history": consistency.nis_over_time, "sigma_history": consistency.sigma_ratios_over_time,
-    "within_history": consistency.shares_within, "estimation": estimation,
-    "combination": combination,
+    "convergence": agreement.running_ratios, "nees_history": normalized_errors.nees_over_time,
+    "nis_history": normalized_errors.nis_over_time, "sigma_history": sigma_ratios.sigma_ratios_over_time,
+    "within_history": sigma_ratios.shares_within, "estimation": estimation, "combination": combination,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
 
