@@ -126,10 +126,10 @@ class FlownRun:
 
         Raises `ValueError` when the run has no errors over time.
         """
-        table = epochs(self.content)
-        if table is None:
+        known = epochs(self.content)
+        if known is None:
             raise ValueError(f"{self.path}: the engine of this run computes no errors over time")
-        return table.frame(indexed=True)
+        return known.table.frame(indexed=True)
 
     @cached_property
     def tables(self) -> dict[str, pd.DataFrame]:

@@ -125,6 +125,8 @@ class Column(Generic[Row]):
         Whether it has names that are the user's, which may be written from right to left.
     spare : int
         Above zero in columns that a narrow terminal may leave out, those with the largest number first.
+    beside : str, optional
+        What precedes its cells on a small screen that shows no headings; by default the heading of a number.
     """
 
     heading: str
@@ -136,6 +138,14 @@ class Column(Generic[Row]):
     place: Place | None = None
     of_user: bool = False
     spare: int = 0
+    beside: str | None = None
+
+    @property
+    def name_beside(self) -> str:
+        """What precedes its cells where there are no headings; empty where nothing does."""
+        if self.beside is not None:
+            return self.beside
+        return self.heading[:1].lower() + self.heading[1:] if self.kind == "number" else ""
 
     def cell(self, row: Row) -> Cell:
         """Return the cell of a row."""
@@ -226,11 +236,12 @@ class Note:
 
 @dataclass(frozen=True)
 class Verdict:
-    """An answer in large type with its tone, and sentences below it."""
+    """An answer in large type with its tone, and below it sentences and warnings."""
 
     headline: str
     tone: str = ""
     sentences: Sequence[str] = ()
+    warnings: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -242,16 +253,18 @@ class Verdicts:
 
 @dataclass(frozen=True)
 class Facts:
-    """Names with a few words on each."""
+    """Names with a few words on each, beside each other or, if ``below``, one below the other."""
 
     entries: Sequence[tuple[str, str]]
+    below: bool = False
 
 
 @dataclass(frozen=True)
 class Findings:
-    """Requirements in one line each: finding, its tone, and words."""
+    """Requirements in one line each: finding, its tone, and words; ``further`` says where there are more."""
 
     entries: Sequence[tuple[str, str, str]]
+    further: str = ""
 
 
 @dataclass(frozen=True)
@@ -259,6 +272,7 @@ class Answers:
     """The foremost tables of a page, which have a form of their own on small screens."""
 
     tables: Sequence[Table[Any]]
+    style: str = ""
 
 
 @dataclass(frozen=True)
@@ -270,10 +284,11 @@ class Heading:
 
 @dataclass(frozen=True)
 class Folded:
-    """Parts that are shown when the reader unfolds them."""
+    """Parts that are shown when the reader unfolds them; ``explains``: how numbers above are defined."""
 
     summary: str
     parts: Sequence[Part]
+    explains: bool = False
 
 
 @dataclass(frozen=True)
@@ -293,9 +308,17 @@ class Listing:
 
 @dataclass(frozen=True)
 class Lines:
-    """Text in lines of its own, such as a traceback."""
+    """Text in lines of its own, such as a traceback; one with a name can be reached by keyboard."""
 
     text: str
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Formula:
+    """An equation of `mcnav.report.formulas`."""
+
+    mathml: Markup
 
 
 @dataclass(frozen=True)
@@ -307,7 +330,7 @@ class MarkKey:
 
 Part: TypeAlias = (
     "Sentence | Note | Verdict | Verdicts | Facts | Findings | Answers | Heading | Folded | Beside | Listing | Lines"
-    " | MarkKey | Table[Any] | Figure"
+    " | Formula | MarkKey | Table[Any] | Figure"
 )
 """What a page is made of."""
 
@@ -348,3 +371,15 @@ class Page:
 def joined(*parts: Part | None) -> tuple[Part, ...]:
     """Return the parts that there are."""
     return tuple(part for part in parts if part is not None)
+
+
+def headed(heading: str, *parts: Part | None) -> tuple[Part, ...]:
+    """Return the parts that there are under a heading; nothing where there are none."""
+    known = joined(*parts)
+    return (Heading(heading), *known) if known else ()
+
+
+def folded(summary: str, *parts: Part | None) -> tuple[Part, ...]:
+    """Return the parts that there are, to be unfolded; nothing where there are none."""
+    known = joined(*parts)
+    return (Folded(summary, known),) if known else ()

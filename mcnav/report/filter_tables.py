@@ -3,61 +3,98 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from mcnav.analysis.filter_consistency import FilterConsistency, Honesty, SigmaConsistency
 from mcnav.analysis.filter_remarks import group_words, instant
+from mcnav.report.document import Cell
 from mcnav.report.figures.filter_errors import sigmas
 from mcnav.report.filter_verdict import TONES, worst_sigmas
+from mcnav.report.format import number
 from mcnav.report.model import RunAnalysis, humanize
-from mcnav.report.result_table import Row
+from mcnav.report.output_columns import OutputEntry
 
 
-def answers(content: RunAnalysis, outputs: Sequence[Row]) -> list[Row]:
-    """Add to the rows of `mcnav.report.tables.answers` what the filter says of each, at the end and at the worst epoch.
+@dataclass(frozen=True)
+class WorstSigmas:
+    """The sigmas of an output at an epoch, and the ratio of the true one to the filter's."""
 
-    The worst epoch is that of the largest true sigma after the start.
-    """
+    time: float
+    when: str
+    linear: float | None
+    flown: float
+    filter: float
+    ratio: float
+
+
+@dataclass(frozen=True)
+class FilterAnswer:
+    """What a filter says of an output at the end, and at the epoch of the largest true sigma if that is another."""
+
+    entry: OutputEntry
+    sigma: float
+    honesty: str
+    worst: WorstSigmas | None
+
+    @property
+    def tone(self) -> str:
+        """Tone of the verdict on the filter's sigma."""
+        return TONES[self.honesty]
+
+    @property
+    def ratio(self) -> float | None:
+        """True over filter sigma at the end."""
+        true = self.entry.sigma_paired
+        return (true or np.nan) / self.sigma if self.sigma > 0.0 else None
+
+    @property
+    def when(self) -> str:
+        """The other epoch, on one line."""
+        return self.worst.when.replace(" ", "\N{NO-BREAK SPACE}") if self.worst else ""
+
+    def sigmas(self, end: float | None, key: Literal["flown", "linear", "filter", "ratio"], digits: int = 4) -> Cell:
+        """Write a number at the end and, below it, that of the other epoch."""
+        return Cell(number(end, digits), below=number(getattr(self.worst, key), digits) if self.worst else "")
+
+
+def filter_answers(content: RunAnalysis, outputs: Sequence[OutputEntry]) -> list[FilterAnswer]:
+    """List what the filter says of each output; empty unless it is known of all."""
     result = content.filter
     known = {} if result is None else {each.name: each for each in result.outputs}
-    rows = []
-    for row, output in zip(outputs, content.manifest.model.outputs, strict=False):
-        each = known.get(output.name)
-        if result is None or each is None:
-            return []
-        whose, place = sigmas(each), _worst(each)
-        filter_sigma = float(whose["filter"][-1])
-        rows.append(
-            {
-                **row,
-                "sigma_filter": filter_sigma,
-                "true_over_filter": (row["sigma_paired"] or np.nan) / filter_sigma if filter_sigma > 0.0 else None,
-                "worst": None if place is None or place == len(result.times) - 1 else _at(result, each, place),
-                "worst_time": None if place is None else float(result.times[place]),
-                "honesty": each.finding.verdict.value,
-                "honesty_tone": TONES[each.finding.verdict.value],
-            }
-        )
-    return rows
+    if result is None or any(entry.name not in known for entry in outputs):
+        return []
+    return [_answer(result, entry, known[entry.name]) for entry in outputs]
 
 
-def _worst(each: SigmaConsistency) -> int | None:
-    """Return the epoch of the largest true sigma after the start, by linear analysis where it is known."""
+def _answer(consistency: FilterConsistency, entry: OutputEntry, each: SigmaConsistency) -> FilterAnswer:
+    sigma, honesty = float(sigmas(each)["filter"][-1]), each.finding.verdict.value
+    return FilterAnswer(entry, sigma, honesty, _worst(consistency, each))
+
+
+def _worst(consistency: FilterConsistency, each: SigmaConsistency) -> WorstSigmas | None:
+    """Return the sigmas where the true one is largest after the start, by linear analysis where that is known.
+
+    None at the end, and where nothing is known.
+    """
     values = each.true if each.true_linear is None else each.true_linear
     later = np.where(np.isfinite(values[1:]), values[1:], -np.inf)
-    return int(np.argmax(later)) + 1 if np.isfinite(later).any() else None
-
-
-def _at(consistency: FilterConsistency, each: SigmaConsistency, place: int) -> Row:
-    whose = {name: float(values[place]) for name, values in sigmas(each).items()}
-    return {
-        "when": instant(float(consistency.times[place]), consistency.label),
-        "linear": whose.get("linear"),
-        "flown": whose["Monte Carlo"],
-        "filter": whose["filter"],
-        "ratio": float(each.ratio.value[place]),
-    }
+    if not np.isfinite(later).any():
+        return None
+    place = int(np.argmax(later)) + 1
+    if place == len(consistency.times) - 1:
+        return None
+    whose, time = {name: float(part[place]) for name, part in sigmas(each).items()}, float(consistency.times[place])
+    return WorstSigmas(
+        time=time,
+        when=instant(time, consistency.label),
+        linear=whose.get("linear"),
+        flown=whose["Monte Carlo"],
+        filter=whose["filter"],
+        ratio=float(each.ratio.value[place]),
+    )
 
 
 def at_worst(consistency: FilterConsistency) -> str:

@@ -16,7 +16,6 @@ from mcnav.report.document import (
     Cell,
     Column,
     Folded,
-    Heading,
     Note,
     Page,
     Part,
@@ -25,10 +24,11 @@ from mcnav.report.document import (
     Table,
     Verdict,
     five_digits,
+    headed,
     joined,
 )
 from mcnav.report.figures import lincov as drawn
-from mcnav.report.format import number, share
+from mcnav.report.format import number
 from mcnav.report.left_out import not_modelled
 from mcnav.report.lincov import (
     RequirementRow,
@@ -41,6 +41,7 @@ from mcnav.report.lincov import (
 from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import listed
 from mcnav.report.sentences import BEYOND
+from mcnav.report.share_table import ShareRow, each_cause, share_table, together
 
 EXPLANATION: Final = (
     "Linear analysis for normal errors; nothing is simulated. mcnav run tests it by Monte Carlo simulation."
@@ -202,72 +203,20 @@ def reading_table(answer: LinearAnswer, covariance: LinearCovariance) -> Table[_
     return Table("", columns, rows, "Linear covariance, 1σ", keys=3 if several else 2)
 
 
-@dataclass(frozen=True)
-class _Cause:
-    """A cause or several together: its sigma with a unit, shares of the variances, and the sigmas that it causes."""
-
-    name: str
-    shares: Array
-    caused: Array | None
-    sigma: float | None = None
-    unit: str = ""
-
-
 def _budget_parts(answer: LinearAnswer, outages: drawn.Outages) -> list[Part]:
     """Tabulate the contributors, and all causes; draw how their shares develop."""
-    causes = _each_cause(answer)
-    together = _share_table(f"{SHARES}; of several causes together.", answer, _together(answer), full=False)
-    every = _share_table(f"{SHARES}.", answer, causes, full=True)
-    development = drawn.development(answer, outages)
-    over_time: list[Part] = [] if development is None else [Heading("Over time"), development]
-    return [together, Folded(f"All {len(causes)} causes", [every]), *over_time]
-
-
-def _share_table(caption: str, answer: LinearAnswer, rows: Sequence[_Cause], full: bool) -> Table[_Cause]:
-    """Tabulate the share of each variance of causes, and of correlations; if ``full`` with the causes' sigmas."""
-
-    def of_output(i: int) -> Column[_Cause]:
-        output = answer.outputs[i]
-
-        def content(row: _Cause) -> Cell:
-            return Cell(share(row.shares[i]), below="" if row.caused is None else number(row.caused[i]))
-
-        return Column(f"{humanize(output.name)}, %", content, unit=output.shown_in)
-
-    cross_terms = answer.budget.cross_terms
-    correlated = bool(np.nanmax(np.abs(cross_terms), initial=0.0) > 1e-12)
-    correlations = [_Cause("correlations", cross_terms, None)] if correlated else []
-    sigma: Column[_Cause] = Column("σ", lambda row: "" if row.caused is None else number(row.sigma))
-    columns: list[Column[_Cause]] = [
-        Column("Cause", lambda row: Cell(row.name, row.unit), kind="label"),
-        *([sigma] if full else []),
-        *map(of_output, range(len(answer.outputs))),
+    budget, scale = answer.budget, scale_of(answer.sources)
+    caused = np.abs(budget.contributions) * scale_of(answer.outputs)[:, None]
+    sigmas = np.sqrt(np.diag(answer.model.covariance)) * scale
+    sources = [
+        (sigma, mean, source.shown_in)
+        for sigma, mean, source in zip(sigmas, answer.model.mean * scale, answer.sources, strict=True)
     ]
-    return Table(caption, columns, [*rows, *correlations], style="shares")
+    causes = each_cause(budget, caused, drawn.cause_labels(answer), sources, np.any(caused, axis=0).tolist())
 
+    def table(caption: str, rows: Sequence[ShareRow], sigmas: bool) -> Table[ShareRow]:
+        return share_table(f"{SHARES}{caption}.", "Cause", answer.outputs, rows, budget.cross_terms, sigmas=sigmas)
 
-def _together(answer: LinearAnswer) -> list[_Cause]:
-    """List the contributors with their share of each variance and the sigma that they cause."""
-    budget, scale = answer.budget, scale_of(answer.outputs)
-    rows = []
-    for each in drawn.contributors(answer):
-        members = list(each.members)
-        sigma = np.sqrt((budget.contributions[:, members] ** 2).sum(axis=1)) * scale
-        rows.append(_Cause(each.label, budget.shares[:, members].sum(axis=1), sigma))
-    return rows
-
-
-def _each_cause(answer: LinearAnswer) -> list[_Cause]:
-    """List all causes with the sigma of each source, the largest mean share first."""
-    budget, scale, labels = answer.budget, scale_of(answer.outputs), drawn.cause_labels(answer)
-    own = np.sqrt(np.diag(answer.model.covariance)) * scale_of(answer.sources)
-    count = len(answer.sources)
-    order = np.argsort(-np.nan_to_num(budget.shares).mean(axis=0), kind="stable")
-    return [
-        _Cause(
-            labels[j], budget.shares[:, j], np.abs(budget.contributions[:, j]) * scale, own[j] if j < count else None,
-            answer.sources[j].shown_in if j < count else "",
-        )
-        for j in order.tolist()
-        if budget.contributions[:, j].any()
-    ]  # fmt: skip
+    foremost = table("; of several causes together", together(budget, caused, drawn.contributors(answer)), False)
+    every = Folded(f"All {len(causes)} causes", [table("", causes, True)])
+    return [foremost, every, *headed("Over time", drawn.development(answer, outages))]

@@ -100,6 +100,11 @@ class RunAnalysis:
         )
 
     @property
+    def time_unit(self) -> str:
+        """Unit of the histories' times; empty without any."""
+        return "" if self.development is None else self.development.label.partition(" [")[2].removesuffix("]")
+
+    @property
     def outputs(self) -> Array:
         """Final errors, shape (n, outputs), SI; NaN in the rows of failed samples."""
         return self.samples.outputs

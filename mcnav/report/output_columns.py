@@ -66,7 +66,32 @@ class OutputEntry:
         return needed[self.place] if self.place < len(needed) else None
 
     @property
-    def unscented(self) -> float | None:
+    def sigma_linear(self) -> float | None:
+        """Linear sigma."""
+        return self.compared(self.summary.sigma_linear, self.scale)
+
+    @property
+    def sigma_paired(self) -> float | None:
+        """Paired estimate of the sigma."""
+        return self.compared(self.summary.sigma_paired, self.scale)
+
+    @property
+    def ratio_paired(self) -> float | None:
+        """Paired estimate of the sigma over the linear one."""
+        return self.compared(self.summary.sigma_ratio_paired)
+
+    @property
+    def ratio_paired_ends(self) -> Ends:
+        """Its interval."""
+        return self.ends(self.summary.sigma_ratio_paired_interval)
+
+    @property
+    def sigma_higher_order(self) -> float | None:
+        """Sigma of the fitted polynomial; none where it is not known."""
+        return self.scaled(self.summary.higher_order.sigma if self.summary.higher_order else None)
+
+    @property
+    def sigma_unscented(self) -> float | None:
         """Sigma by the unscented transform; none where it is not known."""
         covariance = self.summary.unscented and self.summary.unscented.covariance
         variance = None if not covariance else covariance[self.place][self.place]
@@ -133,10 +158,9 @@ OUTPUT: Final = ResultColumn[OutputEntry](
 
 NUMBERS: Final[tuple[ResultColumn[OutputEntry], ...]] = (
     ResultColumn("unit", lambda each: each.unit),
-    _sigma("sigma_linear", "linear", lambda each: each.compared(each.summary.sigma_linear, each.scale)),
-    _sigma("sigma_paired", "paired", lambda each: each.compared(each.summary.sigma_paired, each.scale)),
-    _ratio("ratio_paired", "paired", lambda each: each.compared(each.summary.sigma_ratio_paired),
-           lambda each: each.ends(each.summary.sigma_ratio_paired_interval)),
+    _sigma("sigma_linear", "linear", lambda each: each.sigma_linear),
+    _sigma("sigma_paired", "paired", lambda each: each.sigma_paired),
+    _ratio("ratio_paired", "paired", lambda each: each.ratio_paired, lambda each: each.ratio_paired_ends),
     ResultColumn("verdict", lambda each: each.verdict, (Column("Verdict", _verdict, "verdict", kind="text"),)),
     _sigma("sigma_plain", "plain", lambda each: each.scaled(each.summary.sigma_sample), spare=1),
     _ratio("ratio_plain", "plain", lambda each: each.compared(each.summary.sigma_ratio),
@@ -150,9 +174,8 @@ NUMBERS: Final[tuple[ResultColumn[OutputEntry], ...]] = (
     ResultColumn("detectable_difference", lambda each: each.at(each.summary.detectable_ratio_paired), (
         Column("Smallest detectable difference (90 % power), %",
                lambda each: number(each.at(each.summary.detectable_ratio_paired, 100.0), 2), place="page"),)),
-    ResultColumn("sigma_unscented", lambda each: each.unscented),
-    ResultColumn("sigma_higher_order",
-                 lambda each: each.scaled(each.summary.higher_order.sigma if each.summary.higher_order else None)),
+    ResultColumn("sigma_unscented", lambda each: each.sigma_unscented),
+    ResultColumn("sigma_higher_order", lambda each: each.sigma_higher_order),
     ResultColumn("skewness", lambda each: each.at(each.summary.skewness)),
     ResultColumn("excess_kurtosis", lambda each: each.at(each.summary.excess_kurtosis)),
 )  # fmt: skip

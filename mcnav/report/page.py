@@ -1,46 +1,41 @@
-"""The report of a run as an HTML page: its figures, tables and sentences."""
+"""The report of a run as a page: verdicts, answers, and the sections of `mcnav.report.sections`."""
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from typing import Any, Final
+from collections.abc import Callable, Mapping
+from typing import Final
 
-import numpy as np
+from markupsafe import Markup
 
 from mcnav.analysis.heading import heading_remark
-from mcnav.report import filter_tables, filter_verdict, sentences, tables
-from mcnav.report.failures import failure_rows
-from mcnav.report.figures import agreement, consistency, dispersion, matrices, sources
+from mcnav.report import filter_tables, sentences
+from mcnav.report.document import Findings, Note, Page, Part, Section, Verdict, Verdicts, joined
+from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios
 from mcnav.report.figures.combination import combination
 from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
-from mcnav.report.filter_columns import foremost_neglected, groups_table, sensors_table, sigmas_of
-from mcnav.report.html import filled
-from mcnav.report.joint_columns import directions_table, ellipsoids_table, tests_table
+from mcnav.report.html import page_html
 from mcnav.report.left_out import not_modelled
-from mcnav.report.linear_causes import causes_at
 from mcnav.report.model import RunAnalysis
-from mcnav.report.output_columns import outputs_table
-from mcnav.report.percentiles import percentiles_table
-from mcnav.report.requirements import allowed_by_requirement, requirement_rows, requirements_table
-from mcnav.report.result_table import Row
+from mcnav.report.requirements import requirement_rows
+from mcnav.report.sections.answers import answers
+from mcnav.report.sections.budget import budget_section
+from mcnav.report.sections.causes import causes_section
+from mcnav.report.sections.filter import filter_sections
+from mcnav.report.sections.joint import combination_section, joint_section
+from mcnav.report.sections.outputs import dispersion_section, requirements_section, sigmas_section
+from mcnav.report.sections.provenance import provenance_section, simulated_per_second
 from mcnav.report.sentences import Statement
 
-Values = Mapping[str, Any]
-"""Values of a template."""
-
 FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
-    "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices, "budget": sources.budget,
-    "development": sources.partials_history, "envelopes": envelopes, "scatter": dispersion.scatter,
-    "histograms": dispersion.histograms, "quantiles": agreement.normal_quantiles,
-    "convergence": agreement.running_ratios, "nees_history": consistency.nees_over_time,
-    "nis_history": consistency.nis_over_time, "sigma_history": consistency.sigma_ratios_over_time,
-    "within_history": consistency.shares_within, "estimation": estimation,
-    "combination": combination,
+    "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices,
+    "budget": run_budget.budget, "development": run_budget.partials_history, "envelopes": envelopes,
+    "scatter": dispersion.scatter, "histograms": dispersion.histograms, "quantiles": agreement.normal_quantiles,
+    "convergence": agreement.running_ratios, "nees_history": normalized_errors.nees_over_time,
+    "nis_history": normalized_errors.nis_over_time, "sigma_history": sigma_ratios.sigma_ratios_over_time,
+    "within_history": sigma_ratios.shares_within, "estimation": estimation, "combination": combination,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
 
@@ -49,6 +44,13 @@ FOREMOST: Final = ("not met", "undecided", "met")
 
 REQUIREMENTS: Final = 4
 """Requirements listed there; the section on requirements has all."""
+
+FIRST: Final = (
+    "Sigmas, ratios, biases, mean NEES, correlations, skewness, kurtosis and their intervals are computed from all "
+    "samples. Scatter plots, histograms, quantiles, CEP, the tests of NEES and normality, and requirements on "
+    "quantiles and probabilities use the first"
+)
+"""What a run that stores a summary computes from all samples, and what from some."""
 
 
 def figures(content: RunAnalysis) -> dict[str, Figure]:
@@ -61,24 +63,53 @@ def figures(content: RunAnalysis) -> dict[str, Figure]:
 
 def render(content: RunAnalysis) -> str:
     """Render the report as one HTML page."""
-    return filled("campaign.html", **_verdicts(content), **_numbers(content), **_provenance(content))
+    return page_html(page(content))
 
 
-def _verdicts(content: RunAnalysis) -> Values:
-    """Return the verdicts, the worst first, and what is read beside them."""
-    summary = content.summary
-    remarks = (sentences.certain_but_small(summary), sentences.stopping(summary))
-    requirements = sorted(
-        requirement_rows(summary, "shown", _time_unit(content)),
-        key=lambda row: FOREMOST.index(row.entry.finding),
-    )
-    return {
-        "statements": [_on_page(content, statement) for statement in sentences.statements(summary)],
-        "remarks": [*_further(content), *filter(None, remarks)],
-        "not_modelled": not_modelled(str(content.manifest.identity.campaign.get("scenario", {}).get("type", ""))),
-        "first": requirements[:REQUIREMENTS],
-        "no_higher_order": summary.higher_order and summary.higher_order.failed,
-    }
+def page(content: RunAnalysis) -> Page:
+    """Return the report."""
+    name, drawn = content.summary.campaign, figures(content)
+    head = [*_verdicts(content), *joined(_requirements(content), answers(content)), *map(Note, _notes(content))]
+    return Page(name, "Linear covariance analysis and Monte Carlo", name, head, _sections(content, drawn))
+
+
+def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section]:
+    """List the sections of the report; most are there where there is dispersion to show."""
+    throughout, flown, dispersed = drawn.get("envelopes"), drawn.get("flight"), content.dispersed
+    sections = [
+        combination_section(content, drawn),
+        None if throughout is None else Section("throughout", "Errors over the flight", [throughout]),
+        *filter_sections(content, drawn),
+        None if flown is None else Section("flight", flown.title, [flown]),
+        budget_section(content, drawn) if dispersed else None,
+        joint_section(content, drawn) if dispersed else None,
+        dispersion_section(content, drawn) if dispersed else None,
+        requirements_section(content),
+        sigmas_section(content, drawn) if dispersed else None,
+        causes_section(content),
+        provenance_section(content),
+    ]
+    return [section for section in sections if section is not None]
+
+
+def _verdicts(content: RunAnalysis) -> list[Part]:
+    """State the verdicts, the worst first."""
+    stated = [_on_page(content, statement) for statement in sentences.statements(content.summary)]
+    return [Verdicts(stated)] if len(stated) > 1 else [*stated]
+
+
+def _on_page(content: RunAnalysis, statement: Statement) -> Verdict:
+    """Leave out of a verdict what the page has elsewhere, and add what only the whole run tells."""
+    details, warnings = statement.details, statement.warnings
+    if statement.subject == "linear":
+        findings, further = sentences.findings(content.summary), _further(content)
+        heading = heading_remark(content.history)
+        details = tuple(each for each in findings if each not in further)
+        warnings = (*warnings, *([heading] if heading else []))
+    elif statement.subject == "filter" and content.filter is not None:
+        where = filter_tables.at_worst(content.filter)
+        details = (" ".join(filter(None, (where, *details))),)
+    return Verdict(statement.words, statement.tone, details, warnings)
 
 
 def _further(content: RunAnalysis) -> list[str]:
@@ -87,99 +118,31 @@ def _further(content: RunAnalysis) -> list[str]:
     return [] if failing else sentences.findings(content.summary)[1:]
 
 
-def _on_page(content: RunAnalysis, statement: Statement) -> Statement:
-    """Leave out of a verdict what the page has elsewhere, and add what only the whole run tells."""
-    if statement.subject == "linear":
-        findings, further = sentences.findings(content.summary), _further(content)
-        heading = heading_remark(content.history)
-        return replace(
-            statement,
-            details=tuple(each for each in findings if each not in further),
-            warnings=(*statement.warnings, *([heading] if heading else [])),
-        )
-    if statement.subject == "filter" and content.filter is not None:
-        where = filter_tables.at_worst(content.filter)
-        return replace(statement, details=(" ".join(filter(None, (where, *statement.details))),))
-    return statement
-
-
-def _time_unit(content: RunAnalysis) -> str:
-    """Return the unit of the run's histories; empty without any."""
-    return "" if content.development is None else content.development.label.partition(" [")[2].removesuffix("]")
-
-
-def _numbers(content: RunAnalysis) -> Values:
-    """Return figures and tables."""
-    summary, drawn = content.summary, figures(content)
-    together, tolerance = f"{100.0 * summary.confidence:g} %", f"{100.0 * summary.tolerance:g} %"
-    each = f"{100.0 * content.comparison.confidence_each:.4g} %"
-    answers = tables.answers(content) if content.dispersed else []
-    contributions = tables.contributions(content) if content.dispersed else []
-    caption = (
-        "Final navigation errors, one sigma: linear and Monte Carlo (paired and plain estimates). Intervals hold at "
-        f"{each} each and {together} jointly."
+def _requirements(content: RunAnalysis) -> Findings | None:
+    """List the foremost requirements with their estimates; none without requirements."""
+    rows = sorted(
+        requirement_rows(content.summary, "shown", content.time_unit),
+        key=lambda row: FOREMOST.index(row.entry.finding),
     )
-    return {
-        "together": together,
-        "confidence_each": each,
-        "tolerance": tolerance,
-        "figures": {key: drawn.get(key) for key in ("flight", *FIGURES)},
-        "outputs": answers,
-        "outputs_table": outputs_table(summary, caption=caption).read,
-        **_of_filter(content, answers, together),
-        "ellipsoid": tables.ellipsoid(content),
-        "tests_table": tests_table(summary).read,
-        "directions_table": directions_table(summary).read,
-        "ellipsoids_table": ellipsoids_table(summary).read,
-        "requirements": summary.requirements,
-        "requirements_table": requirements_table(summary, "shown", _time_unit(content), together).read,
-        "allowed": allowed_by_requirement(summary),
-        "percentiles": percentiles_table(summary, "shown", together, tolerance).read,
-        "terms": tables.variance_terms(content) if content.dispersed else None,
-        "simulated_budget": tables.simulated_budget(content),
-        "contributions": contributions,
-        "grouped": any(row["several"] for row in contributions),
-        "sources": tables.sources(content),
-        "means": bool(np.any(content.model.mean)),
-        "correlated": bool(np.nanmax(np.abs(content.budget.cross_terms), initial=0.0) > 1e-12),
-        "farthest": tables.farthest(content) if content.dispersed else [],
-    }
+    if not rows:
+        return None
+    more = len(rows) - REQUIREMENTS
+    further = Markup('<a href="#requirements">and {} more</a>').format(more) if more > 0 else ""
+    entries = [(row.entry.finding, row.tone, f"{row.words}: {row.estimate.text}") for row in rows[:REQUIREMENTS]]
+    return Findings(entries, further)
 
 
-def _provenance(content: RunAnalysis) -> Values:
-    """Return what the run consists of."""
-    manifest, summary = content.manifest, content.summary
-    simulated, seconds = (manifest.execution.samples, manifest.execution.seconds) if manifest.execution else (0, 0.0)
-    return {
-        "content": content,
-        "summary": summary,
-        "manifest": manifest,
-        "identity": manifest.identity.digest,
-        "speed": f"{simulated / max(seconds, 1e-3):,.0f}" if simulated == summary.samples else None,
-        "failed": failure_rows(content),
-        "inputs": tables.input_files(manifest),
-        "campaign": content.campaign,
-        "rerun": f"mcnav run campaign.toml --engine {shlex.quote(summary.engine)}",
-    }
-
-
-def _of_filter(content: RunAnalysis, outputs: Sequence[Row], together: str) -> Values:
-    """Return what the template shows of a filter; without one nothing."""
-    result, summary = content.filter, content.summary
-    if result is None:
-        return {"filter_answers": []}
-    record = content.manifest.model.filter
-    explained = filter_tables.at_worst(result), filter_verdict.explanation(summary)
-    return {
-        "filter_answers": [
-            row | {"largest_at_worst": causes_at(content, row["worst_time"], number) if row["worst"] else []}
-            for number, row in enumerate(filter_tables.answers(content, outputs))
-        ],
-        "filter_explanation": " ".join(filter(None, explained)),
-        "filter_tone": filter_verdict.TONES[result.verdict.value],
-        "filter_groups": groups_table(summary).read,
-        "filter_outputs": sigmas_of(summary, "output"),
-        "filter_states": sigmas_of(summary, "state"),
-        "filter_neglected": foremost_neglected(summary),
-        "filter_sensors": sensors_table(summary, bool(record and record.considered), together).read,
-    }
+def _notes(content: RunAnalysis) -> list[str]:
+    """Say what else there is to know of the answers, and how they were computed."""
+    summary, execution, higher = content.summary, content.manifest.execution, content.summary.higher_order
+    missing = f"No higher-order sigma: {higher.failed}." if content.dispersed and higher and higher.failed else ""
+    some = f"Only a summary of the {summary.samples:,} samples is stored. {FIRST}"
+    kept = f"{some} {summary.kept:,}." if summary.kept else ""
+    took = f"; {execution.seconds} s" if execution and simulated_per_second(content) else ""
+    flown = (
+        f"{summary.samples:,} samples, {summary.failed:,} failed; engine {summary.engine}, design {summary.design}, "
+        f"seed {summary.seed}{took}."
+    )
+    left_out = not_modelled(str(content.manifest.identity.campaign.get("scenario", {}).get("type", "")))
+    remarks = (*_further(content), sentences.certain_but_small(summary), sentences.stopping(summary))
+    return [*filter(None, (missing, *remarks, kept, flown, left_out))]

@@ -8,6 +8,7 @@ import re
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,11 @@ import scipy.io
 import mcnav
 from mcnav.config.read import parse_campaign
 from mcnav.notebook import FlownRun
-from mcnav.report.arrays import as_mat
+from mcnav.report import arrays as matrices
+from mcnav.report import tables_over_time as over_time
+from mcnav.report.arrays import Matrix, as_mat
+from mcnav.report.dataset import dataset
+from mcnav.report.over_time import TimeColumn
 from mcnav.units import conversion
 from tests.campaigns.test_aided import FOLDER, shortened
 from tests.commands import invoke
@@ -231,6 +236,22 @@ def test_a_data_set(plain: FlownRun, aided: FlownRun) -> None:
     assert found["nees"].sel(group="attitude").shape == found["time"].shape
     with pytest.raises(ValueError, match="units must be one of SI, shown; got 'km'"):
         aided.to_xarray("km")  # type: ignore[arg-type]
+
+
+def test_a_new_column_and_a_new_matrix_are_seen_everywhere(aided: FlownRun, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As CONTRIBUTING says they are added: one line in the definition."""
+    updates = TimeColumn[Any]("updates", lambda all_of: np.column_stack([each.accepted + each.rejected
+                                                                        for each in all_of]))  # fmt: skip
+    linear = Matrix("S_root", "root", ("source", "other_source"), lambda run: np.sqrt(run.model.covariance), "root")
+    monkeypatch.setattr(over_time, "NIS", (*over_time.NIS, updates))
+    monkeypatch.setattr(matrices, "MATRICES", (*matrices.MATRICES, linear))
+    table, found = over_time.tables_over_time(aided.content)["nis"].frame(), dataset(aided.content)
+    np.testing.assert_array_equal(table["updates"], table["accepted"] + table["rejected"])
+    np.testing.assert_array_equal(found["updates"], found["accepted"] + found["rejected"])
+    known = matrices.arrays(aided.content)
+    np.testing.assert_array_equal(known["S_root"] ** 2, np.sqrt(known["S"]) ** 2)
+    np.testing.assert_array_equal(found["root"], known["S_root"])
+    assert found["root"].attrs == {"long_name": "root"}
 
 
 def test_a_run_without_epochs(without_epochs: FlownRun) -> None:

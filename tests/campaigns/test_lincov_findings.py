@@ -179,7 +179,7 @@ def test_a_report_has_the_causes_of_the_largest_sigma_beside_it(tmp_path: Path) 
     shares = {name: values[worst, 0] / history.sigma[worst, 0] ** 2 for name, values in history.variances.items()}
     name = max(shares, key=lambda cause: shares[cause])
     assert name.startswith("gyro_angle_random_walk")
-    assert f"{name.replace('_', ' ')}&nbsp;{100.0 * shares[name]:.0f}&nbsp;%" in largest
+    assert f"{name.replace('_', ' ')}\N{NO-BREAK SPACE}{100.0 * shares[name]:.0f}\N{NO-BREAK SPACE}%" in largest
     assert "gnss position noise north" in at_the_end
 
 

@@ -12,12 +12,13 @@ from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, sizes_over_time
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.lincov.covariance import propagated_variances
+from mcnav.report.figures.budgets import ALL, development_figure, shares_figure
 from mcnav.report.figures.figure import HALF, Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Cells, Line, Mark, Panel, Points, Rule, Series, Span, axis
 from mcnav.report.figures.matrices import DEEPEST, NEGATIVE, NIL, POSITIVE
 from mcnav.report.figures.outages import OPACITY, SHADED, shading_key
 from mcnav.report.figures.palette import FILTER, FLOWN, INK, LINEAR
-from mcnav.report.figures.sources import Contributor, groups, ranked, stacked
+from mcnav.report.figures.sources import Contributor, groups, ranked
 from mcnav.report.format import fixed
 from mcnav.report.model import humanize, labels_of, scale_of
 
@@ -138,25 +139,14 @@ def contributors(answer: LinearAnswer) -> list[Contributor]:
 
 def budget(answer: LinearAnswer) -> Figure | None:
     """Draw the share of each contributor in each output's final variance; none without dispersion."""
-    names, shares, parts = [humanize(each.name) for each in answer.outputs], answer.budget.shares, contributors(answer)
-    if not parts:
-        return None
-    shares = np.nan_to_num(shares)
-    labels, members = cause_labels(answer), [j for each in parts for j in each.members]
-    reach = float(shares[:, members].sum(axis=1).max(initial=0.0))
-    across = Axis("share of the linear variance", "%", low=0.0, high=100.0 * max(1.0, reach) * 1.02)
-    columns: dict[str, Sequence[object]] = {"cause": [labels[j] for j in members]}
-    columns |= {f"{name}, %": list(100.0 * shares[i, members]) for i, name in enumerate(names)}
-    return Figure(
-        name="budget",
-        title="Error budget at the end",
-        description="Share of each cause in the final variance of each output, in per cent.",
-        panels=[Panel("At the end", across, Axis(names=names), stacked(names, shares, parts))],
-        key=[each.series.of_kind("area") for each in parts],
-        columns=columns,
-        size=(HALF[0], 82.0 + 36.0 * len(names)),
-        caption="In brackets: the number of causes, which differ only in their axis."
-        if any(len(each.members) > 1 and not each.other for each in parts) else "",
+    parts = contributors(answer)
+    return None if not parts else shares_figure(
+        "Error budget at the end",
+        "Share of each cause in the final variance of each output, in per cent.",
+        ("cause", cause_labels(answer)),
+        [humanize(each.name) for each in answer.outputs],
+        {"": ("At the end", np.nan_to_num(answer.budget.shares))},
+        parts,
     )  # fmt: skip
 
 
@@ -166,28 +156,15 @@ def development(answer: LinearAnswer, outages: Outages) -> Figure | None:
     if history is None or not _moving(history):
         return None
     label, times, scale = history.readings.label, history.readings.times, scale_of(answer.outputs)
-    curves = {Series("all", "all errors", INK): history.sigma * scale}
+    curves = {ALL: history.sigma * scale}
     for each in contributors(answer):
         curves[each.series] = np.sqrt(np.maximum(_variances(answer, history, each.members), 0.0)) * scale
-    shaded = _shading(outages, label)
-    columns: dict[str, Array] = {label: times}
-    panels = []
-    for i in _moving(history):
-        name, unit = humanize(answer.outputs[i].name), answer.outputs[i].shown_in
-        columns |= {f"{name}, {series.label} [{unit}]": part[:, i] for series, part in curves.items()}
-        marks: list[Mark] = [*shaded]
-        marks += [
-            Line(series, times, part[:, i], 2.7 if series.name == "all" else 1.9) for series, part in curves.items()
-        ]
-        panels.append(Panel(name, axis(label, margin=0.0, link=True), Axis("1σ", unit, low=0.0), marks))
-    return Figure(
-        name="development",
-        title="Error budget over time",
-        description="Standard deviation of each output over time, for all errors and for each cause.",
-        panels=panels,
-        key=(*curves, *shading_key(shaded)),
-        columns=columns,
-        size=side_by_side(len(panels)),
+    return development_figure(
+        "Standard deviation of each output over time, for all errors and for each cause.",
+        (label, times),
+        {i: (humanize(answer.outputs[i].name), answer.outputs[i].shown_in) for i in _moving(history)},
+        curves,
+        _shading(outages, label),
     )
 
 

@@ -37,6 +37,27 @@ def matrices(content: RunAnalysis) -> Figure:
 
     Of more outputs than `FEW` the correlations are drawn, linear and Monte Carlo in one matrix, and the differences.
     """
+    levels = (content.comparison.confidence_each, content.criterion.confidence)
+    each, together = (f"{100.0 * level:.4g} %" for level in levels)
+    names, few = content.output_names, len(content.output_names) <= FEW
+    return Figure(
+        name="matrices",
+        title="Covariances and correlations of the final errors",
+        description="Covariance and correlation matrices of the outputs: linear, paired Monte Carlo estimate, and "
+        "difference, as numbers on coloured squares.",
+        panels=_panels(content),
+        key=(POSITIVE, NEGATIVE),
+        columns=_columns(content),
+        size=THIRD if few else (HALF[0], 60.0 + 36.0 * len(names)),
+        caption=("Colours of covariances are in units of the linear sigmas. " if few else "")
+        + "Differences are scaled to their largest entry and coloured only if their interval excludes zero (sigmas at "
+        f"{each} each, correlations jointly at {together}). "
+        + ("Covariances below 0.0005 σᵢσⱼ are shown as zero." if few else "The table has the covariances."),
+    )
+
+
+def _panels(content: RunAnalysis) -> list[Panel]:
+    """Return the matrices as coloured squares."""
     comparison, names = content.comparison, content.output_names
     few, square = len(names) <= FEW, np.outer(content.output_scale, content.output_scale)
     linear, flown = comparison.covariance_linear, comparison.covariance_paired
@@ -68,30 +89,14 @@ def matrices(content: RunAnalysis) -> Figure:
     of_correlations = panel("Difference, thousandths" if few else "Correlation: difference, thousandths",
                             _magnified(apart, certain[1]), apart, difference)  # fmt: skip
     if few:
-        panels = [
+        return [
             covariance("Covariance, linear", 0), covariance("Covariance, paired", 1), of_covariances,
             panel("Correlation, linear", both[0], both[0], coefficient),
             panel("Correlation, paired", both[1], both[1], coefficient), of_correlations,
         ]  # fmt: skip
-    else:
-        halves = np.tril(both[0]) + np.triu(both[1], 1)
-        title = "Correlation: linear below, paired above"
-        panels = [panel(title, halves, halves, coefficient), of_correlations, of_covariances]
-    each, together = (f"{100.0 * level:.4g} %" for level in (comparison.confidence_each, content.criterion.confidence))
-    return Figure(
-        name="matrices",
-        title="Covariances and correlations of the final errors",
-        description="Covariance and correlation matrices of the outputs: linear, paired Monte Carlo estimate, and "
-        "difference, as numbers on coloured squares.",
-        panels=panels,
-        key=(POSITIVE, NEGATIVE),
-        columns=_columns(content),
-        size=THIRD if few else (HALF[0], 60.0 + 36.0 * len(names)),
-        caption=("Colours of covariances are in units of the linear sigmas. " if few else "")
-        + "Differences are scaled to their largest entry and coloured only if their interval excludes zero (sigmas at "
-        f"{each} each, correlations jointly at {together}). "
-        + ("Covariances below 0.0005 σᵢσⱼ are shown as zero." if few else "The table has the covariances."),
-    )
+    halves = np.tril(both[0]) + np.triu(both[1], 1)
+    title = "Correlation: linear below, paired above"
+    return [panel(title, halves, halves, coefficient), of_correlations, of_covariances]
 
 
 def _columns(content: RunAnalysis) -> Mapping[str, Sequence[str] | Array]:

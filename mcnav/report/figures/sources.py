@@ -1,4 +1,4 @@
-"""Contributors: shares of the variance, linear and Monte Carlo, and the error budget over time."""
+"""Contributors to the error budget of a run: which sources have a colour, and which are told together."""
 
 from __future__ import annotations
 
@@ -11,10 +11,8 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.report.figures.axis_groups import stem
-from mcnav.report.figures.figure import HALF, Figure, side_by_side
-from mcnav.report.figures.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, axis, numbered
-from mcnav.report.figures.outages import outages, shading_key
-from mcnav.report.figures.palette import INK, OTHER, SOURCE_COLOURS
+from mcnav.report.figures.marks import Series, numbered
+from mcnav.report.figures.palette import OTHER, SOURCE_COLOURS
 from mcnav.report.model import RunAnalysis, humanize
 
 SHOWN: Final = len(SOURCE_COLOURS)
@@ -22,9 +20,6 @@ SHOWN: Final = len(SOURCE_COLOURS)
 
 SMALL: Final = 0.01
 """Share of every output's variance below which contributors are combined."""
-
-NUMBERED: Final = 0.04
-"""Smallest share whose number is written in its bar, where it has room."""
 
 INSTRUMENTS: Final = {"gyros": "gyro_", "accelerometers": "accelerometer_"}
 """Beginnings of the names of the instruments' errors."""
@@ -138,15 +133,15 @@ def _largest_over_time(content: RunAnalysis, members: Sequence[tuple[int, ...]])
     known, largest = content.development, np.zeros(len(members))
     if known is None or not len(known.partials):
         return largest
-    whole = np.sqrt(_variance(content).max(axis=0))
+    whole = np.sqrt(variance_over_time(content).max(axis=0))
     for k, each in enumerate(members):
-        part = np.sqrt(_variance(content, each).max(axis=0))
+        part = np.sqrt(variance_over_time(content, each).max(axis=0))
         shares = np.divide(part, whole, out=np.zeros_like(part), where=whole > 0.0) ** 2
         largest[k] = shares[content.moving].max(initial=0.0)
     return largest
 
 
-def _variance(content: RunAnalysis, members: Sequence[int] = ()) -> Array:
+def variance_over_time(content: RunAnalysis, members: Sequence[int] = ()) -> Array:
     """Compute the linear variance over time due to some causes, or all, shape (times, outputs), SI."""
     known, covariance = content.development, content.model.covariance
     partials = np.empty((0, *content.model.partials.shape)) if known is None else known.partials
@@ -159,35 +154,6 @@ def _variance(content: RunAnalysis, members: Sequence[int] = ()) -> Array:
     return np.maximum(variance + sum(noise, np.zeros_like(variance)), 0.0)
 
 
-def budget(content: RunAnalysis) -> Figure:
-    """Draw shares of each contributor in each output's linear variance: linear, and by Monte Carlo if known."""
-    names, linear = content.output_names, np.nan_to_num(content.budget.shares)
-    figure = [each for each in contributors(content) if (linear[:, each.members] > 0.0).any()]
-    routes = {"linear": ("Linear", linear)}
-    flown = flown_shares(content)
-    if flown is not None:
-        routes["Monte Carlo"] = ("Monte Carlo, each source alone", flown)
-    members = [j for each in figure for j in each.members]
-    columns: dict[str, list[object]] = {"source": [content.cause_names[j] for j in members]}
-    reach = max(float(shares[:, members].sum(axis=1).max(initial=0.0)) for _, shares in routes.values())
-    across = Axis("share of the linear variance", "%", low=0.0, high=100.0 * max(1.0, reach) * 1.02)
-    panels = []
-    for route, (title, shares) in routes.items():
-        panels.append(Panel(title, across, Axis(names=names), stacked(names, shares, figure)))
-        columns |= {f"{name}, {route}, %": list(100.0 * shares[i, members]) for i, name in enumerate(names)}
-    return Figure(
-        name="budget",
-        title="Error budget",
-        description="Share of each error source in the variance of each output, in per cent of the linear variance.",
-        panels=panels,
-        key=[each.series.of_kind("area") for each in figure],
-        columns=columns,
-        size=(HALF[0], 82.0 + 36.0 * len(names)),
-        caption="In brackets: the number of sources, which differ only in their axis."
-        if any(len(each.members) > 1 and not each.other for each in figure) else "",
-    )  # fmt: skip
-
-
 def flown_shares(content: RunAnalysis) -> Array | None:
     """Return the variance of each output with one source alone over the linear one; none where it is not known."""
     flown = content.manifest.model.budget
@@ -197,48 +163,3 @@ def flown_shares(content: RunAnalysis) -> Array | None:
     alone = np.array(flown["alone"]["alone"]["variance"], dtype=float)
     divisor = np.where(variances > 0.0, variances, np.nan)
     return np.asarray(np.nan_to_num(alone / divisor[:, None]))
-
-
-def stacked(names: list[str], shares: Array, result: Sequence[Contributor]) -> list[Mark]:
-    """Return the bars of each contributor's share of each output, shares of shape (outputs, causes)."""
-    left, rows = np.zeros(len(names)), np.arange(len(names))
-    marks: list[Mark] = []
-    for each in result:
-        width = shares[:, each.members].sum(axis=1)
-        texts = [f"{name}, {each.label}: {100.0 * share:.3g} %" for name, share in zip(names, width, strict=True)]
-        written = [f"{100.0 * share:.0f}" if share >= NUMBERED else "" for share in width]
-        marks.append(Bars(each.series, rows, 100.0 * left, 100.0 * (left + width), texts, written))
-        left = left + width
-    return [*marks, Rule(100.0, colour=INK, width=1.1)]
-
-
-def partials_history(content: RunAnalysis) -> Figure | None:
-    """Draw the linear sigma of each output over time, in total and by contributor."""
-    known = content.development
-    if known is None:
-        return None
-    names, units, moving, scale = content.output_names, content.output_units, content.moving, content.output_scale
-    curves = {Series("all", "all errors", INK): np.sqrt(_variance(content)) * scale}
-    shaded = outages(content)
-    for each in contributors(content) if content.filter is None else origins(content, content.filter):
-        part = np.sqrt(_variance(content, each.members)) * scale
-        if part[:, moving].max(initial=0.0) > 0.0:
-            curves[each.series] = part
-    columns = {known.label: known.times}
-    for i in moving:
-        columns |= {f"{names[i]}, {each.label} [{units[i]}]": part[:, i] for each, part in curves.items()}
-    return Figure(
-        name="development",
-        title="Error budget over time",
-        description="Linear one-sigma error of each output over the flight, for all errors and for each contributor.",
-        panels=[
-            Panel(names[i], axis(known.label, margin=0.0, link=True), Axis("1σ", units[i], low=0.0),
-                  [*shaded, *(Line(each, known.times, part[:, i], 2.7 if each.name == "all" else 1.9)
-                              for each, part in curves.items())])
-            for i in moving
-        ],
-        key=(*curves, *shading_key(shaded)),
-        columns=columns,
-        size=side_by_side(len(moving)),
-        caption="Linear model." if content.filter is None else "Closed-loop linear analysis, by origin of the errors.",
-    )  # fmt: skip

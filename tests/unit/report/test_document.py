@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from xml.etree import ElementTree
 
 from markupsafe import Markup
 from rich.console import Console
 
 from mcnav.report.document import (
     CODE,
+    Answers,
     Cell,
     Column,
+    Facts,
+    Findings,
     Folded,
     Heading,
     Lines,
@@ -23,8 +27,11 @@ from mcnav.report.document import (
     Table,
     Verdict,
     five_digits,
+    folded,
+    headed,
     joined,
 )
+from mcnav.report.formulas import NEES, PAIRED, SAMPLING, SHARE
 from mcnav.report.html import page_html, parts_html
 from mcnav.report.terminal_parts import printed
 
@@ -109,3 +116,52 @@ def test_sections_are_listed_and_tables_can_be_reached_by_keyboard() -> None:
 def test_the_terminal_leaves_out_what_it_cannot_show() -> None:
     parts = joined(Verdict("No", "differs"), None, Heading("not shown"), Lines("a\n b\n"))
     assert text(*parts).splitlines() == ["No", "", "a", " b"]
+
+
+def test_parts_of_the_report_of_a_run() -> None:
+    """Warnings below a verdict, requirements of which there are more, facts below each other, a named text."""
+    warned = parts_html([Verdict("No.", "differs", ["Because."], ["Mind <it>."])])
+    assert '<p>Because.</p><p class="warning">Mind &lt;it&gt;.</p></div>' in warned
+    more = Markup('<a href="#all">and {} more</a>').format(3)
+    listed = parts_html([Findings([("met", "agrees", "x below 1 m")], more)])
+    assert listed.count("<li>") == 2
+    assert '<li><a href="#all">and 3 more</a></li>' in listed
+    assert '<dl class="plain"><dt>a</dt><dd>b</dd></dl>' in parts_html([Facts([("a", "b")], below=True)])
+    assert '<dl class="facts"><div><dt>a</dt><dd>b</dd></div></dl>' in parts_html([Facts([("a", "b")])])
+    assert '<pre tabindex="0" aria-label="The file"><code dir="auto">a &lt; b</code></pre>' in parts_html(
+        [Lines("a < b", "The file")]
+    )
+    assert '<details class="explained">' in parts_html([Folded("How", [NEES], explains=True)])
+
+
+def test_what_stands_beside_a_cell_of_a_small_screen() -> None:
+    """The heading of a number, another name, or none; an empty cell has none."""
+    columns: list[Column[Row]] = [
+        Column("Output", lambda row: row.name, kind="label"),
+        Column("Size", lambda row: row.size),
+        Column("Monte Carlo", lambda row: 1.0, beside="Monte Carlo"),
+        Column("Difference", lambda row: 0.5, beside=""),
+        Column("Left out", lambda row: ""),
+    ]
+    shown = parts_html([Answers([Table("", columns, ROWS[:1])], "filtered")])
+    assert '<div class="answers filtered">' in shown
+    assert re.findall('data-name="(.*?)"', shown) == ["size", "Monte Carlo"]
+    assert "data-name" not in parts_html([Table("", columns, ROWS)])
+
+
+def test_what_there_is_not_has_no_heading() -> None:
+    assert headed("Heading", None) == folded("Summary", None) == ()
+    assert headed("Heading", None, Sentence("a")) == (Heading("Heading"), Sentence("a"))
+    assert folded("Summary", Sentence("a"), None) == (Folded("Summary", (Sentence("a"),)),)
+
+
+def test_equations_are_what_their_symbols_say() -> None:
+    """Without its tags the MathML reads as the equation; every tag is closed."""
+    for formula, words in (
+        (NEES, "ε=(y−m)T(PSPT)−1(y−m)"),
+        (PAIRED, "C^=cov(y)−cov(Ps)+PSPT"),
+        (SAMPLING, "cov(y)−PSPT=P(S^−S)PTsampling+12tr(HSHS)second order+third order+remainder"),
+        (SHARE, "shareij=Pij2Sjj(PSPT)ii"),
+    ):
+        assert formula.mathml.striptags() == words
+        ElementTree.fromstring(formula.mathml)

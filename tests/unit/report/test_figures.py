@@ -33,7 +33,8 @@ from mcnav.report.figures.ticks import (
     text_width,
     ticks_along,
 )  # fmt: skip
-from mcnav.report.svg import UNIT, svg
+from mcnav.report.svg import svg
+from mcnav.report.svg_paths import UNIT
 from tests.conftest import ROOT
 
 CURVE, DOTS = m.Series("curve", "a curve", LINEAR), m.Series("dots", "dots", FLOWN, "dot")

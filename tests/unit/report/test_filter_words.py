@@ -17,6 +17,9 @@ from mcnav.report import filter_tables, filter_verdict, terminal
 from mcnav.report.document import Cell, Table
 from mcnav.report.filter_columns import foremost_neglected, group_rows, groups_table, sensors_table, sigmas_of
 from mcnav.report.filter_summary import filter_entries
+from mcnav.report.filter_tables import FilterAnswer, WorstSigmas
+from mcnav.report.format import number
+from mcnav.report.output_columns import entries_of
 from tests import summaries
 from tests.filters import OUTPUTS, TIMES, consistency
 
@@ -40,13 +43,11 @@ def page(table: Table[Any] | None) -> list[dict[str, Cell]]:
     return [dict(zip(headings, row, strict=True)) for row in table.cells_in("page")]
 
 
-def rows(found: FilterConsistency | None, sigma: float | None = 2.0) -> list[dict[str, Any]]:
-    """Rows of the table of answers, with the paired sigma of every output."""
-    content: Any = SimpleNamespace(
-        filter=found,
-        manifest=SimpleNamespace(model=SimpleNamespace(outputs=[SimpleNamespace(name=name) for name in OUTPUTS])),
-    )
-    return filter_tables.answers(content, [{"sigma_paired": sigma} for _ in OUTPUTS])
+def rows(found: FilterConsistency | None, sigma: float | None = 2.0) -> list[FilterAnswer]:
+    """Rows of the table of answers, with the paired sigma of every output, in SI."""
+    known = summary(None).model_copy(update={"sigma_paired": [] if sigma is None else [sigma] * len(OUTPUTS)})
+    content: Any = SimpleNamespace(filter=found)
+    return filter_tables.filter_answers(content, entries_of({"": known}, "SI"))
 
 
 def test_no_filter() -> None:
@@ -117,15 +118,16 @@ def test_answers_at_the_end_and_where_the_sigma_is_largest() -> None:
     found = consistency(3.3)
     row = rows(found)[0]
     output = found.outputs[0]
-    assert row["sigma_filter"] == output.filter[-1]
-    assert row["true_over_filter"] == 2.0 / output.filter[-1]
+    assert row.sigma == output.filter[-1]
+    assert row.ratio == 2.0 / output.filter[-1]
     place = 1 + int(np.argmax(output.true[1:]))
-    assert row["worst"] == {
-        "when": "24 min", "linear": output.true[place], "flown": output.true[place], "filter": output.filter[place],
-        "ratio": output.ratio.value[place],
-    }  # fmt: skip
+    assert row.worst == WorstSigmas(
+        time=TIMES[place], when="24 min", linear=output.true[place], flown=output.true[place],
+        filter=output.filter[place], ratio=output.ratio.value[place],
+    )  # fmt: skip
+    assert row.sigmas(2.0, "flown") == Cell("2.000", below=number(output.true[place]))
     tilt = rows(found)[list(OUTPUTS).index("tilt_north")]
-    assert tilt["sigma_filter"] == pytest.approx(1e3 * found.outputs[6].filter[-1], rel=1e-15)  # mrad
+    assert tilt.sigma == pytest.approx(1e3 * found.outputs[6].filter[-1], rel=1e-15)  # mrad
 
 
 def test_answers_without_what_they_need() -> None:
@@ -133,11 +135,11 @@ def test_answers_without_what_they_need() -> None:
     found = consistency()
     zero = replace(found.outputs[0], filter=np.zeros(len(TIMES)), true_linear=None)
     unknown = replace(zero, true=np.full(len(TIMES), np.nan))
-    assert rows(replace(found, outputs=(zero, *found.outputs[1:])))[0]["true_over_filter"] is None
-    assert rows(replace(found, outputs=(unknown, *found.outputs[1:])))[0]["worst"] is None
+    assert rows(replace(found, outputs=(zero, *found.outputs[1:])))[0].ratio is None
+    assert rows(replace(found, outputs=(unknown, *found.outputs[1:])))[0].worst is None
     assert rows(replace(found, outputs=found.outputs[1:])) == []
     growing = replace(found.outputs[0], true=TIMES, true_linear=None)
-    assert rows(replace(found, outputs=(growing, *found.outputs[1:])), None)[0]["worst"] is None  # it is the end
+    assert rows(replace(found, outputs=(growing, *found.outputs[1:])), None)[0].worst is None  # it is the end
 
 
 def test_findings() -> None:

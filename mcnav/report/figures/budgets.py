@@ -1,0 +1,106 @@
+"""Error budgets of runs and of linear covariances: shares of the variance as bars, sigmas by contributor over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.report.figures.figure import HALF, Figure, side_by_side
+from mcnav.report.figures.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, Span, axis
+from mcnav.report.figures.outages import shading_key
+from mcnav.report.figures.palette import INK
+from mcnav.report.figures.sources import Contributor
+
+NUMBERED: Final = 0.04
+"""Smallest share whose number is written in its bar, where it has room."""
+
+ALL: Final = Series("all", "all errors", INK)
+"""What all causes make together."""
+
+
+def shares_figure(
+    title: str,
+    description: str,
+    causes: tuple[str, Sequence[str]],
+    outputs: Sequence[str],
+    routes: Mapping[str, tuple[str, Array]],
+    contributors: Sequence[Contributor],
+) -> Figure:
+    """Draw the share of each contributor in each output's variance, a panel for each route.
+
+    ``causes`` are what they are called and their names; ``routes`` are the shares, shape (outputs, causes), with the
+    title of their panel by what precedes the per cent sign in the table.
+    """
+    members = [j for each in contributors for j in each.members]
+    kind, labels = causes
+    reach = max(float(shares[:, members].sum(axis=1).max(initial=0.0)) for _, shares in routes.values())
+    across = Axis("share of the linear variance", "%", low=0.0, high=100.0 * max(1.0, reach) * 1.02)
+    columns: dict[str, Sequence[object]] = {kind: [labels[j] for j in members]}
+    for route, (_, shares) in routes.items():
+        columns |= {f"{name}{route}, %": list(100.0 * shares[i, members]) for i, name in enumerate(outputs)}
+    several = any(len(each.members) > 1 and not each.other for each in contributors)
+    return Figure(
+        name="budget",
+        title=title,
+        description=description,
+        panels=[
+            Panel(heading, across, Axis(names=outputs), _stacked(outputs, shares, contributors))
+            for heading, shares in routes.values()
+        ],
+        key=[each.series.of_kind("area") for each in contributors],
+        columns=columns,
+        size=(HALF[0], 82.0 + 36.0 * len(outputs)),
+        caption=f"In brackets: the number of {kind}s, which differ only in their axis." if several else "",
+    )
+
+
+def _stacked(names: Sequence[str], shares: Array, contributors: Sequence[Contributor]) -> list[Mark]:
+    """Return the bars of each contributor's share of each output."""
+    left, rows = np.zeros(len(names)), np.arange(len(names))
+    marks: list[Mark] = []
+    for each in contributors:
+        width = shares[:, each.members].sum(axis=1)
+        texts = [f"{name}, {each.label}: {100.0 * share:.3g} %" for name, share in zip(names, width, strict=True)]
+        written = [f"{100.0 * share:.0f}" if share >= NUMBERED else "" for share in width]
+        marks.append(Bars(each.series, rows, 100.0 * left, 100.0 * (left + width), texts, written))
+        left = left + width
+    return [*marks, Rule(100.0, colour=INK, width=1.1)]
+
+
+def development_figure(
+    description: str,
+    times: tuple[str, Array],
+    outputs: Mapping[int, tuple[str, str]],
+    curves: Mapping[Series, Array],
+    shaded: Sequence[Span],
+    caption: str = "",
+) -> Figure:
+    """Draw the sigma of each output over time, of all errors and by contributor.
+
+    ``times`` are their label and values; ``outputs`` are name and unit of those drawn, by their columns in ``curves``,
+    shape (times, outputs), in the units shown.
+    """
+    label, values = times
+    columns = {label: values}
+    for i, (name, unit) in outputs.items():
+        columns |= {f"{name}, {series.label} [{unit}]": part[:, i] for series, part in curves.items()}
+
+    def lines(i: int) -> list[Line]:
+        return [Line(each, values, part[:, i], 2.7 if each.name == ALL.name else 1.9) for each, part in curves.items()]
+
+    return Figure(
+        name="development",
+        title="Error budget over time",
+        description=description,
+        panels=[
+            Panel(name, axis(label, margin=0.0, link=True), Axis("1σ", unit, low=0.0), [*shaded, *lines(i)])
+            for i, (name, unit) in outputs.items()
+        ],
+        key=(*curves, *shading_key(shaded)),
+        columns=columns,
+        size=side_by_side(len(outputs)),
+        caption=caption,
+    )

@@ -1,0 +1,48 @@
+"""The error budget of a run: linear shares, shares by Monte Carlo, and sigmas by contributor over time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mcnav.report.figures.budgets import ALL, development_figure, shares_figure
+from mcnav.report.figures.figure import Figure
+from mcnav.report.figures.outages import outages
+from mcnav.report.figures.sources import contributors, flown_shares, origins, variance_over_time
+from mcnav.report.model import RunAnalysis
+
+
+def budget(content: RunAnalysis) -> Figure:
+    """Draw shares of each contributor in each output's linear variance: linear, and by Monte Carlo if known."""
+    linear, flown = np.nan_to_num(content.budget.shares), flown_shares(content)
+    routes = {", linear": ("Linear", linear)}
+    if flown is not None:
+        routes[", Monte Carlo"] = ("Monte Carlo, each source alone", flown)
+    return shares_figure(
+        "Error budget",
+        "Share of each error source in the variance of each output, in per cent of the linear variance.",
+        ("source", content.cause_names),
+        content.output_names,
+        routes,
+        [each for each in contributors(content) if (linear[:, each.members] > 0.0).any()],
+    )
+
+
+def partials_history(content: RunAnalysis) -> Figure | None:
+    """Draw the linear sigma of each output over time, in total and by contributor."""
+    known = content.development
+    if known is None:
+        return None
+    moving, scale = content.moving, content.output_scale
+    curves = {ALL: np.sqrt(variance_over_time(content)) * scale}
+    for each in contributors(content) if content.filter is None else origins(content, content.filter):
+        part = np.sqrt(variance_over_time(content, each.members)) * scale
+        if part[:, moving].max(initial=0.0) > 0.0:
+            curves[each.series] = part
+    return development_figure(
+        "Linear one-sigma error of each output over the flight, for all errors and for each contributor.",
+        (known.label, known.times),
+        {i: (content.output_names[i], content.output_units[i]) for i in moving},
+        curves,
+        outages(content),
+        "Linear model." if content.filter is None else "Closed-loop linear analysis, by origin of the errors.",
+    )

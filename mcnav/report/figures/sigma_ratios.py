@@ -1,0 +1,138 @@
+"""Sigmas of a filter over time: ratios of true to filter sigma, shares of samples within the filter's sigmas."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from mcnav.analysis.filter_consistency import Band as Statistic
+from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistency
+from mcnav.report.figures.axis_groups import Group, curves, same_unit
+from mcnav.report.figures.figure import SEVERAL, Figure, side_by_side
+from mcnav.report.figures.filter_errors import whole_flight
+from mcnav.report.figures.gapped import areas, curve, ends_around, upward
+from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Rule, Series, Span
+from mcnav.report.figures.normalized_errors import BOUNDS, Columns
+from mcnav.report.figures.outages import outages, shading_key
+from mcnav.report.figures.palette import BAND, INK
+from mcnav.report.model import RunAnalysis, humanize
+
+ABREAST: Final = SEVERAL + 1
+"""Panels of which three stand side by side."""
+
+TOLERANCE: Final = Series("tolerance", "tolerance", BAND, "area")
+
+
+def sigma_ratios_over_time(content: RunAnalysis) -> Figure | None:
+    """Draw true over filter sigma of each output, those of one unit together, against the tolerance."""
+    figure = content.filter
+    if figure is None:
+        return None
+    groups = _drawn(same_unit(figure.outputs))
+    if not groups:
+        return None
+    shaded = outages(content)
+    columns: Columns = {figure.label: figure.times}
+    for each in figure.outputs:
+        name = humanize(each.name)
+        columns[f"{name}, true σ over filter σ"] = each.ratio.value
+        columns |= {f"{name}, from": each.ratio.each[:, 0], f"{name}, to": each.ratio.each[:, 1]}
+        if each.linear is not None:
+            columns[f"{name}, linear analysis"] = each.linear
+    linear = any(each.linear is not None for each in figure.outputs)
+    tolerance = Span(TOLERANCE, 1.0 - figure.tolerance, 1.0 + figure.tolerance, level=True)
+
+    def panel(place: int, title: str, members: Sequence[SigmaConsistency]) -> Panel:
+        marks: list[Mark] = [tolerance, *shaded, Rule(1.0, level=True, colour=INK, width=1.0)]
+        series = curves(place, members)
+        for own, each in zip(series, members, strict=True):
+            marks += areas(own, figure.times, each.ratio.each, 0.15)
+        for own, each in zip(series, members, strict=True):
+            if each.linear is not None:
+                marks.append(Line(own, figure.times, each.linear, 1.3, "dashed"))
+            marks += curve(own, figure.times, each.ratio.value)
+        known = [np.append(each.ratio.value, each.ratio.each.ravel()) for each in members]
+        ratio = upward("true σ / filter σ", "", np.concatenate([[tolerance.low, tolerance.high], *known]))
+        return Panel(title, whole_flight(figure), ratio, marks, series)
+
+    return Figure(
+        name="sigma-history",
+        title="True sigma over the filter's sigma",
+        description="Ratio of the sigma of the Monte Carlo errors to the sigma that the filter states, for each output "
+        "over time, against the tolerance.",
+        panels=[panel(place, *group) for place, group in enumerate(groups)],
+        key=[TOLERANCE, *shading_key(shaded)],
+        columns=columns,
+        size=side_by_side(max(len(groups), ABREAST)),
+        caption="Solid: Monte Carlo, with its interval at each epoch."
+        + (" Dashed: linear analysis." if linear else "")
+        + " Above one the filter is optimistic.",
+    )
+
+
+def shares_within(content: RunAnalysis) -> Figure | None:
+    """Draw the share of samples within one and three of their own filter's sigmas, outputs of one unit together."""
+    figure = content.filter
+    if figure is None:
+        return None
+    groups = _drawn(same_unit([each for each in figure.outputs if each.within_1 and each.within_3]))
+    if not groups:
+        return None
+    shaded = outages(content)
+    columns: Columns = {figure.label: figure.times}
+    panels = []
+    for multiple in (1, 3):
+        for place, (title, members) in enumerate(groups):
+            known = [(each, statistic, bounds) for each in members
+                     for statistic, bounds in [_within(each, multiple)] if statistic is not None]  # fmt: skip
+            columns |= {f"{humanize(each.name)}, within ±{multiple}σ [%]": 100.0 * statistic.value
+                        for each, statistic, _ in known}  # fmt: skip
+            panels.append(_share_panel(figure, multiple, len(groups) * (multiple > 1) + place, title, known, shaded))
+    return Figure(
+        name="within-history",
+        title="Share of samples within the filter's sigmas",
+        description="Share of the samples whose error lies within one and three sigmas of their own filter, for each "
+        "output over time, with the bounds of a consistent filter.",
+        panels=panels,
+        key=[BOUNDS, *shading_key(shaded)],
+        columns=columns,
+        size=side_by_side(max(len(panels), ABREAST), 250.0),
+        caption="Of normally distributed errors 68.27 % lie within ±1σ and 99.73 % within ±3σ.",
+    )
+
+
+def _within(each: SigmaConsistency, multiple: int) -> tuple[Statistic | None, tuple[float, float]]:
+    return (each.within_1, each.bounds_1) if multiple == 1 else (each.within_3, each.bounds_3)
+
+
+def _share_panel(
+    consistency: FilterConsistency,
+    multiple: int,
+    number: int,
+    title: str,
+    known: Sequence[tuple[SigmaConsistency, Statistic, tuple[float, float]]],
+    shaded: Sequence[Span],
+) -> Panel:
+    low, high = (100.0 * known[0][2][side] for side in (0, 1))
+    series = curves(number, [each for each, _, _ in known])
+    lines: list[Mark] = []
+    for own, (_, statistic, _) in zip(series, known, strict=True):
+        lines += curve(own, consistency.times, 100.0 * statistic.value)
+    ends = ends_around(
+        np.concatenate([[low, high], *(100.0 * statistic.value for _, statistic, _ in known)]), log=False
+    )
+    return Panel(
+        f"{title}, ±{multiple}σ",
+        whole_flight(consistency),
+        Axis(f"within ±{multiple}σ", "%", low=ends[0], high=min(ends[1], 100.0)),
+        [Span(BOUNDS, low, high, level=True), *shaded, *lines],
+        series,
+    )
+
+
+def _drawn(groups: Sequence[Group]) -> list[Group]:
+    """Leave out quantities whose ratio is not known at any epoch."""
+    known = [(title, tuple(each for each in members if each.ratio.known.any())) for title, members in groups]
+    return [group for group in known if group[1]]

@@ -1,0 +1,144 @@
+"""The foremost table of a run's report: sigma, verdict and largest sources of each output."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from markupsafe import Markup
+
+from mcnav.report import sentences
+from mcnav.report.document import Answers, Cell, Column, Table, five_digits, label
+from mcnav.report.filter_tables import FilterAnswer, filter_answers
+from mcnav.report.format import interval, percent
+from mcnav.report.linear_causes import causes_at
+from mcnav.report.model import RunAnalysis
+from mcnav.report.output_columns import OutputEntry, entries_of
+from mcnav.report.sections.joint import EllipsoidWords, ellipsoid_words
+
+LARGEST: Final = 2
+"""Sources named beside each output; beside the sigmas of a filter one."""
+
+LEAST: Final = 0.005
+"""Smallest share of a source that is named there."""
+
+NOTHING: Final = Cell()
+
+Causes = Sequence[tuple[str, float]]
+"""Names with shares."""
+
+
+def answers(content: RunAnalysis) -> Answers | None:
+    """Return the table with the filter's sigmas where there is a filter; none without dispersion."""
+    if not content.dispersed:
+        return None
+    entries = entries_of({"": content.summary}, "shown")
+    if filtered := filter_answers(content, entries):
+        return Answers([_filter_table(content, filtered)], "filtered")
+    return Answers([_table(content, entries)])
+
+
+def tone(verdict: str | None) -> str | None:
+    """Return the tone of a verdict on an output; none of one that has no label."""
+    return None if verdict == sentences.NOT_DISTURBED else verdict
+
+
+def largest_sources(content: RunAnalysis, output: int) -> Causes:
+    """List the sources with the largest shares in the linear variance of an output."""
+    shares = np.nan_to_num(content.budget.shares[output])
+    order = np.argsort(-shares, kind="stable")[:LARGEST]
+    return [(content.cause_names[j], float(shares[j])) for j in order if shares[j] >= LEAST]
+
+
+def listed(causes: Causes) -> str:
+    """List causes with their shares, each on one line."""
+    space = "\N{NO-BREAK SPACE}"
+    return ", ".join(f"{name}{space}{100.0 * share:.0f}{space}%" for name, share in causes)
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """An output, or all outputs together; what is known of them in words."""
+
+    title: Cell
+    linear: str
+    flown: str
+    verdict: Cell
+    words: str
+    difference: Cell = NOTHING
+    unscented: str = ""
+    higher_order: str = ""
+
+
+def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answer]:
+    rows, joint = [_answer(content, each) for each in entries], ellipsoid_words(content)
+    if joint is not None:
+        rows.insert(len(rows) if joint.verdict == "agrees" else 0, _jointly(joint))
+    unscented: Column[_Answer] = Column("Unscented", lambda row: row.unscented)
+    higher_order: Column[_Answer] = Column("Higher order", lambda row: row.higher_order)
+    columns: list[Column[_Answer]] = [
+        Column("Output", lambda row: row.title, kind="label"),
+        Column("Linear", lambda row: row.linear),
+        Column("Monte Carlo", lambda row: row.flown, beside="Monte Carlo"),
+        Column("Difference", lambda row: row.difference, beside=""),
+        *([] if entries[0].sigma_unscented is None else [unscented]),
+        *([] if entries[0].sigma_higher_order is None else [higher_order]),
+        Column("Verdict", lambda row: row.verdict, kind="text"),
+        Column("Largest sources", lambda row: row.words, kind="words"),
+    ]
+    caption = (
+        "Final errors, one sigma. Monte Carlo: paired estimate, intervals hold jointly at "
+        f"{100.0 * content.summary.confidence:g} %. Sources: share of the linear variance."
+    )
+    return Table(caption, columns, rows)
+
+
+def _answer(content: RunAnalysis, entry: OutputEntry) -> _Answer:
+    low, high = entry.ratio_paired_ends
+    bounded = low is not None and high is not None and interval(low, high) != "–"
+    ends = f"{percent(low - 1.0).replace(' %', '')} to {percent(high - 1.0)}" if bounded and low and high else ""
+    difference = "–" if entry.ratio_paired is None else percent(entry.ratio_paired - 1.0)
+    return _Answer(
+        title=Cell(content.output_names[entry.place], entry.unit),
+        linear=five_digits(entry.sigma_linear),
+        flown=five_digits(entry.sigma_paired),
+        verdict=Cell(entry.verdict or "", tone=tone(entry.verdict)),
+        words=listed(largest_sources(content, entry.place)) or "–",
+        difference=Cell(difference, below=ends),
+        unscented=five_digits(entry.sigma_unscented),
+        higher_order=five_digits(entry.sigma_higher_order),
+    )
+
+
+def _jointly(joint: EllipsoidWords) -> _Answer:
+    verdict = Cell(joint.verdict, tone=joint.verdict)
+    return _Answer(Cell("joint: mean NEES"), joint.dimension, joint.mean, verdict, joint.remark)
+
+
+def _filter_table(content: RunAnalysis, rows: Sequence[FilterAnswer]) -> Table[FilterAnswer]:
+    def verdicts(row: FilterAnswer) -> Cell:
+        verdict, known = row.entry.verdict or "", tone(row.entry.verdict)
+        linear = label(f"linear {verdict}", known) if known else verdict
+        return Cell(Markup("{}<br>{}").format(linear, label(f"filter {row.honesty}", row.tone)))
+
+    def largest(row: FilterAnswer) -> Cell:
+        worst = causes_at(content, row.worst.time, row.entry.place) if row.worst else []
+        return Cell(listed(largest_sources(content, row.entry.place)[:1]) or "–", below=listed(worst[:1]))
+
+    columns: list[Column[FilterAnswer]] = [
+        Column("Output", lambda row: Cell(content.output_names[row.entry.place], row.entry.unit), kind="label"),
+        Column("When", lambda row: Cell("end", below=row.when), kind="text", beside="when"),
+        Column("Monte Carlo", lambda row: row.sigmas(row.entry.sigma_paired, "flown"), beside="Monte Carlo"),
+        Column("Linear", lambda row: row.sigmas(row.entry.sigma_linear, "linear")),
+        Column("Filter", lambda row: row.sigmas(row.sigma, "filter")),
+        Column("Ratio", lambda row: row.sigmas(row.ratio, "ratio", 3)),
+        Column("Verdicts", verdicts, kind="text", beside="verdicts"),
+        Column("Largest source", largest, kind="words"),
+    ]
+    caption = (
+        "One sigma at the end and, below it, where it is largest. Ratio: true over filter sigma. Source: largest share "
+        "of the linear mean square."
+    )
+    return Table(caption, columns, rows)

@@ -1,0 +1,105 @@
+"""The table of an error budget: share of each cause in the variances, and the final errors that it causes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.analysis.budget import ErrorBudget
+from mcnav.contract.quantities import Output
+from mcnav.report.document import Cell, Column, Table
+from mcnav.report.figures.sources import Contributor
+from mcnav.report.format import number, share
+from mcnav.report.model import humanize
+from mcnav.store.manifest import Variable
+
+SMALLEST: Final = 1e-12
+"""Contribution of correlations, as a share of a variance, up to which it is rounding."""
+
+
+@dataclass(frozen=True)
+class ShareRow:
+    """A cause or several together: shares of the variances, and the final errors caused, in the units shown.
+
+    Of a single cause, ``sigma`` and ``mean`` are its own, in ``unit``; noise has none.
+    """
+
+    name: str
+    shares: Array
+    caused: Array | None
+    sigma: float | None = None
+    mean: float | None = None
+    unit: str = ""
+
+
+def share_table(
+    caption: str,
+    heading: str,
+    outputs: Sequence[Variable | Output],
+    rows: Sequence[ShareRow],
+    cross_terms: Array,
+    *,
+    sigmas: bool = False,
+    means: bool = False,
+) -> Table[ShareRow]:
+    """Tabulate shares in per cent with the final errors below them, and what correlations contribute.
+
+    ``heading`` is that of the causes, ``cross_terms`` are of `ErrorBudget`; if ``sigmas`` and ``means``, there are
+    columns of those of the causes.
+    """
+
+    def of_output(i: int) -> Column[ShareRow]:
+        def content(row: ShareRow) -> Cell:
+            return Cell(share(row.shares[i]), below="" if row.caused is None else number(row.caused[i]))
+
+        return Column(f"{humanize(outputs[i].name)}, %", content, unit=outputs[i].shown_in)
+
+    correlated = bool(np.nanmax(np.abs(cross_terms), initial=0.0) > SMALLEST)
+    correlations = [ShareRow("correlations", cross_terms, None)] if correlated else []
+    sigma: Column[ShareRow] = Column("σ", lambda row: "" if row.caused is None else number(row.sigma))
+    mean: Column[ShareRow] = Column("Mean", lambda row: "" if row.caused is None else number(row.mean))
+    columns: list[Column[ShareRow]] = [
+        Column(heading, lambda row: Cell(row.name, row.unit), kind="label"),
+        *([sigma] if sigmas else []),
+        *([mean] if means else []),
+        *map(of_output, range(len(outputs))),
+    ]
+    return Table(caption, columns, [*rows, *correlations], style="shares")
+
+
+def together(budget: ErrorBudget, caused: Array, contributors: Iterable[Contributor]) -> list[ShareRow]:
+    """List contributors with their shares and final errors, of several causes the root sum square.
+
+    ``caused`` are the final errors in the units shown, shape (outputs, causes).
+    """
+    rows = []
+    for each in contributors:
+        members = list(each.members)
+        final = caused[:, members]
+        error = final[:, 0] if len(members) == 1 else np.sqrt((final**2).sum(axis=1))
+        rows.append(ShareRow(each.label, budget.shares[:, members].sum(axis=1), error))
+    return rows
+
+
+def each_cause(
+    budget: ErrorBudget,
+    caused: Array,
+    names: Sequence[str],
+    sources: Sequence[tuple[float, float, str]],
+    listed: Sequence[bool],
+) -> list[ShareRow]:
+    """List single causes, the largest mean share first.
+
+    ``sources`` are sigma, mean and unit of each source; ``listed`` says which causes are.
+    """
+    own: list[tuple[float | None, float | None, str]] = [*sources]
+    own += [(None, None, "")] * (len(names) - len(sources))  # noise has no sigma of one number
+    return [
+        ShareRow(names[j], budget.shares[:, j], caused[:, j], *own[j])
+        for j in np.argsort(-np.nan_to_num(budget.shares).mean(axis=0), kind="stable").tolist()
+        if listed[j]
+    ]
