@@ -13,12 +13,14 @@ from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import AreaPerMass, Duration, Length, Number, Speed, Table, TimePerLength
 from mcnav.entries.unions import ByType
 from mcnav.systems.description import ScenarioSpec, ScenarioType
+from mcnav.systems.reentry.guided.description import TRUE_ALTITUDE, TRUTH_OUTPUTS, TRUTH_SOURCES, Guidance
+from mcnav.systems.reentry.guided.scenario import GuidedReentry
 from mcnav.systems.reentry.outputs import FURTHER, OUTPUTS, FurtherOutput
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.table_i import TABLE_I, common_start, start_state
 from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
 
-_RECENT: Final = Recent[Reentry](most=2)
+_RECENT: Final = Recent[Reentry | GuidedReentry](most=2)
 """Scenarios of the campaigns read last, which variations of a campaign share: each has a trajectory."""
 
 
@@ -44,6 +46,21 @@ class FirstPointTable(Table):
     range: Annotated[Length, Field(description="Range angle times the earth's radius.")]
     altitude_rate: Annotated[Speed, Field(description="Altitude rate.")]
     range_rate: Annotated[Speed, Field(description="Range angle's rate times the earth's radius.")]
+
+
+class GuidanceTable(Table):
+    """``[scenario.guidance]``: what the lift law is fed with, what ends the flight, what the navigator is told."""
+
+    input: Annotated[
+        Literal["indicated", "true"], Field(description="Altitude rate that the lift law is fed with.")
+    ] = "indicated"
+    final: Annotated[
+        Literal["true", "indicated"], Field(description="Altitude whose fall to the final altitude ends the flight.")
+    ] = "true"
+    navigator_start: Annotated[
+        Literal["truth", "nominal"],
+        Field(description="State that the navigator is told, before its errors: its own true one or the nominal one."),
+    ] = "truth"
 
 
 class ReentryTable(Table):
@@ -74,6 +91,9 @@ class ReentryTable(Table):
     accelerometers_off_above: Annotated[
         Length, Field(gt=0.0, description="Altitude above which the accelerometers' outputs are taken as zero.")
     ] | None = None  # fmt: skip
+    guidance: Annotated[
+        GuidanceTable | None, Field(description="The lift law fed by the navigator: each sample has its own truth.")
+    ] = None
     if FURTHER:  # no key of which no value would be right
         further_outputs: Annotated[
             list[str], Field(description=f"Of {', '.join(each.output.name for each in FURTHER)}.")
@@ -128,25 +148,46 @@ def _read_flight(table: ReentryTable, context: FileContext) -> Flight | None:
     )
 
 
+def _read_guidance(table: ReentryTable, context: FileContext) -> Guidance | None:
+    """Read how the loop is closed; none where each sample has the same truth."""
+    if table.guidance is not None:
+        return Guidance(table.guidance.input, table.guidance.final, table.guidance.navigator_start)
+    errors = context.content.get("errors")
+    dispersed = isinstance(errors, Mapping) and any(source.name in errors for source in TRUTH_SOURCES)
+    return Guidance("true", "true", "truth") if dispersed else None
+
+
 def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
     """Build the scenario; mistakes are added to the context."""
     flight, further = _read_flight(table, context), _further(table, context)
     if flight is None:
         return None
+    guidance = _read_guidance(table, context)
     law = flight.vehicle.lift_law
     lift: Mapping[str, object] = (
         {"type": "constant", "lift_to_drag": law.lift_to_drag}
         if isinstance(law, ConstantLift)
         else {"type": "variable", "gain": f"{law.gain!r} s/m", "limit": law.limit}
     )
-    defaults = {
+    resolved = {
         "lift_law": lift,
         "ballistic": f"{flight.vehicle.ballistic_coefficient!r} m^2/kg",
         "final_altitude": f"{flight.final_altitude!r} m",
         "axes": flight.axes,
+        **entries,
     }
-    scenario = _RECENT.get(repr((flight, further)), lambda: Reentry(flight, further))
-    return ScenarioSpec(scenario, {**defaults, **entries})
+    scenario = _RECENT.get(repr((flight, guidance, further)), lambda: _scenario(flight, guidance, further))
+    if table.guidance is not None:
+        resolved["guidance"] = table.guidance.model_dump(exclude_none=True) | dict(entries["guidance"])
+    return ScenarioSpec(scenario, resolved)
 
 
-REENTRY: Final = ScenarioType(ReentryTable, read_scenario, SOURCES, OUTPUTS, start_times=True)
+def _scenario(flight: Flight, guidance: Guidance | None, further: tuple[FurtherOutput, ...]) -> Reentry | GuidedReentry:
+    return Reentry(flight, further) if guidance is None else GuidedReentry(flight, guidance, further)
+
+
+ALL_SOURCES: Final = (*SOURCES, *TRUTH_SOURCES)
+ALL_OUTPUTS: Final = (*OUTPUTS, TRUE_ALTITUDE, *TRUTH_OUTPUTS)
+"""Of reentries with and without guidance."""
+
+REENTRY: Final = ScenarioType(ReentryTable, read_scenario, ALL_SOURCES, ALL_OUTPUTS, start_times=True)

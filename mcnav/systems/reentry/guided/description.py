@@ -14,6 +14,7 @@ from typing import Final, Literal
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.quantities import Output, Source
 from mcnav.systems.reentry.navigator import LOWEST_RADIUS
@@ -51,8 +52,11 @@ TRUTH_SOURCES: Final = (
 TRUE_ALTITUDE: Final = Output("true_altitude", "m", "km", of="truth")
 """Known beforehand where the true altitude ends the flight, and no output then."""
 
+LARGEST_LINEAR_RANGE: Final = 0.1 * EARTH_RADIUS
+"""Dispersion of the range, m, from which on a flight through the atmosphere is another one."""
+
 TRUTH_OUTPUTS: Final = (
-    Output("true_range", "m", "km", of="truth"),
+    Output("true_range", "m", "km", limit=LARGEST_LINEAR_RANGE, of="truth"),
     Output("true_altitude_rate", "m/s", "m/s", of="truth"),
     Output("true_range_rate", "m/s", "m/s", of="truth"),
     Output("final_time", "s", "s", of="time"),
@@ -183,9 +187,10 @@ class GuidedNavigation:
     def failure(self, ending: Ending) -> Failure:
         """Say why a sample whose flight ends so has failed."""
         final, whose = f"{self.final_altitude / 1e3:.2f} km", self.guidance.final
+        hours, centre = LONGEST_FLIGHT / 3600, LOWEST_RADIUS / 1e3
         messages = {
-            Ending.ALOFT: f"it skips out: in {LONGEST_FLIGHT / 3600:.0f} h the {whose} altitude does not fall to {final}",
-            Ending.CENTRE: f"the indicated position fell to {LOWEST_RADIUS / 1e3:.0f} km from the earth's centre",
+            Ending.ALOFT: f"it skips out: in {hours:.0f} h the {whose} altitude does not fall to {final}",
+            Ending.CENTRE: f"the indicated position fell to {centre:.0f} km from the earth's centre",
             Ending.GROUND: f"the vehicle meets the ground before the indicated altitude has fallen to {final}",
             Ending.STARTS_BELOW: f"the {whose} altitude starts below the final altitude of {final}",
             Ending.BROKEN: "the integration broke down: a state is not finite, or its steps became too small",

@@ -1,0 +1,99 @@
+"""What all samples of a guided reentry share, as compiled code is given it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array
+from mcnav.constants import EARTH_RADIUS
+from mcnav.systems.reentry.atmosphere import LAYER_BOUNDARIES, LAYERS
+from mcnav.systems.reentry.guided.description import GuidedNavigation
+from mcnav.systems.reentry.vehicle import ConstantLift, VariableLift
+
+CONSTANT: Final = 0
+PROPORTIONAL: Final = 1
+FOLLOWING: Final = 2
+"""Kinds of lift laws: a constant ratio; in proportion to an altitude rate; `FollowingLaw`."""
+
+POWERS: Final = 4
+"""Coefficients of a polynomial of a `FollowingLaw`."""
+
+
+class Tables(NamedTuple):
+    """Attributes of the flight, the atmosphere and the guidance.
+
+    Attributes
+    ----------
+    bottoms, tops : ndarray, shape (b,)
+        Radii between which each band of the atmosphere lies, m: one layer, accelerometers on or off.
+    layers : ndarray, shape (b, 4)
+        Base (m), temperature (K), lapse (K/m) and density (kg/m^3) of its layer.
+    on : ndarray, shape (b,)
+        One where the accelerometers' outputs are used, else zero.
+    ballistic : float
+        C_D A / m, m^2/kg.
+    law : int
+        `CONSTANT`, `PROPORTIONAL` or `FOLLOWING`.
+    lift, gain, limit : float
+        L/D, constant or before the first knot; L/D per altitude rate, s/m; largest L/D.
+    knots, polynomials : ndarray, shapes (n + 1,) and (n, 4, POWERS)
+        As those of a `FollowingLaw`, range angles counted from the reference axes.
+    input_indicated, final_indicated : bool
+    final_radius, longest : float
+        m; s from the start of navigation.
+    """
+
+    bottoms: Array
+    tops: Array
+    layers: Array
+    on: Array
+    ballistic: float
+    law: int
+    lift: float
+    gain: float
+    limit: float
+    knots: Array
+    polynomials: Array
+    input_indicated: bool
+    final_indicated: bool
+    final_radius: float
+    longest: float
+
+
+def _bands(switching_altitude: float | None) -> tuple[Array, Array, Array, Array]:
+    """Return bottoms, tops, layers and switch positions of the bands of altitude, rising."""
+    edges = sorted({*LAYER_BOUNDARIES, *(() if switching_altitude is None else (switching_altitude,))})
+    bounds = np.array([-np.inf, *edges, np.inf]) + EARTH_RADIUS
+    layers = [LAYERS[sum(edge <= bottom for edge in LAYER_BOUNDARIES)] for bottom in (-np.inf, *edges)]
+    on = [switching_altitude is None or top <= switching_altitude for _, top in pairwise([-np.inf, *edges, np.inf])]
+    rows = [(each.base, each.temperature, each.lapse, each.density) for each in layers]
+    return bounds[:-1], bounds[1:], np.array(rows), np.array(on, dtype=float)
+
+
+def tables_of(navigation: GuidedNavigation) -> Tables:
+    """Tabulate a guided reentry."""
+    guidance, vehicle = navigation.guidance, navigation.vehicle
+    law, lift, gain, limit = CONSTANT, 0.0, 0.0, np.inf
+    knots, polynomials = np.zeros(1), np.zeros((0, 4, POWERS))
+    if guidance.law is not None:
+        law, lift, limit = FOLLOWING, guidance.law.lift_before, guidance.law.limit
+        knots = guidance.law.knots - navigation.theta_axes
+        polynomials = np.zeros((len(knots) - 1, 4, POWERS))
+        polynomials[:, :, : guidance.law.polynomials.shape[2]] = guidance.law.polynomials
+    elif isinstance(vehicle.lift_law, VariableLift):
+        law, gain, limit = PROPORTIONAL, -vehicle.lift_law.gain, vehicle.lift_law.limit
+    elif isinstance(vehicle.lift_law, ConstantLift):
+        lift = vehicle.lift_law.lift_to_drag
+    return Tables(
+        *_bands(navigation.switching_altitude), vehicle.ballistic_coefficient, law, lift, gain, limit, knots,
+        polynomials, guidance.input == "indicated", guidance.final == "indicated", EARTH_RADIUS +
+        navigation.final_altitude, navigation.longest,
+    )  # fmt: skip
+
+
+Flags = NDArray[np.int64]
+"""Whole numbers of the lanes."""
