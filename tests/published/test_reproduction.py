@@ -68,11 +68,11 @@ def test_contradictions_by_the_printed_numbers_alone(table: str, name: str, colu
 def test_page_and_tables(cells: list[Cell], folder: Path) -> None:
     text = (folder / page.PAGE).read_text(encoding="utf-8")
     assert text.count('class="digits"') + text.count('class="tolerance"') > 800
-    assert text.count("<figure") == 14
+    assert text.count("<figure") == 15
     assert len(pd.read_csv(folder / "tables.csv")) == len(cells)
     for name in SUM_NAMES.values():
         assert name in text
-    for number in range(1, 15):
+    for number in range(1, 16):
         frame = pd.read_csv(folder / f"figure_{number:02}.csv")
         assert len(frame) > 10
         assert f'href="figure_{number:02}.csv"' in text
