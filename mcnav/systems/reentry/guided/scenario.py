@@ -24,6 +24,7 @@ from mcnav.systems.reentry.guided.description import TRUTH_SOURCES, Ending, Guid
 from mcnav.systems.reentry.guided.ensemble.kernel import SOURCES, simulate_flights, simulate_steps
 from mcnav.systems.reentry.guided.linear import LinearFlight, NoLinearSystem, fly_linear
 from mcnav.systems.reentry.guided.outputs import outputs_of, read_flights, read_linear
+from mcnav.systems.reentry.guided.reference import GuidedReferenceEngine
 from mcnav.systems.reentry.outputs import FurtherOutput
 from mcnav.systems.reentry.scenario import HISTORY_TIME, Flight, Reentry, epoch_times
 from mcnav.systems.reentry.scenario import SOURCES as OF_NAVIGATION
@@ -104,7 +105,7 @@ class GuidedReentry:
     """
 
     sources = (*OF_NAVIGATION, *TRUTH_SOURCES)
-    engines = ("ensemble",)
+    engines = ("ensemble", "reference")
     revision = REVISION
     can = frozenset({Capability.LINEAR_OVER_TIME, Capability.REPLAY})
 
@@ -152,7 +153,9 @@ class GuidedReentry:
         )
 
     def engine(self, engine: str, probes: Array) -> Engine:
-        """Prepare the engine; `ScenarioError` when the flight without errors fails."""
+        """Prepare one of `engines`."""
+        if engine == "reference":
+            return GuidedReferenceEngine(self.navigation, len(self.outputs))
         navigation = self._unguided.navigation
         times = (epoch_times(navigation) - navigation.trajectory.reentry_time) / 60.0
         return GuidedEngine(self.navigation, Epochs(HISTORY_TIME, times, self.nominal().events))
