@@ -25,6 +25,7 @@ from mcnav.systems.reentry.guided.ensemble.kernel import SOURCES, simulate_fligh
 from mcnav.systems.reentry.guided.linear import LinearFlight, NoLinearSystem, fly_linear
 from mcnav.systems.reentry.guided.outputs import outputs_of, read_flights, read_linear
 from mcnav.systems.reentry.guided.reference import GuidedReferenceEngine
+from mcnav.systems.reentry.guided.start_times import partials_before_reentry
 from mcnav.systems.reentry.outputs import FurtherOutput
 from mcnav.systems.reentry.scenario import HISTORY_TIME, Flight, Reentry, epoch_times
 from mcnav.systems.reentry.scenario import SOURCES as OF_NAVIGATION
@@ -107,7 +108,8 @@ class GuidedReentry:
     sources = (*OF_NAVIGATION, *TRUTH_SOURCES)
     engines = ("ensemble", "reference")
     revision = REVISION
-    can = frozenset({Capability.LINEAR_OVER_TIME, Capability.REPLAY})
+    can = frozenset({Capability.LINEAR_OVER_TIME, Capability.START_TIMES, Capability.REPLAY})
+    start_clock = Reentry.start_clock
 
     def __init__(self, flight: Flight, guidance: Guidance, further: tuple[FurtherOutput, ...] = ()) -> None:
         self._unguided = Reentry(flight, further)
@@ -151,6 +153,43 @@ class GuidedReentry:
             np.array([values for _, values in read]),
             label=HISTORY_TIME,
         )
+
+    def started_at(self, time: float, axes: str) -> GuidedReentry:
+        """Start navigation of the same nominal flight at another time (s from reentry).
+
+        Raises `ScenarioError` when the time is not on the trajectory.
+        """
+        other = object.__new__(GuidedReentry)
+        other._unguided = self._unguided.started_at(time, axes)
+        along = other._unguided.navigation
+        other.navigation = replace(self.navigation, start=along.start, theta_axes=along.theta_axes)
+        return other
+
+    def check_start_axes(self, axes: str) -> None:
+        """Accept both conventions of the reference axes."""
+
+    def start_times(self, count: int) -> Array:
+        """Space start times from the first point of the truth towards its end, shape (count,), s from reentry."""
+        trajectory = self.navigation.trajectory
+        return np.linspace(0.0, trajectory.final_time, count, endpoint=False) - trajectory.reentry_time
+
+    @cached_property
+    def _from_first_point(self) -> GuidedReentry:
+        return self.started_at(-self.navigation.trajectory.reentry_time, "trajectory")
+
+    def partials_at(self, times: Array, axes: str = "start") -> Array:
+        """Compute the partial derivatives for navigation started at each time (s from reentry).
+
+        Of shape (n, outputs, sources): up to reentry from one flight, later ones from a flight each. ``axes`` as in
+        `Flight`.
+        """
+        first, reentry = self._from_first_point, self.navigation.trajectory.reentry_time
+        before = times <= 0.0
+        early = partials_before_reentry(first._flight, first.linear().end.partials, times[before] + reentry, axes)
+        late = [self.started_at(float(time), axes).linear().end.partials for time in times[~before]]
+        result = np.empty((len(times), *early.shape[1:]))
+        result[before], result[~before] = early, np.reshape(late, (len(late), *early.shape[1:]))
+        return result
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of `engines`."""
