@@ -84,6 +84,8 @@ class ScenarioType:
         Whether its start can be chosen.
     tables : mapping of str to FurtherTable
         Further tables of the file that it reads.
+    choose_outputs : callable, optional
+        Returns those outputs that the scenario of a file has, from the content of the file; all unless given.
     """
 
     table: type[Table]
@@ -92,6 +94,11 @@ class ScenarioType:
     outputs: Sequence[Output] = ()
     start_times: bool = False
     tables: Mapping[str, FurtherTable] = field(default_factory=dict)
+    choose_outputs: Callable[[Mapping[str, Any]], Sequence[Output]] | None = None
+
+    def outputs_in(self, content: Mapping[str, Any]) -> Sequence[Output]:
+        """Return the outputs of the scenario of a file."""
+        return self.outputs if self.choose_outputs is None else self.choose_outputs(content)
 
     @property
     def source_patterns(self) -> Mapping[str, str]:

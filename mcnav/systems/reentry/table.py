@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
 from mcnav._recent import Recent
 from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
+from mcnav.contract.quantities import Output
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import AreaPerMass, Duration, Length, Number, Speed, Table, TimePerLength
 from mcnav.entries.unions import ByType
@@ -148,13 +149,27 @@ def _read_flight(table: ReentryTable, context: FileContext) -> Flight | None:
     )
 
 
+def _has_own_truths(content: Mapping[str, Any]) -> bool:
+    """Return whether each sample of a file has a truth of its own: with guidance, or a source that disperses it."""
+    scenario, errors = content.get("scenario"), content.get("errors")
+    dispersed = isinstance(errors, Mapping) and any(source.name in errors for source in TRUTH_SOURCES)
+    return dispersed or (isinstance(scenario, Mapping) and "guidance" in scenario)
+
+
 def _read_guidance(table: ReentryTable, context: FileContext) -> Guidance | None:
-    """Read how the loop is closed; none where each sample has the same truth."""
+    """Read how the loop is closed; none where all samples have one truth."""
     if table.guidance is not None:
         return Guidance(table.guidance.input, table.guidance.final, table.guidance.navigator_start)
-    errors = context.content.get("errors")
-    dispersed = isinstance(errors, Mapping) and any(source.name in errors for source in TRUTH_SOURCES)
-    return Guidance("true", "true", "truth") if dispersed else None
+    return Guidance("true", "true", "truth") if _has_own_truths(context.content) else None
+
+
+def _choose_outputs(content: Mapping[str, Any]) -> Sequence[Output]:
+    """Return the outputs of the reentry of a file."""
+    if not _has_own_truths(content):
+        return OUTPUTS
+    guidance = content["scenario"].get("guidance")
+    indicated = isinstance(guidance, Mapping) and guidance.get("final") == "indicated"
+    return (*OUTPUTS, *((TRUE_ALTITUDE,) if indicated else ()), *TRUTH_OUTPUTS)
 
 
 def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
@@ -190,4 +205,6 @@ ALL_SOURCES: Final = (*SOURCES, *TRUTH_SOURCES)
 ALL_OUTPUTS: Final = (*OUTPUTS, TRUE_ALTITUDE, *TRUTH_OUTPUTS)
 """Of reentries with and without guidance."""
 
-REENTRY: Final = ScenarioType(ReentryTable, read_scenario, ALL_SOURCES, ALL_OUTPUTS, start_times=True)
+REENTRY: Final = ScenarioType(
+    ReentryTable, read_scenario, ALL_SOURCES, ALL_OUTPUTS, start_times=True, choose_outputs=_choose_outputs
+)

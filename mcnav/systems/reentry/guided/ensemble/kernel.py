@@ -22,9 +22,11 @@ from mcnav.constants import EARTH_RADIUS
 from mcnav.systems.reentry.guided.description import Ending, GuidedNavigation, start_states
 from mcnav.systems.reentry.guided.ensemble.series import (
     CONSTANTS,
+    COSINE,
     INDICATED,
     ORDER,
     ROWS,
+    SINE,
     VX,
     VY,
     X,
@@ -59,10 +61,10 @@ from mcnav.systems.reentry.guided.ensemble.steps import (
     set_lengths,
     set_lift,
     turn_over,
-    turn_platform,
     watch,
 )
 from mcnav.systems.reentry.guided.ensemble.tables import Flags, Tables, tables_of
+from mcnav.systems.reentry.instruments import Error
 
 SOURCES: Final = 19
 NUMBERS: Final = 12
@@ -84,7 +86,8 @@ def _begin(
     modes[TURNS_TRUE, lane], modes[TURNS_INDICATED, lane] = int(start[row, 8]), int(start[row, 9])
     modes[SAMPLE, lane], modes[STEPS, lane], modes[ENDING, lane] = row, 0, FLYING
     clocks[TIME, lane] = clocks[PEAK, lane] = 0.0
-    turn_platform(series, clocks, own, lane)
+    series[COSINE, 0, lane] = np.cos(errors[row, Error.MISALIGNMENT])
+    series[SINE, 0, lane] = np.sin(errors[row, Error.MISALIGNMENT])
     radius = np.hypot(start[row, 0], start[row, 1])
     band = 0
     while radius >= tables.tops[band]:
@@ -177,7 +180,7 @@ def _simulate(
                         steps[noted, NUMBERS + mode] = float(modes[mode, lane])
                     noted += 1
         find_peaks(series, clocks, modes, seen)
-        advance(series, clocks, own, modes)
+        advance(series, clocks, modes)
         for lane in range(PART):
             if modes[ENDING, lane] == FLYING:
                 turn_over(series, constants, clocks, own, modes, lane, modes[EVENT, lane], tables)

@@ -36,16 +36,17 @@ from mcnav.systems.reentry.instruments import Error
 ORDER: Final = 22
 """Terms of a series beyond the first."""
 
-X, Y, VX, VY, S, R, RR, W, KW = range(9)
-"""Position, velocity, square of the radius, radius, its rate, radius^-3, and its coefficients k W_k; of the truth."""
-INDICATED: Final = 9
+X, Y, VX, VY, S, R, RR, W, GROWTH, INVERSE = range(10)
+"""Position, velocity, square of the radius, radius, its rate, radius^-3, what `quotient` takes for it, the inverse of
+the first coefficient of the radius; of the truth."""
+INDICATED: Final = 10
 """First row of the same of the navigator."""
-E, RHO, KRHO, AX, AY, SPEED_2, SPEED, HALF, LIFT, FX, FY, GX, GY, COSINE, SINE = range(18, 33)
-"""c d; rho C_D A / (2 m), and its k-th coefficients times k; velocity in the air; its square and size; h; Lambda; f;
+E, RHO, RHO_GROWTH, AX, AY, SPEED_2, SPEED, HALF, LIFT, FX, FY, GX, GY, COSINE, SINE = range(20, 35)
+"""c d; rho C_D A / (2 m), and what `quotient` takes for it; velocity in the air; its square and size; h; Lambda; f;
 h a; cosine and sine of the platform's turn."""
-COMMAND: Final = 33
+COMMAND: Final = 35
 """L/D before the limit."""
-ANGLE, ANGLE_RATE, SHARES = 34, 35, 36
+ANGLE, ANGLE_RATE, SHARES = 36, 37, 38
 """Range angle since the last knot, its rate; from `SHARES` on the nested sums of the polynomials, 4 times POWERS."""
 ROWS: Final = SHARES + 4 * POWERS
 
@@ -57,60 +58,113 @@ MOST_TURN: Final = 0.01
 
 OFFSET: Final = GEOPOTENTIAL_RADIUS - EARTH_RADIUS
 
-BETA, SLOPE, DECAY, ON, SHARE, FIXED = range(6)
+BETA, SLOPE, DECAY, ON, SHARE, FIXED, PER_E, PER_SPEED = range(8)
 """Rows of constants of a step: ``E = beta d^2 - slope d``; A r_0^2; accelerometers' switch; Lambda is ``SHARE`` times
-the command plus ``FIXED``."""
-CONSTANTS: Final = 6
+the command plus ``FIXED``; inverses of the first coefficients of E and V."""
+CONSTANTS: Final = 8
 
 
 @allocation_free_part
 def product(series: Array, one: int, other: int, n: int) -> Vector:
-    """Return coefficient n of a product."""
-    total = load_part(series, (one, 0)) * load_part(series, (other, n))
-    for k in range(1, n + 1):
-        total = total + load_part(series, (one, k)) * load_part(series, (other, n - k))
-    return total
+    """Return coefficient n of a product; two sums at a time, since each addition waits for the one before."""
+    even = load_part(series, (one, 0)) * load_part(series, (other, n))
+    odd = 0.0 * even
+    for k in range(1, n, 2):
+        odd = odd + load_part(series, (one, k)) * load_part(series, (other, n - k))
+        even = even + load_part(series, (one, k + 1)) * load_part(series, (other, n - k - 1))
+    if n % 2 == 1:
+        odd = odd + load_part(series, (one, n)) * load_part(series, (other, 0))
+    return even + odd
 
 
 @allocation_free_part
 def products(series: Array, one: int, first: int, second: int, n: int) -> tuple[Vector, Vector]:
     """Return coefficient n of the products of one row with two."""
     factor = load_part(series, (one, 0))
-    total_1, total_2 = factor * load_part(series, (first, n)), factor * load_part(series, (second, n))
-    for k in range(1, n + 1):
+    even_1, even_2 = factor * load_part(series, (first, n)), factor * load_part(series, (second, n))
+    odd_1, odd_2 = 0.0 * even_1, 0.0 * even_2
+    for k in range(1, n, 2):
         factor = load_part(series, (one, k))
-        total_1 = total_1 + factor * load_part(series, (first, n - k))
-        total_2 = total_2 + factor * load_part(series, (second, n - k))
-    return total_1, total_2
+        odd_1 = odd_1 + factor * load_part(series, (first, n - k))
+        odd_2 = odd_2 + factor * load_part(series, (second, n - k))
+        factor = load_part(series, (one, k + 1))
+        even_1 = even_1 + factor * load_part(series, (first, n - k - 1))
+        even_2 = even_2 + factor * load_part(series, (second, n - k - 1))
+    if n % 2 == 1:
+        factor = load_part(series, (one, n))
+        odd_1 = odd_1 + factor * load_part(series, (first, 0))
+        odd_2 = odd_2 + factor * load_part(series, (second, 0))
+    return even_1 + odd_1, even_2 + odd_2
 
 
 @allocation_free_part
 def squares(series: Array, one: int, other: int, n: int) -> Vector:
-    """Return coefficient n of the sum of two squares."""
-    first, second = load_part(series, (one, 0)), load_part(series, (other, 0))
-    total = first * load_part(series, (one, n)) + second * load_part(series, (other, n))
-    for k in range(1, n + 1):
-        first, second = load_part(series, (one, k)), load_part(series, (other, k))
-        total = total + first * load_part(series, (one, n - k)) + second * load_part(series, (other, n - k))
+    """Return coefficient n of the sum of two squares: twice the products of unlike terms, and a square."""
+    first = 0.0 * load_part(series, (one, 0))
+    second = first
+    for k in range((n + 1) // 2):
+        first = first + load_part(series, (one, k)) * load_part(series, (one, n - k))
+        second = second + load_part(series, (other, k)) * load_part(series, (other, n - k))
+    total = 2.0 * (first + second)
+    if n % 2 == 0:
+        first, second = load_part(series, (one, n // 2)), load_part(series, (other, n // 2))
+        total = total + first * first + second * second
     return total
 
 
 @allocation_free_part
 def inner(series: Array, one: int, other: int, n: int) -> Vector:
     """Return coefficient n of a product without its first and last terms; n is at least 1."""
-    total = 0.0 * load_part(series, (one, 0))
-    for k in range(1, n):
-        total = total + load_part(series, (one, k)) * load_part(series, (other, n - k))
+    odd = 0.0 * load_part(series, (one, 0))
+    even = odd
+    for k in range(1, n - 1, 2):
+        odd = odd + load_part(series, (one, k)) * load_part(series, (other, n - k))
+        even = even + load_part(series, (one, k + 1)) * load_part(series, (other, n - k - 1))
+    if n % 2 == 0:
+        odd = odd + load_part(series, (one, n - 1)) * load_part(series, (other, 1))
+    return even + odd
+
+
+@allocation_free_part
+def inner_square(series: Array, row: int, n: int) -> Vector:
+    """Return coefficient n of a square without its first and last terms; n is at least 1."""
+    total = 0.0 * load_part(series, (row, 0))
+    for k in range(1, (n + 1) // 2):
+        total = total + load_part(series, (row, k)) * load_part(series, (row, n - k))
+    total = 2.0 * total
+    if n % 2 == 0:
+        middle = load_part(series, (row, n // 2))
+        total = total + middle * middle
     return total
 
 
 @allocation_free_part
-def short_product(series: Array, one: int, other: int, n: int) -> Vector:
-    """Return coefficient n of a product with a row of which `TURNS` terms matter."""
-    total = load_part(series, (one, 0)) * load_part(series, (other, n))
+def quotient(series: Array, one: int, other: int, of: int, n: int) -> Vector:
+    """Return the sum of ``(other_k - n one_k) of_(n-k)`` over k from 1 to n: n ``one_0 of_n`` where it solves
+
+    ``one of' = growth of``, with ``other_k = growth_(k-1) + k one_k``.
+    """
+    factor = load_part(series, (of, n - 1))
+    growth, rest = load_part(series, (other, 1)) * factor, load_part(series, (one, 1)) * factor
+    for k in range(2, n + 1):
+        factor = load_part(series, (of, n - k))
+        growth = growth + load_part(series, (other, k)) * factor
+        rest = rest + load_part(series, (one, k)) * factor
+    return growth - float(n) * rest
+
+
+@allocation_free_part
+def turned(series: Array, n: int) -> tuple[Vector, Vector]:
+    """Return coefficient n of the force along the platform's axes, of whose turn `TURNS` terms matter."""
+    cosine, sine = load_part(series, (COSINE, 0)), load_part(series, (SINE, 0))
+    force_x, force_y = load_part(series, (FX, n)), load_part(series, (FY, n))
+    along_x, along_z = cosine * force_x - sine * force_y, sine * force_x + cosine * force_y
     for k in range(1, min(n, TURNS - 1) + 1):
-        total = total + load_part(series, (one, k)) * load_part(series, (other, n - k))
-    return total
+        cosine, sine = load_part(series, (COSINE, k)), load_part(series, (SINE, k))
+        force_x, force_y = load_part(series, (FX, n - k)), load_part(series, (FY, n - k))
+        along_x = along_x + cosine * force_x - sine * force_y
+        along_z = along_z + sine * force_x + cosine * force_y
+    return along_x, -along_z
 
 
 @allocation_free_part
@@ -122,7 +176,7 @@ def begin_radius(series: Array, of: int) -> None:
     store_part(series, (of + S, 0), square)
     store_part(series, (of + R, 0), radius)
     store_part(series, (of + W, 0), 1.0 / (square * radius))
-    store_part(series, (of + KW, 0), 0.0 * radius)
+    store_part(series, (of + INVERSE, 0), 1.0 / radius)
 
 
 @allocation_free_part
@@ -133,20 +187,20 @@ def extend_radius(series: Array, of: int, n: int) -> None:
     store_part(series, (of + Y, n + 1), share * load_part(series, (of + VY, n)))
     # r^2 = x^2 + y^2, and 2 r_0 r_n = (r^2)_n - the inner terms of r r
     square = squares(series, of + X, of + Y, n + 1)
-    radius = 0.5 * (square - inner(series, of + R, of + R, n + 1)) / load_part(series, (of + R, 0))
+    inverse = load_part(series, (of + INVERSE, 0))
+    radius = 0.5 * (square - inner_square(series, of + R, n + 1)) * inverse
     store_part(series, (of + S, n + 1), square)
     store_part(series, (of + R, n + 1), radius)
     store_part(series, (of + RR, n), (n + 1.0) * radius)
+    store_part(series, (of + GROWTH, n + 1), (-2.0 * (n + 1.0)) * radius)
 
 
 @allocation_free_part
 def extend_gravity(series: Array, of: int, n: int) -> tuple[Vector, Vector]:
     """Write coefficient n of w = r^-3, and return that of the gravity, -mu x w."""
     if n > 0:
-        # n r_0 w_n = -3 (r' w)_(n-1) - sum of r_k (n - k) w_(n-k)
-        times = -3.0 * product(series, of + RR, of + W, n - 1) - inner(series, of + R, of + KW, n)
-        times = times / load_part(series, (of + R, 0))
-        store_part(series, (of + KW, n), times)
+        # r w' = -3 r' w
+        times = quotient(series, of + R, of + GROWTH, of + W, n) * load_part(series, (of + INVERSE, 0))
         store_part(series, (of + W, n), (1.0 / n) * times)
     along_x, along_y = products(series, of + W, of + X, of + Y, n)
     return -GRAVITATIONAL_PARAMETER * along_x, -GRAVITATIONAL_PARAMETER * along_y
@@ -168,10 +222,11 @@ def begin_air(series: Array, constants: Array, errors: Array, modes: Flags, tabl
         air = layer_density(series[R, 0, lane] - EARTH_RADIUS, base, temperature, lapse, density)
         factor = (1.0 + errors[GuidedError.DENSITY, lane]) * (1.0 + errors[GuidedError.DRAG, lane])
         series[RHO, 0, lane] = 0.5 * tables.ballistic * factor * air
-        series[KRHO, 0, lane] = 0.0
     distance = load_part(series, (R, 0)) + OFFSET
     beta, slope = load_part(constants, (BETA,)), load_part(constants, (SLOPE,))
-    store_part(series, (E, 0), distance * (beta * distance - slope))
+    first = distance * (beta * distance - slope)
+    store_part(series, (E, 0), first)
+    store_part(constants, (PER_E,), 1.0 / first)
 
 
 @allocation_free_part
@@ -182,11 +237,12 @@ def extend_air(series: Array, constants: Array, n: int) -> None:
         beta, slope = load_part(constants, (BETA,)), load_part(constants, (SLOPE,))
         radius = load_part(series, (R, n))
         square = load_part(series, (S, n)) + (2.0 * OFFSET) * radius
-        store_part(series, (E, n), beta * square - slope * radius)
-        # n E_0 rho_n = A r_0^2 (r' rho)_(n-1) - sum of E_k (n - k) rho_(n-k)
-        times = load_part(constants, (DECAY,)) * product(series, RR, RHO, n - 1) - inner(series, E, KRHO, n)
-        times = times / load_part(series, (E, 0))
-        store_part(series, (KRHO, n), times)
+        first = beta * square - slope * radius
+        store_part(series, (E, n), first)
+        # E rho' = A r_0^2 r' rho
+        growth = load_part(constants, (DECAY,)) * load_part(series, (RR, n - 1))
+        store_part(series, (RHO_GROWTH, n), growth + float(n) * first)
+        times = quotient(series, E, RHO_GROWTH, RHO, n) * load_part(constants, (PER_E,))
         store_part(series, (RHO, n), (1.0 / n) * times)
     # a = v - Omega x r, V^2 = a . a
     store_part(series, (AX, n), load_part(series, (VX, n)) - EARTH_RATE * load_part(series, (Y, n)))
@@ -194,10 +250,12 @@ def extend_air(series: Array, constants: Array, n: int) -> None:
     square = squares(series, AX, AY, n)
     store_part(series, (SPEED_2, n), square)
     if n == 0:
-        store_part(series, (SPEED, 0), np.sqrt(square))
+        speed = np.sqrt(square)
+        store_part(series, (SPEED, 0), speed)
+        store_part(constants, (PER_SPEED,), 1.0 / speed)
     else:
-        speed = load_part(series, (SPEED, 0))
-        store_part(series, (SPEED, n), 0.5 * (square - inner(series, SPEED, SPEED, n)) / speed)
+        rest = square - inner_square(series, SPEED, n)
+        store_part(series, (SPEED, n), 0.5 * rest * load_part(constants, (PER_SPEED,)))
     store_part(series, (HALF, n), product(series, RHO, SPEED, n))
 
 
@@ -237,7 +295,8 @@ def _extend_following(series: Array, of: int, modes: Flags, tables: Tables, n: i
             - inner(series, of + S, ANGLE_RATE, n)
             - load_part(series, (of + S, n)) * load_part(series, (ANGLE_RATE, 0))
         )
-    rate = rate / load_part(series, (of + S, 0))
+    inverse = load_part(series, (of + INVERSE, 0))
+    rate = rate * inverse * inverse
     store_part(series, (ANGLE_RATE, n), rate)
     store_part(series, (ANGLE, n + 1), (1.0 / (n + 1.0)) * rate)
     # nested sums ((c_3 s + c_2) s + c_1) s + c_0 of each polynomial, held at the last knot
@@ -297,8 +356,7 @@ def indicated_force(series: Array, constants: Array, errors: Array, n: int) -> t
     on = load_part(constants, (ON,))
     scale_x, scale_z = load_part(errors, (Error.SCALE_FACTOR_X,)), load_part(errors, (Error.SCALE_FACTOR_Z,))
     # along the platform's axes; the second one points down
-    along_x = short_product(series, COSINE, FX, n) - short_product(series, SINE, FY, n)
-    along_z = -short_product(series, SINE, FX, n) - short_product(series, COSINE, FY, n)
+    along_x, along_z = turned(series, n)
     measured_x = (1.0 + scale_x) * along_x + load_part(errors, (Error.CROSS_AXIS_X,)) * along_z
     measured_z = (1.0 + scale_z) * along_z + load_part(errors, (Error.CROSS_AXIS_Z,)) * along_x
     if n == 0:

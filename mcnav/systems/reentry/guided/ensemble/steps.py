@@ -30,6 +30,7 @@ from mcnav.systems.reentry.guided.ensemble.series import (
     RR,
     SHARE,
     SINE,
+    TURNS,
     VX,
     VY,
     R,
@@ -55,14 +56,20 @@ TIME, PEAK, LENGTH, BEFORE = range(4)
 before it."""
 CLOCKS: Final = 4
 
-SMALLEST_TERM: Final = 1e-17
+SMALLEST_TERM: Final = 1e-16
 """Size of the last terms of a velocity's series at the end of a step, as a share of the velocity."""
 
 POINTS: Final = 4
 """Points of a step, evenly spaced, between which a root is sought where a function's sign differs."""
 
-WATCHED: Final = 7
-"""Rows of values at the points: radius and its rate, true and indicated; command; range angle; rate of f^2."""
+WATCHED: Final = 8
+"""Rows of values at the points: radius and its rate, true and indicated; command; range angle; half the rate of
+f^2, and f^2."""
+
+RESOLUTION: Final = 1e-15
+"""Of a root, as a share of its time since the begin of the step."""
+
+MOST_TRIALS: Final = 100
 
 MOST_STEPS: Final = 50_000
 """Steps after which a flight is given up."""
@@ -101,19 +108,21 @@ def rate_of(series: Array, row: int, lane: int, time: float) -> float:
 @allocation_free_part
 def root(series: Array, row: int, lane: int, level: float, begin: float, end: float) -> float:
     """Find where a series passes a level between two times, by Newton's method within bisection."""
-    rising = value_of(series, row, lane, end) > level
-    time = end
-    for _ in range(100):
-        excess = value_of(series, row, lane, time) - level
-        if (excess > 0.0) == rising:
+    rising, time, resolution = value_of(series, row, lane, end) > level, 0.5 * (begin + end), RESOLUTION * end
+    for _ in range(MOST_TRIALS):
+        # value and derivative by nested sums, the derivative's taking the value's last one
+        value, slope = series[row, ORDER, lane], 0.0
+        for n in range(ORDER - 1, -1, -1):
+            slope = slope * time + value
+            value = value * time + series[row, n, lane]
+        if (value > level) == rising:
             end = time
         else:
             begin = time
-        slope = rate_of(series, row, lane, time)
-        better = time - excess / slope if slope != 0.0 else begin
-        if not begin < better < end:
+        better = time - (value - level) / slope if slope != 0.0 else begin
+        if not begin <= better <= end:
             better = 0.5 * (begin + end)
-        if abs(better - time) <= 1e-16 * abs(time) or end - begin <= 1e-15 * end:
+        if abs(better - time) <= resolution:
             return better
         time = better
     return time
@@ -127,12 +136,14 @@ def set_lengths(series: Array, errors: Array, clocks: Array, modes: Flags, table
     """
     for lane in range(PART):
         length = min(tables.longest, clocks[LENGTH, lane]) - clocks[TIME, lane]
-        for of in (0, INDICATED):
-            speed = abs(series[of + VX, 0, lane]) + abs(series[of + VY, 0, lane])
-            for n in (ORDER, ORDER + 1):
-                term = abs(series[of + VX, n, lane]) + abs(series[of + VY, n, lane])
-                if term > 0.0:
-                    length = min(length, (SMALLEST_TERM * speed / term) ** (1.0 / n))
+        speed = abs(series[VX, 0, lane]) + abs(series[VY, 0, lane])
+        indicated_speed = abs(series[INDICATED + VX, 0, lane]) + abs(series[INDICATED + VY, 0, lane])
+        for n in (ORDER, ORDER + 1):
+            share = (abs(series[VX, n, lane]) + abs(series[VY, n, lane])) / speed
+            indicated_term = abs(series[INDICATED + VX, n, lane]) + abs(series[INDICATED + VY, n, lane])
+            share = max(share, indicated_term / indicated_speed)
+            if share > 0.0:
+                length = min(length, (SMALLEST_TERM / share) ** (1.0 / n))
         drift = abs(errors[Error.GYRO_DRIFT, lane])
         if drift * length > MOST_TURN:
             length = MOST_TURN / drift
@@ -147,8 +158,8 @@ def watch(series: Array, clocks: Array, seen: Array, tables: Tables) -> None:
         time = ((point + 1.0) / POINTS) * length
         store_part(seen, (0, point), value_at(series, R, time))
         store_part(seen, (1, point), value_at(series, RR, time))
-        store_part(seen, (2, point), value_at(series, INDICATED + R, time))
         if tables.final_indicated:
+            store_part(seen, (2, point), value_at(series, INDICATED + R, time))
             store_part(seen, (3, point), value_at(series, INDICATED + RR, time))
         if tables.law != CONSTANT:
             store_part(seen, (4, point), value_at(series, COMMAND, time))
@@ -165,12 +176,12 @@ def first_passage(
     before = 0.0
     for point in range(POINTS):
         time = (point + 1.0) / POINTS * length
-        if time >= end:
+        if time > end:
             break
         if direction * (seen[watched, point, lane] - level) > 0.0:
             return root(series, row, lane, level, before, time)
         before = time
-    if direction * (value_of(series, row, lane, end) - level) > 0.0:
+    if before < end and direction * (value_of(series, row, lane, end) - level) > 0.0:
         return root(series, row, lane, level, before, end)
     return np.inf
 
@@ -258,11 +269,11 @@ def find_peaks(series: Array, clocks: Array, modes: Flags, seen: Array) -> None:
             slope_x, slope_y = slope_x * time + x, slope_y * time + y
             x, y = x * time + load_part(series, (FX, n)), y * time + load_part(series, (FY, n))
         store_part(seen, (6, point), x * slope_x + y * slope_y)
+        store_part(seen, (7, point), x * x + y * y)
     for lane in range(PART):
         if modes[ENDING, lane] != FLYING:
             continue
-        add_peak(series, clocks, lane, 0.0)
-        add_peak(series, clocks, lane, clocks[LENGTH, lane])
+        clocks[PEAK, lane] = max(clocks[PEAK, lane], seen[7, 0, lane], seen[7, POINTS, lane])
         for point in range(POINTS):
             if seen[6, point, lane] > 0.0 and seen[6, point + 1, lane] < 0.0:
                 begin, end = point * clocks[LENGTH, lane] / POINTS, (point + 1.0) * clocks[LENGTH, lane] / POINTS
@@ -276,7 +287,7 @@ def find_peaks(series: Array, clocks: Array, modes: Flags, seen: Array) -> None:
 
 
 @allocation_free_part
-def advance(series: Array, clocks: Array, errors: Array, modes: Flags) -> None:
+def advance(series: Array, clocks: Array, modes: Flags) -> None:
     """Move positions, velocities and the platform to the end of the step."""
     length = load_part(clocks, (LENGTH,))
     for of in (0, INDICATED):
@@ -294,16 +305,13 @@ def advance(series: Array, clocks: Array, errors: Array, modes: Flags) -> None:
             before, after = clocks[BEFORE, lane], series[of + X, 0, lane]
             if series[of + Y, 0, lane] < 0.0 and (before < 0.0) != (after < 0.0):
                 modes[turns, lane] += 1 if before >= 0.0 else -1
-    for lane in range(PART):
-        clocks[TIME, lane] += clocks[LENGTH, lane]
-        turn_platform(series, clocks, errors, lane)
-
-
-@allocation_free_part
-def turn_platform(series: Array, clocks: Array, errors: Array, lane: int) -> None:
-    """Write cosine and sine of the platform's turn at a lane's time."""
-    angle = errors[Error.MISALIGNMENT, lane] + errors[Error.GYRO_DRIFT, lane] * clocks[TIME, lane]
-    series[COSINE, 0, lane], series[SINE, 0, lane] = np.cos(angle), np.sin(angle)
+    store_part(clocks, (TIME,), load_part(clocks, (TIME,)) + length)
+    cosine, sine = load_part(series, (COSINE, TURNS - 1)), load_part(series, (SINE, TURNS - 1))
+    for n in range(TURNS - 2, -1, -1):
+        cosine = cosine * length + load_part(series, (COSINE, n))
+        sine = sine * length + load_part(series, (SINE, n))
+    store_part(series, (COSINE, 0), cosine)
+    store_part(series, (SINE, 0), sine)
 
 
 @allocation_free_part
@@ -343,11 +351,11 @@ def turn_over(
     if modes[ENDING, lane] != FLYING:
         return
     # the navigator near the earth's centre; not a number; out of time
-    radius = np.hypot(series[INDICATED + X, 0, lane], series[INDICATED + Y, 0, lane])
-    actual = np.hypot(series[X, 0, lane], series[Y, 0, lane])
-    if radius < LOWEST_RADIUS:
+    square = series[INDICATED + X, 0, lane] ** 2 + series[INDICATED + Y, 0, lane] ** 2
+    both = square + series[X, 0, lane] ** 2 + series[Y, 0, lane] ** 2
+    if square < LOWEST_RADIUS * LOWEST_RADIUS:
         modes[ENDING, lane] = Ending.CENTRE
-    elif not (np.isfinite(radius) and np.isfinite(actual)) or modes[STEPS, lane] > MOST_STEPS:
+    elif not np.isfinite(both) or modes[STEPS, lane] > MOST_STEPS:
         modes[ENDING, lane] = Ending.BROKEN
     elif clocks[TIME, lane] >= tables.longest:
         modes[ENDING, lane] = Ending.ALOFT

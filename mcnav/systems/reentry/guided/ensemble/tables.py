@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -10,8 +9,8 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS
-from mcnav.systems.reentry.atmosphere import LAYER_BOUNDARIES, LAYERS
 from mcnav.systems.reentry.guided.description import GuidedNavigation
+from mcnav.systems.reentry.truth import altitude_bands
 from mcnav.systems.reentry.vehicle import ConstantLift, VariableLift
 
 CONSTANT: Final = 0
@@ -64,18 +63,10 @@ class Tables(NamedTuple):
     longest: float
 
 
-def _bands(switching_altitude: float | None) -> tuple[Array, Array, Array, Array]:
-    """Return bottoms, tops, layers and switch positions of the bands of altitude, rising."""
-    edges = sorted({*LAYER_BOUNDARIES, *(() if switching_altitude is None else (switching_altitude,))})
-    bounds = np.array([-np.inf, *edges, np.inf]) + EARTH_RADIUS
-    layers = [LAYERS[sum(edge <= bottom for edge in LAYER_BOUNDARIES)] for bottom in (-np.inf, *edges)]
-    on = [switching_altitude is None or top <= switching_altitude for _, top in pairwise([-np.inf, *edges, np.inf])]
-    rows = [(each.base, each.temperature, each.lapse, each.density) for each in layers]
-    return bounds[:-1], bounds[1:], np.array(rows), np.array(on, dtype=float)
-
-
 def tables_of(navigation: GuidedNavigation) -> Tables:
     """Tabulate a guided reentry."""
+    bands = altitude_bands(navigation.switching_altitude)
+    layers = [(each.layer.base, each.layer.temperature, each.layer.lapse, each.layer.density) for each in bands]
     guidance, vehicle = navigation.guidance, navigation.vehicle
     law, lift, gain, limit = CONSTANT, 0.0, 0.0, np.inf
     knots, polynomials = np.zeros(1), np.zeros((0, 4, POWERS))
@@ -89,9 +80,10 @@ def tables_of(navigation: GuidedNavigation) -> Tables:
     elif isinstance(vehicle.lift_law, ConstantLift):
         lift = vehicle.lift_law.lift_to_drag
     return Tables(
-        *_bands(navigation.switching_altitude), vehicle.ballistic_coefficient, law, lift, gain, limit, knots,
-        polynomials, guidance.input == "indicated", guidance.final == "indicated", EARTH_RADIUS +
-        navigation.final_altitude, navigation.longest,
+        np.array([each.bottom for each in bands]), np.array([each.top for each in bands]), np.array(layers),
+        np.array([each.accelerometers_on for each in bands], dtype=float), vehicle.ballistic_coefficient,
+        law, lift, gain, limit, knots, polynomials, guidance.input == "indicated", guidance.final == "indicated",
+        EARTH_RADIUS + navigation.final_altitude, navigation.longest,
     )  # fmt: skip
 
 
