@@ -11,10 +11,11 @@ from mcnav._recent import Recent
 from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
 from mcnav.contract.quantities import Output
 from mcnav.entries.context import FileContext
-from mcnav.entries.quantities import AreaPerMass, Duration, Length, Number, Speed, Table, TimePerLength
+from mcnav.entries.quantities import AreaPerMass, Duration, Length, Number, PerLength, Speed, Table, TimePerLength
 from mcnav.entries.unions import ByType
 from mcnav.systems.description import ScenarioSpec, ScenarioType
 from mcnav.systems.reentry.guided.description import TRUE_ALTITUDE, TRUTH_OUTPUTS, TRUTH_SOURCES, Guidance
+from mcnav.systems.reentry.guided.following import Following, Gains, Weights
 from mcnav.systems.reentry.guided.scenario import GuidedReentry
 from mcnav.systems.reentry.outputs import FURTHER, OUTPUTS, FurtherOutput
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
@@ -49,6 +50,33 @@ class FirstPointTable(Table):
     range_rate: Annotated[Speed, Field(description="Range angle's rate times the earth's radius.")]
 
 
+class GainsTable(Table):
+    """``gains = { altitude = "0.2 1/km", altitude_rate = "20 s/km", range_rate = "9 s/km" }``."""
+
+    altitude: Annotated[PerLength, Field(description="L/D per altitude above the nominal flight's.")]
+    altitude_rate: Annotated[TimePerLength, Field(description="L/D per altitude rate above the nominal flight's.")]
+    range_rate: Annotated[TimePerLength, Field(description="L/D per range rate above the nominal flight's.")]
+
+
+class FollowingTable(Table):
+    """``law = { type = "reference", limit = 0.8 }``: to the landing site of the nominal flight."""
+
+    type: Annotated[Literal["reference"], Field(description="A law that follows the nominal flight.")]
+    limit: Annotated[
+        Number, Field(gt=0.0, le=10.0, description="Largest ratio of lift to drag, above the nominal flight's own.")
+    ]
+    gains: Annotated[
+        GainsTable | None, Field(description="Gains; those of a linear quadratic regulator unless given.")
+    ] = None
+    miss: Annotated[
+        Length | None,
+        Field(gt=0.0, description="Miss of the landing site that weighs in the regulator as much as the change."),
+    ] = None
+    change: Annotated[
+        Number | None, Field(gt=0.0, description="Change of the ratio throughout that weighs as much as the miss.")
+    ] = None
+
+
 class GuidanceTable(Table):
     """``[scenario.guidance]``: what the lift law is fed with, what ends the flight, what the navigator is told."""
 
@@ -62,6 +90,9 @@ class GuidanceTable(Table):
         Literal["truth", "nominal"],
         Field(description="State that the navigator is told, before its errors: its own true one or the nominal one."),
     ] = "truth"
+    law: Annotated[
+        FollowingTable | None, Field(description="Lift law that closes the loop; that of the trajectory unless given.")
+    ] = None
 
 
 class ReentryTable(Table):
@@ -163,6 +194,23 @@ def _read_guidance(table: ReentryTable, context: FileContext) -> Guidance | None
     return Guidance("true", "true", "truth") if _has_own_truths(context.content) else None
 
 
+def _read_following(table: ReentryTable, context: FileContext) -> Following | None:
+    """Read the law that follows the nominal flight; none where the trajectory's own is flown."""
+    law = None if table.guidance is None else table.guidance.law
+    if law is None:
+        return None
+    if law.gains is None:
+        default = Weights()
+        weights = Weights(
+            default.miss if law.miss is None else law.miss, default.change if law.change is None else law.change
+        )
+        return Following(law.limit, weights)
+    for key in ("miss", "change"):
+        if getattr(law, key) is not None:
+            context.problem(f"scenario.guidance.law.{key}", "got with gains, which it would decide about; keep one")
+    return Following(law.limit, Gains(law.gains.altitude, law.gains.altitude_rate, law.gains.range_rate))
+
+
 def _choose_outputs(content: Mapping[str, Any]) -> Sequence[Output]:
     """Return the outputs of the reentry of a file."""
     if not _has_own_truths(content):
@@ -177,7 +225,7 @@ def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: File
     flight, further = _read_flight(table, context), _further(table, context)
     if flight is None:
         return None
-    guidance = _read_guidance(table, context)
+    guidance, following = _read_guidance(table, context), _read_following(table, context)
     law = flight.vehicle.lift_law
     lift: Mapping[str, object] = (
         {"type": "constant", "lift_to_drag": law.lift_to_drag}
@@ -191,14 +239,13 @@ def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: File
         "axes": flight.axes,
         **entries,
     }
-    scenario = _RECENT.get(repr((flight, guidance, further)), lambda: _scenario(flight, guidance, further))
+    scenario = _RECENT.get(
+        repr((flight, guidance, following, further)),
+        lambda: Reentry(flight, further) if guidance is None else GuidedReentry(flight, guidance, following, further),
+    )
     if table.guidance is not None:
         resolved["guidance"] = table.guidance.model_dump(exclude_none=True) | dict(entries["guidance"])
     return ScenarioSpec(scenario, resolved)
-
-
-def _scenario(flight: Flight, guidance: Guidance | None, further: tuple[FurtherOutput, ...]) -> Reentry | GuidedReentry:
-    return Reentry(flight, further) if guidance is None else GuidedReentry(flight, guidance, further)
 
 
 ALL_SOURCES: Final = (*SOURCES, *TRUTH_SOURCES)

@@ -47,6 +47,9 @@ from mcnav.systems.reentry.guided.ensemble.steps import (
 from mcnav.systems.reentry.guided.ensemble.tables import FOLLOWING, PROPORTIONAL, tables_of
 from mcnav.systems.reentry.instruments import Error
 
+ON: Final = 13
+"""Place of the accelerometers' switch among the constants of a phase; see `_constants`."""
+
 Numbers: TypeAlias = NDArray[np.complex128]
 """States or errors with a complex step."""
 
@@ -205,6 +208,11 @@ class _Phase:
     event: int
     solution: Any
 
+    @property
+    def accelerometers_on(self) -> bool:
+        """Whether the accelerometers' outputs are used."""
+        return bool(self.numbers[ON])
+
     def rates(self, time: float, joint: Array) -> Array:
         """Compute the rates of X and its sensitivities."""
         return variational_rates(time, joint, self.numbers, self.polynomials, EQUIPMENT)
@@ -278,7 +286,7 @@ class LinearFlight:
         largest = max((peak for peak in self.peaks if peak.time <= time), key=lambda peak: peak.size, default=None)
         if largest is not None and largest.size >= size:
             size, partials = largest.size, largest.partials
-        return _reading(joint, time, np.zeros(SOURCES), size, partials)
+        return self._reading(joint, time, np.zeros(SOURCES), size, partials)
 
     @property
     def end(self) -> Reading:
@@ -291,12 +299,16 @@ class LinearFlight:
         shift = -by_source[ends] / rates[ends]
         moved = np.concatenate([joint[:8], (by_source + rates[:, None] * shift).ravel()])
         largest = max(self.peaks, key=lambda peak: peak.size)
-        return _reading(moved, time, shift, largest.size, largest.partials)
+        return self._reading(moved, time, shift, largest.size, largest.partials)
 
-
-def _reading(joint: Array, time: float, shift: Array, peak: float, peak_by_source: Array) -> Reading:
-    by_source = joint[8:].reshape(8, SOURCES)
-    return Reading(joint[:4], joint[4:8], by_source, time, shift, peak, peak_by_source)
+    def _reading(self, joint: Array, time: float, shift: Array, peak: float, peak_by_source: Array) -> Reading:
+        by_source = joint[8:].reshape(8, SOURCES).copy()
+        if all(phase.accelerometers_on for phase in self.phases):
+            # the navigator senses where the truth goes: no error but rounding
+            told = self.navigation.guidance.navigator_start == "truth"
+            alike = slice(int(GuidedError.TRUE_ALTITUDE if told else GuidedError.DENSITY), SOURCES)
+            by_source[4:, alike] = by_source[:4, alike]
+        return Reading(joint[:4], joint[4:8], by_source, time, shift, peak, peak_by_source)
 
 
 def _stretches(navigation: GuidedNavigation, steps: Steps) -> Iterator[tuple[float, float, int, int]]:
@@ -331,7 +343,7 @@ def fly_linear(navigation: GuidedNavigation) -> LinearFlight:
     for begin, end, first, event in _stretches(navigation, steps):
         state = np.concatenate([steps.flight.actual[0, first], steps.flight.indicated[0, first]])
         numbers, polynomials = _constants(navigation, steps, first)
-        if phases and phases[-1].numbers[13] != numbers[13]:
+        if phases and phases[-1].numbers[ON] != numbers[ON]:
             by_source = _past_switch(phases[-1], numbers, polynomials, begin, state, by_source)
         args = (numbers, polynomials, EQUIPMENT)
         joint = np.concatenate([state, by_source.ravel()])

@@ -22,6 +22,7 @@ from mcnav.numerics.power_sums import sum_powers
 from mcnav.systems.histories import with_errors
 from mcnav.systems.reentry.guided.description import TRUTH_SOURCES, Ending, Guidance, GuidedNavigation
 from mcnav.systems.reentry.guided.ensemble.kernel import SOURCES, simulate_flights, simulate_steps
+from mcnav.systems.reentry.guided.following import Following, NoMargin, follow
 from mcnav.systems.reentry.guided.linear import LinearFlight, NoLinearSystem, fly_linear
 from mcnav.systems.reentry.guided.outputs import outputs_of, read_flights, read_linear
 from mcnav.systems.reentry.guided.reference import GuidedReferenceEngine
@@ -102,7 +103,8 @@ class GuidedEngine:
 class GuidedReentry:
     """The scenario.
 
-    Raises `ScenarioError` when the nominal flight never comes down, or navigation would start outside it.
+    Raises `ScenarioError` when the nominal flight never comes down, navigation would start outside it, or a law that
+    follows it has no margin.
     """
 
     sources = (*OF_NAVIGATION, *TRUTH_SOURCES)
@@ -111,9 +113,20 @@ class GuidedReentry:
     can = frozenset({Capability.LINEAR_OVER_TIME, Capability.START_TIMES, Capability.REPLAY})
     start_clock = Reentry.start_clock
 
-    def __init__(self, flight: Flight, guidance: Guidance, further: tuple[FurtherOutput, ...] = ()) -> None:
+    def __init__(
+        self,
+        flight: Flight,
+        guidance: Guidance,
+        following: Following | None = None,
+        further: tuple[FurtherOutput, ...] = (),
+    ) -> None:
         self._unguided = Reentry(flight, further)
         along = self._unguided.navigation
+        if following is not None:
+            try:
+                guidance = replace(guidance, law=follow(along.trajectory, following))
+            except NoMargin as wrong:
+                raise ScenarioError("guidance.law.limit", str(wrong)) from None
         self.navigation = GuidedNavigation(
             along.trajectory, flight.vehicle, flight.final_altitude, flight.accelerometers_off_above, along.start,
             along.theta_axes, guidance, further,

@@ -30,7 +30,14 @@ from mcnav.compiled.vectors import PART, Vector, load_part, store_part
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER
 from mcnav.systems.reentry.atmosphere import GEOPOTENTIAL_RADIUS, HYDROSTATIC_GRADIENT, layer_density
 from mcnav.systems.reentry.guided.description import GuidedError
-from mcnav.systems.reentry.guided.ensemble.tables import FOLLOWING, POWERS, PROPORTIONAL, Flags, Tables
+from mcnav.systems.reentry.guided.ensemble.tables import (
+    FOLLOWING,
+    GAIN_POWERS,
+    POWERS,
+    PROPORTIONAL,
+    Flags,
+    Tables,
+)
 from mcnav.systems.reentry.instruments import Error
 
 ORDER: Final = 22
@@ -302,9 +309,10 @@ def _extend_following(series: Array, of: int, modes: Flags, tables: Tables, n: i
     # nested sums ((c_3 s + c_2) s + c_1) s + c_0 of each polynomial, held at the last knot
     count, last = len(tables.polynomials), len(tables.knots) - 1
     for one in range(4):
-        for power in range(POWERS - 1, -1, -1):
+        terms = POWERS if one == 0 else GAIN_POWERS
+        for power in range(terms - 1, -1, -1):
             row = SHARES + one * POWERS + power
-            if power < POWERS - 1:
+            if power < terms - 1:
                 store_part(series, (row, n), product(series, row + 1, ANGLE, n))
             else:
                 store_part(series, (row, n), 0.0 * rate)

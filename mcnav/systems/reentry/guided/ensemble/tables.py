@@ -18,8 +18,11 @@ PROPORTIONAL: Final = 1
 FOLLOWING: Final = 2
 """Kinds of lift laws: a constant ratio; in proportion to an altitude rate; `FollowingLaw`."""
 
-POWERS: Final = 4
-"""Coefficients of a polynomial of a `FollowingLaw`."""
+POWERS: Final = 8
+"""Coefficients of the first polynomial of a `FollowingLaw`."""
+
+GAIN_POWERS: Final = 4
+"""Coefficients of the others, its gains."""
 
 
 class Tables(NamedTuple):
