@@ -74,6 +74,6 @@ def test_when_errors_are_beyond_the_range_of_linear_analysis() -> None:
         "Errors of that start are beyond the range of linear analysis (range exceeds 0.001500 km): do not rely on it."
     )
     assert start_answer(study([4.0, 1.6, 2.0]), {}, limited) == (
-        "At every start errors are beyond the range of linear analysis (range exceeds 0.001500 km): it does not say when "
-        "to start."
+        "At every start errors are beyond the range of linear analysis (range exceeds 0.001500 km): it does not say "
+        "when to start."
     )

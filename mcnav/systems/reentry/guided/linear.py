@@ -9,8 +9,8 @@ by complex steps, ``dF = Im F(X + i eps e) / eps``, which have no cancellation. 
 the flight without errors (`simulate_steps`).
 
 Where the instant t_k of a kink psi(X) = 0 moves with the errors, ``dt_k = -(psi_X / psi') dX``. F is continuous at the
-bounds of the layers and at the limit of the lift law, so that S passes; at the accelerometers' switch it jumps:
-``S+ = S- + (F- - F+) dt_k``. Outputs at the sample's own end have ``dX + X' dt``. The largest specific force changes by
+bounds of the layers and at the limit of the lift law, so that S passes; at the accelerometers' switch it jumps, and at
+a knot of the lift law by little: ``S+ = S- + (F- - F+) dt_k``. Outputs at the sample's own end have ``dX + X' dt``. The largest specific force changes by
 ``df + f' dt_k`` where it is at such a kink or at the end, else by ``df`` alone.
 """
 
@@ -343,8 +343,8 @@ def fly_linear(navigation: GuidedNavigation) -> LinearFlight:
     for begin, end, first, event in _stretches(navigation, steps):
         state = np.concatenate([steps.flight.actual[0, first], steps.flight.indicated[0, first]])
         numbers, polynomials = _constants(navigation, steps, first)
-        if phases and phases[-1].numbers[ON] != numbers[ON]:
-            by_source = _past_switch(phases[-1], numbers, polynomials, begin, state, by_source)
+        if phases:
+            by_source = _past_kink(phases[-1], navigation, numbers, polynomials, state, by_source)
         args = (numbers, polynomials, EQUIPMENT)
         joint = np.concatenate([state, by_source.ravel()])
         solution = integrate(variational_rates, (begin, end), joint, TOLERANCES, args, dense_output=True)
@@ -377,13 +377,18 @@ def _constants(navigation: GuidedNavigation, steps: Steps, step: int) -> tuple[A
     return np.array(numbers, dtype=float), np.ascontiguousarray(polynomials, dtype=float)
 
 
-def _past_switch(
-    before: _Phase, numbers: Array, polynomials: Array, time: float, state: Array, by_source: Array
+def _past_kink(
+    before: _Phase, navigation: GuidedNavigation, numbers: Array, polynomials: Array, state: Array, by_source: Array
 ) -> Array:
-    """Carry sensitivities past the accelerometers' switch: ``S + (F- - F+) dt`` with ``dt = -dr / r'``."""
+    """Carry sensitivities past the end of a phase: ``S + (F- - F+) dt``.
+
+    F jumps where the accelerometers are switched; at a knot of the lift law by what its polynomials leave of the
+    nominal L/D, which counts where a later skip magnifies it.
+    """
     joint = np.concatenate([state, by_source.ravel()])
-    jump = before.rates(time, joint)[:8] - variational_rates(time, joint, numbers, polynomials, EQUIPMENT)[:8]
-    return np.asarray(by_source - np.outer(jump, by_source[0]) / state[2])
+    after = variational_rates(before.end, joint, numbers, polynomials, EQUIPMENT)[:8]
+    jump = before.rates(before.end, joint)[:8] - after
+    return np.asarray(by_source + np.outer(jump, _kink_shift(before, navigation, joint)))
 
 
 def _kink_shift(phase: _Phase, navigation: GuidedNavigation, joint: Array) -> Array:

@@ -23,7 +23,13 @@ from mcnav.systems.reentry.guided.scenario import GuidedReentry
 from mcnav.systems.reentry.scenario import Flight
 from mcnav.systems.reentry.table_i import ALL_ERRORS, TABLE_I, start_state
 from mcnav.systems.reentry.vehicle import Vehicle
-from mcnav.validation.reproduce.tn_d1772.in_three_dimensions import KILOMETRE, SAMPLES, SEED, TIME, of_samples
+from mcnav.validation.reproduce.tn_d1772.in_three_dimensions import (
+    KILOMETRE,
+    SAMPLES,
+    SEED,
+    TIME,
+    of_samples,
+)
 
 GUIDED: Final = 2
 """Trajectory with the report's variable lift that stays in the atmosphere."""
@@ -161,18 +167,20 @@ def _sigmas(partials: Array, scenario: GuidedReentry) -> dict[str, Array]:
     return {f"{result} [km]": sigma[:, names.index(name)] for result, name in RESULTS.items()}
 
 
-def causes(minutes: float) -> dict[str, float]:
-    """Return what one sigma of each of the report's errors moves the landing point, km, the largest first."""
-    scenario = guided("indicated", minutes)
+def _landing_effects(scenario: GuidedReentry) -> Array:
+    """Return what one sigma of each of the report's errors moves the landing point, shape (sources,), km."""
     names = [output.name for output in scenario.outputs]
-    moved = scenario.linear().end.partials[names.index("true_range")] * OF_NAVIGATION / KILOMETRE
-    named = {source.name: float(value) for source, value in zip(scenario.sources, moved, strict=True)}
+    return np.asarray(scenario.linear().end.partials[names.index("true_range")] * OF_NAVIGATION / KILOMETRE)
+
+
+def causes(off: bool = False) -> dict[str, float]:
+    """Return what one sigma of each of the report's errors moves the landing point, km, the largest first."""
+    scenario = guided("indicated", off=off)
+    effects = _landing_effects(scenario).tolist()
+    named = {source.name: effect for source, effect in zip(scenario.sources, effects, strict=True)}
     return dict(sorted(named.items(), key=lambda item: -abs(item[1])))
 
 
-def skipping(number: int) -> float:
-    """Return the linear sigma of the landing point of a trajectory that leaves the atmosphere again, km."""
-    scenario = guided("indicated", number=number)
-    names = [output.name for output in scenario.outputs]
-    effects = scenario.linear().end.partials[names.index("true_range")] * OF_NAVIGATION
-    return float(np.sqrt((effects**2).sum()) / KILOMETRE)
+def linear_sigma(number: int) -> float:
+    """Return the linear sigma of the landing point of a trajectory, km."""
+    return float(np.sqrt((_landing_effects(guided("indicated", number=number)) ** 2).sum()))
