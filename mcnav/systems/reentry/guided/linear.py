@@ -10,8 +10,8 @@ the flight without errors (`simulate_steps`).
 
 Where the instant t_k of a kink psi(X) = 0 moves with the errors, ``dt_k = -(psi_X / psi') dX``. F is continuous at the
 bounds of the layers and at the limit of the lift law, so that S passes; at the accelerometers' switch it jumps, and at
-a knot of the lift law by little: ``S+ = S- + (F- - F+) dt_k``. Outputs at the sample's own end have ``dX + X' dt``. The largest specific force changes by
-``df + f' dt_k`` where it is at such a kink or at the end, else by ``df`` alone.
+a knot of the lift law by little: ``S+ = S- + (F- - F+) dt_k``. Outputs at the sample's own end have ``dX + X' dt``. The
+largest specific force changes by ``df + f' dt_k`` where it is at such a kink or at the end, else by ``df`` alone.
 """
 
 from __future__ import annotations

@@ -51,7 +51,8 @@ class GuidedEngine:
     Attributes
     ----------
     epochs : Epochs
-        The last is the end of each sample; before it, a sample that has ended stays at its end.
+        The last is the end of each sample. Before it, a sample that has ended stays at its end, and its dispersion is
+        from the nominal flight of the time.
     """
 
     navigation: GuidedNavigation
@@ -65,7 +66,7 @@ class GuidedEngine:
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples."""
         flights = simulate_flights(self.navigation, batch.errors)
-        values = read_flights(self.navigation, flights, self._nominal[-1:])[:, -1]
+        values = read_flights(self.navigation, flights, self._nominal_end)[:, -1]
         failed = np.flatnonzero(flights.endings != Ending.ARRIVED)
         values[failed] = np.nan
         failures = {int(row): self.navigation.failure(Ending(int(flights.endings[row]))) for row in failed}
@@ -82,6 +83,11 @@ class GuidedEngine:
         """Nominal polar states at the epochs, flown as the samples are, shape (m, 4)."""
         none = np.zeros((1, SOURCES))
         return np.asarray(simulate_flights(nominal_flight(self.navigation), none, self._times).actual[0])
+
+    @cached_property
+    def _nominal_end(self) -> Array:
+        """Nominal polar state at the end, flown as the samples are, shape (1, 4)."""
+        return np.asarray(simulate_flights(nominal_flight(self.navigation), np.zeros((1, SOURCES))).actual[0])
 
     def histories(self, errors: Array) -> Array:
         """Simulate samples, shape (n, sources): their outputs at every epoch, shape (n, m, outputs)."""
