@@ -19,6 +19,7 @@ from mcnav._types import Array
 from mcnav.constants import REENTRY_ALTITUDE
 from mcnav.contract.samples import Batch
 from mcnav.systems.reentry.guided.description import Guidance, GuidedError, Whose
+from mcnav.systems.reentry.guided.following import Following
 from mcnav.systems.reentry.guided.scenario import GuidedReentry
 from mcnav.systems.reentry.scenario import Flight
 from mcnav.systems.reentry.table_i import ALL_ERRORS, TABLE_I, start_state
@@ -48,6 +49,16 @@ START_MINUTES: Final = (-np.inf, -31.0, -24.0, -21.7, -10.0, -8.0, 0.0)
 CURVE_POINTS: Final = 64
 OFF_MINUTES: Final = np.array([-63.0, -50.0, -40.0, -30.0, -25.0, -20.0, -15.0, -10.0, -5.0, 0.0])
 """Starts at which the sigmas with accelerometers off are computed."""
+
+SITE: Final = 4
+"""Trajectory that a law which follows the nominal flight takes to its landing site."""
+
+SITE_START: Final = -21.7
+SITE_LIMIT: Final = 0.8
+"""Start of navigation, min from reentry, and largest L/D; the nominal flight needs 0.5."""
+
+SHARES: Final = (0.03, 0.1, 1.0)
+"""Shares of the report's errors with which it is flown; the first is in the table."""
 
 OF_NAVIGATION: Final = np.append(ALL_ERRORS, np.zeros(7))
 OF_THE_AIR: Final = np.zeros(len(OF_NAVIGATION))
@@ -94,6 +105,14 @@ def guided(fed: Whose, minutes: float = -np.inf, off: bool = False, number: int 
     return GuidedReentry(flight, Guidance(fed, "true", "truth"))
 
 
+@lru_cache
+def to_site(fed: Whose) -> GuidedReentry:
+    """Return `SITE` by a law that follows its nominal flight."""
+    row = TABLE_I[SITE]
+    flight = Flight(start_state(SITE), Vehicle(row.lift_law), row.final_altitude, 60.0 * SITE_START)
+    return GuidedReentry(flight, Guidance(fed, "true", "truth"), Following(SITE_LIMIT))
+
+
 def draws(sigmas: Array) -> Array:
     """Draw samples of errors, the same for all cases, shape (SAMPLES, sources)."""
     return np.asarray(np.random.default_rng(SEED).standard_normal((SAMPLES, len(sigmas))) * sigmas)
@@ -137,6 +156,9 @@ def loop_comparisons() -> tuple[LoopComparison, ...]:
             found += _compare("switching", case, fed, guided(fed, minutes, off=True), OF_NAVIGATION)
     for fed in FED:
         found += _compare("air", "density 5 %, drag and L/D 3 %", fed, guided(fed), OF_THE_AIR)
+    for fed in FED:
+        case = f"trajectory {SITE} to its site, {SHARES[0]:g} of the errors"
+        found += _compare("site", case, fed, to_site(fed), SHARES[0] * OF_NAVIGATION)
     return tuple(found)
 
 
@@ -171,6 +193,26 @@ def _landing_effects(scenario: GuidedReentry) -> Array:
     """Return what one sigma of each of the report's errors moves the landing point, shape (sources,), km."""
     names = [output.name for output in scenario.outputs]
     return np.asarray(scenario.linear().end.partials[names.index("true_range")] * OF_NAVIGATION / KILOMETRE)
+
+
+@dataclass(frozen=True)
+class Miss:
+    """Distance from the landing site with a share of the report's errors, km: linear sigma, and of samples."""
+
+    linear: float
+    median: float
+    ninth: float
+
+
+def misses(share: float) -> Miss:
+    """Compute how far from its site `SITE` lands: linear sigma, and distances that half and nine in ten keep within."""
+    scenario, sigmas = to_site("indicated"), share * OF_NAVIGATION
+    errors = draws(sigmas)
+    simulated = scenario.engine("ensemble", errors[:64]).simulate(Batch(np.arange(SAMPLES), errors, SEED))
+    at = [output.name for output in scenario.outputs].index("true_range")
+    distances = np.abs(np.where(np.isnan(simulated.values[:, at]), np.inf, simulated.values[:, at])) / KILOMETRE
+    linear = np.sqrt(((scenario.linear().end.partials[at] * sigmas) ** 2).sum()) / KILOMETRE
+    return Miss(float(linear), float(np.median(distances)), float(np.quantile(distances, 0.9, method="higher")))
 
 
 def causes(off: bool = False) -> dict[str, float]:

@@ -10,10 +10,15 @@ import pandas as pd
 from mcnav.validation.reproduce.tn_d1772.claims import Finding
 from mcnav.validation.reproduce.tn_d1772.in_the_closed_loop import (
     GUIDED,
+    SHARES,
+    SITE,
+    SITE_LIMIT,
+    SITE_START,
     SKIPPING,
     LoopComparison,
     causes,
     linear_sigma,
+    misses,
 )
 from mcnav.validation.reproduce.tn_d1772.in_three_dimensions import CONFIDENCE, SAMPLES, TIME
 
@@ -27,6 +32,7 @@ def loop_claims(compared: Sequence[LoopComparison], curves: pd.DataFrame) -> lis
         start_in_the_loop(compared, curves),
         accelerometers_off_in_the_loop(compared),
         linear_in_the_loop(compared),
+        landing_site(compared),
     ]
 
 
@@ -123,5 +129,26 @@ def linear_in_the_loop(compared: Sequence[LoopComparison]) -> Finding:
         f"{100 * CONFIDENCE:g} % from {SAMPLES:,} samples contain the linear sigma. Trajectories that leave the "
         f"atmosphere again have no linear model with this law: their landing points would move by {skips}, more than "
         "once around the earth.",
+        "in part",
+    )
+
+
+def landing_site(compared: Sequence[LoopComparison]) -> Finding:
+    """Fly to the landing site by a law that follows the nominal flight."""
+    case = f"trajectory {SITE} to its site"
+    landing, position, altitude = (
+        _find(compared, case, name) for name in ("landing point", "range error", "altitude error")
+    )
+    (_, some, all_of_them), (_, tenth, whole) = map(misses, SHARES), SHARES
+    return Finding(
+        "A vehicle is to reach a particular landing site, also if it leaves the atmosphere on its way.",
+        f"By a law that follows the nominal flight, with L/D up to {SITE_LIMIT:g}, trajectory {SITE} does, if its "
+        f"navigator is good. With {100 * SHARES[0]:.0f} % of the report's errors and a start at {SITE_START:g} min the "
+        f"landing point moves by {_both(landing)}, and the navigation errors are {_both(altitude)} of altitude and "
+        f"{_both(position)} of range. With {100 * tenth:.0f} % of them half of the samples land within "
+        f"{some.median:.1f} km and nine in ten within {some.ninth:.1f} km, where the linear sigma is "
+        f"{some.linear:.1f} km; with {100 * whole:.0f} % the linear sigma would be {all_of_them.linear:.0f} km, but "
+        f"half of the samples miss by more than {all_of_them.median:,.0f} km: a linear model exists, and means "
+        "nothing.",
         "in part",
     )
