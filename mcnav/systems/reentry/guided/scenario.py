@@ -244,5 +244,7 @@ class GuidedReentry:
             )
             for quantity in ("altitude", "range")
         )
-        over_time = read_flights(navigation, flight, nominal)[0]
+        # at its own end the sample's dispersion is from the nominal end
+        compared = np.concatenate([nominal[:-1], [navigation.nominal_final]])
+        over_time = read_flights(navigation, flight, compared)[0]
         return with_errors(History(columns, {}, panels), over_time, self.outputs)
