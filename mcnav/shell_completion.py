@@ -116,12 +116,10 @@ def outputs(words: Words, incomplete: str) -> list[str]:
     """Return the outputs of the campaign named before; those of a user's class are not known without executing it."""
     from mcnav.systems.registry import SCENARIO_TYPES
 
-    scenario = _campaign(words).get("scenario")
+    content = _campaign(words)
+    scenario = content.get("scenario")
     kind = SCENARIO_TYPES.get(str(scenario.get("type"))) if isinstance(scenario, dict) else None
-    names = [output.name for output in kind.outputs] if kind is not None else []
-    if kind is not None and isinstance(scenario, dict):
-        asked = scenario.get("further_outputs", [])
-        names += [output.name for output in kind.further_outputs if output.name in asked]
+    names = [output.name for output in kind.outputs_in(content)] if kind is not None else []
     together = [name for name in HORIZONTAL if name.replace("horizontal", "north") in names]
     return _beginning([*names, *together], incomplete)
 

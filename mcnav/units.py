@@ -35,6 +35,7 @@ DIMENSIONS: Final = {
     "rad/s": Dimension("an angular rate", "0.2 deg/h"),
     "m^2/kg": Dimension("an area per mass", "4.1e-9 km^2/kg"),
     "s/m": Dimension("a time per length", "3.281 s/km"),
+    "1/m": Dimension("a number per length", "0.2 1/km"),
     "rad/sqrt(s)": Dimension("an angle random walk", "0.002 deg/sqrt(h)"),
     "rad/s/sqrt(s)": Dimension("a rate random walk", "0.01 deg/h/sqrt(h)"),
     "m/s/sqrt(s)": Dimension("a velocity random walk", "0.03 m/s/sqrt(h)"),
@@ -94,6 +95,7 @@ USUAL: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
     },
     "m^2/kg": {"m^2/kg": (1.0, 1.0), "km^2/kg": (1000000.0, 1e-06)},
     "s/m": {"s/m": (1.0, 1.0), "s/km": (0.001, 1000.0)},
+    "1/m": {"1/m": (1.0, 1.0), "1/km": (0.001, 1000.0)},
     "rad/sqrt(s)": {"rad/sqrt(s)": (1.0, 1.0), "deg/sqrt(h)": (0.0002908882086657216, 3437.746770784939)},
     "rad/s/sqrt(s)": {"rad/s/sqrt(s)": (1.0, 1.0), "deg/h/sqrt(h)": (8.080228018492267e-08, 12375888.374825781)},
     "m/s/sqrt(s)": {

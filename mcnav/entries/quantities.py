@@ -69,6 +69,9 @@ AreaPerMass = Annotated[float, QuantityIn("m^2/kg")]
 TimePerLength = Annotated[float, QuantityIn("s/m")]
 
 
+PerLength = Annotated[float, QuantityIn("1/m")]
+
+
 AngularRate = Annotated[float, QuantityIn("rad/s")]
 
 

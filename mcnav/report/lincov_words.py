@@ -14,6 +14,7 @@ from mcnav.analysis.filter_causes import MEAN, NEARLY
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.filter_verdict import LEAST
@@ -123,7 +124,10 @@ def _departure(answer: LinearAnswer) -> str:
 
 
 def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
-    """Say where a mean error is largest against its sigma, and what causes it; nothing where all means are zero."""
+    """Say where a mean error is largest against its sigma, and what causes it; nothing where all means are zero.
+
+    Of outputs that are no navigation errors, means count by which errors move them.
+    """
     history = answer.meaningful
     if history is not None and not np.any(_without_rounding(answer, answer.model.nominal)):
         means, sigmas, parts = history.mean, history.sigma, dict(history.means)
@@ -132,6 +136,10 @@ def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
         parts = {name: values[None] for name, values in answer.means.items()}
     else:
         return
+    if NOMINAL in parts:  # a time or an effort that a flight without errors has is no error
+        of_errors = np.array([output.of == "navigation" for output in answer.outputs])
+        means = means - np.where(of_errors, 0.0, parts[NOMINAL])
+        parts[NOMINAL] = np.where(of_errors, parts[NOMINAL], 0.0)
     sizes = np.abs(_without_rounding(answer, means))
     if not sizes.any():
         return

@@ -279,6 +279,8 @@ def findings(summary: Summary) -> list[str]:
 
 def certain_but_small(summary: Summary) -> str:
     """Name the differences that are significant but within the tolerance; empty when there are none."""
+    if summary.beyond_range:
+        return ""
     ratios, intervals = summary.sigma_ratio_paired, summary.sigma_ratio_paired_interval
     small = [
         f"{humanize(name)} ({percent(ratio - 1.0)})"

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav.analysis.comparison import Comparison
+from mcnav.analysis.linear_range import limits_of, outputs_beyond
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.contract.quantities import Output
 from mcnav.lincov.start_times import StartTimeStudy
+from mcnav.report.format import number
 from mcnav.report.model import humanize
+from mcnav.units import conversion
 
 
 def minutes(seconds: float) -> str:
@@ -23,7 +27,14 @@ def answer(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: S
 
     ``checks`` are Monte Carlo comparisons by start time, s.
     """
-    place = study.best_weighted
+    beyond = outputs_beyond(limits_of(output.limit for output in outputs), np.zeros(len(outputs)), study.sigma)
+    candidates, place = beyond[: study.before_event], study.best_weighted
+    if candidates.any(axis=1).all():
+        exceeding = _exceeding(np.asarray(candidates.any(axis=0)), outputs)
+        return (
+            f"At every start errors are beyond the range of linear analysis ({exceeding}): it does not say when to "
+            "start."
+        )
     gain = study.weighted[place] / study.weighted[0] if study.weighted[0] > 0.0 else 1.0
     words = [
         f"Start at {minutes(study.times[place])} {study.clock.label}: of the starts compared, the weighted dispersion "
@@ -38,7 +49,21 @@ def answer(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: S
         words.append("It is the latest start compared; a later one is not looked at.")
     if (differing := _of_single_outputs(study, outputs)) and len(outputs) > 1:
         words.append(differing)
+    if beyond[place].any():
+        exceeding = _exceeding(beyond[place], outputs)
+        words.append(f"Errors of that start are beyond the range of linear analysis ({exceeding}): do not rely on it.")
+        return " ".join(words)
     return " ".join([*words, _confirmed(study, checks)]).strip()
+
+
+def _exceeding(beyond: NDArray[np.bool_], outputs: Sequence[Output]) -> str:
+    """Name the outputs that are beyond their limits, shape (outputs,), with these."""
+    named = []
+    for output, far in zip(outputs, beyond, strict=True):
+        if far and output.limit is not None:
+            limit = number(output.limit * conversion(output.unit, output.shown_in))
+            named.append(f"{humanize(output.name)} exceeds {limit} {output.shown_in}")
+    return " and ".join(named)
 
 
 def _of_single_outputs(study: StartTimeStudy, outputs: Sequence[Output]) -> str:

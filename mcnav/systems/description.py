@@ -89,22 +89,26 @@ class ScenarioType:
     sources : sequence of Source, optional
         Sources against which ``[errors]`` is checked when ``[scenario]`` itself is wrong.
     outputs : sequence of Output
-        Outputs of every such scenario, for editors and the command line.
-    further_outputs : sequence of Output
-        Outputs of those whose key of this name has them.
+        Outputs that such scenarios can have, for editors and the command line.
     start_times : bool
         Whether its start can be chosen.
     tables : mapping of str to FurtherTable
         Further tables of the file that it reads.
+    choose_outputs : callable, optional
+        Returns those outputs that the scenario of a file has, from the content of the file; all unless given.
     """
 
     table: type[Table]
     read: Callable[[Any, Mapping[str, Any], FileContext], ScenarioSpec | None]
     sources: Sequence[Source] | None = None
     outputs: Sequence[Output] = ()
-    further_outputs: Sequence[Output] = ()
     start_times: bool = False
     tables: Mapping[str, FurtherTable] = field(default_factory=dict)
+    choose_outputs: Callable[[Mapping[str, Any]], Sequence[Output]] | None = None
+
+    def outputs_in(self, content: Mapping[str, Any]) -> Sequence[Output]:
+        """Return the outputs of the scenario of a file."""
+        return self.outputs if self.choose_outputs is None else self.choose_outputs(content)
 
     @property
     def source_patterns(self) -> Mapping[str, str]:

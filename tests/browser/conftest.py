@@ -31,6 +31,7 @@ from mcnav.validation.reproduce.textbook import page as textbook_page
 from mcnav.validation.reproduce.textbook.filters import tutorial_numbers
 from mcnav.validation.reproduce.tn_d1772 import page as tn_page
 from mcnav.validation.reproduce.tn_d1772.claims import Finding
+from mcnav.validation.reproduce.tn_d1772.in_the_closed_loop import LoopComparison
 from mcnav.validation.reproduce.tn_d1772.in_three_dimensions import Comparison
 from mcnav.validation.reproduce.tn_d1772.tables import Cell
 from mcnav.workflow import compare, index
@@ -281,11 +282,17 @@ def _tn(folder: Path, made: Callable[[str], Path]) -> Path:
     figures = {
         name: draw(pd.read_csv(written / f"figure_{int(name):02}.csv")) for name, (_, draw) in tn_page.FIGURES.items()
     }
-    rows = pd.read_csv(written / "three_dimensions.csv").to_dict("records")
-    compared = [Comparison(**{str(name): value for name, value in row.items()}) for row in rows]
+    rows = {
+        name: [
+            {str(key): value for key, value in row.items()} for row in pd.read_csv(written / name).to_dict("records")
+        ]
+        for name in ("three_dimensions.csv", "closed_loop.csv")
+    }
+    compared = [Comparison(**row) for row in rows["three_dimensions.csv"]]
+    loops = [LoopComparison(**row) for row in rows["closed_loop.csv"]]
     found = [Finding(NAME, "It is said in many words what is found of it. " * 5, "holds")]
     page = folder / tn_page.PAGE
-    page.write_text(tn_page.render(NAME, cells, figures, found, found, found, compared), encoding="utf-8")
+    page.write_text(tn_page.render(NAME, cells, figures, found, found, found, compared, found, loops), encoding="utf-8")
     return page
 
 

@@ -28,6 +28,11 @@ def folder(reproduction: Reproduction) -> Path:
     return reproduction.folder
 
 
+def _chapter(title: str) -> str:
+    committed = (ROOT / "mcnav" / "validation" / "reproduce" / "tn_d1772" / "TN_D1772.md").read_text(encoding="utf-8")
+    return committed.partition(f"## {title}\n")[2].partition("\n## ")[0]
+
+
 def test_the_command_counts_what_it_writes(reproduction: Reproduction) -> None:
     assert f"{len(pd.read_csv(reproduction.folder / 'tables.csv'))} printed numbers" in reproduction.printed
     assert f"written: {Path(reproduction.folder.name) / page.PAGE}" in reproduction.printed
@@ -68,11 +73,11 @@ def test_contradictions_by_the_printed_numbers_alone(table: str, name: str, colu
 def test_page_and_tables(cells: list[Cell], folder: Path) -> None:
     text = (folder / page.PAGE).read_text(encoding="utf-8")
     assert text.count('class="digits"') + text.count('class="tolerance"') > 800
-    assert text.count("<figure") == 14
+    assert text.count("<figure") == 15
     assert len(pd.read_csv(folder / "tables.csv")) == len(cells)
     for name in SUM_NAMES.values():
         assert name in text
-    for number in range(1, 15):
+    for number in range(1, 16):
         frame = pd.read_csv(folder / f"figure_{number:02}.csv")
         assert len(frame) > 10
         assert f'href="figure_{number:02}.csv"' in text
@@ -154,9 +159,7 @@ def test_samples_contain_every_sigma_of_three_dimensions(reproduction: Reproduct
 
 def test_the_chapter_on_three_dimensions_is_what_the_command_writes(reproduction: Reproduction) -> None:
     computed = (reproduction.folder / "three_dimensions.md").read_text(encoding="utf-8")
-    committed = (ROOT / "mcnav" / "validation" / "reproduce" / "tn_d1772" / "TN_D1772.md").read_text(encoding="utf-8")
-    chapter = committed.partition("## In three dimensions")[2].partition("\n## ")[0]
-    assert_same_tables(computed, chapter)
+    assert_same_tables(computed, _chapter("In three dimensions"))
 
 
 def test_the_findings_in_three_dimensions_are_those_of_the_chapter(reproduction: Reproduction) -> None:
@@ -164,13 +167,40 @@ def test_the_findings_in_three_dimensions_are_those_of_the_chapter(reproduction:
     found = pd.read_csv(reproduction.folder / "findings.csv")
     found = found[found["kind"] == "three dimensions"]
     assert list(found["verdict"]) == ["in part", "does not hold", "holds", "in part"]
-    committed = (ROOT / "mcnav" / "validation" / "reproduce" / "tn_d1772" / "TN_D1772.md").read_text(encoding="utf-8")
-    chapter = committed.partition("## In three dimensions")[2].partition("\n## ")[0]
-    said = " ".join(line for line in chapter.splitlines() if not line.startswith("|"))
+    said = " ".join(line for line in _chapter("In three dimensions").splitlines() if not line.startswith("|"))
     computed = set(re.findall(r"[\d.]+", " ".join(found["found"])))
     stated = re.findall(r"(\d+\.\d+|\d+(?= %))", said.partition("**Start 20")[2])
     assert len(stated) > 12
     assert set(stated) <= computed
+
+
+def test_the_chapter_on_the_closed_loop_is_what_the_command_writes(reproduction: Reproduction) -> None:
+    computed = (reproduction.folder / "closed_loop.md").read_text(encoding="utf-8")
+    assert_same_tables(computed, _chapter("In the closed loop"))
+
+
+def test_the_findings_in_the_closed_loop_are_those_of_the_chapter(reproduction: Reproduction) -> None:
+    """Every number of kilometres and percent that the chapter states stands in the findings."""
+    found = pd.read_csv(reproduction.folder / "findings.csv")
+    found = found[found["kind"] == "closed loop"]
+    assert list(found["verdict"]) == ["in part", "in part", "holds", "in part", "in part"]
+    said = " ".join(line for line in _chapter("In the closed loop").splitlines() if not line.startswith("|"))
+    computed = set(re.findall(r"\d[\d.,]*\d|\d", " ".join(found["found"])))
+    stated = re.findall(r"(\d[\d.,]*\d|\d)(?= km| %| times| to \d|\))", said.partition("**What")[2])
+    assert len(stated) > 20
+    assert set(stated) <= computed
+
+
+def test_samples_contain_every_sigma_of_the_closed_loop(reproduction: Reproduction) -> None:
+    """Intervals of 99.9 %, of samples that the cases share; errors of the navigator are those of the report."""
+    frame = pd.read_csv(reproduction.folder / "closed_loop.csv")
+    moved = frame[frame["departure"].notna()]
+    assert len(moved) == 5 * 10 + 2
+    assert ((moved["low"] <= moved["linear"]) & (moved["linear"] <= moved["high"])).all()
+    unmoved = frame[(frame["fed"] == "true") & (frame["result"] == "landing point") & (frame["part"] != "air")]
+    assert (unmoved[["linear", "simulated"]] == 0.0).all(axis=None)
+    errors = moved[moved["result"] != "landing point"].pivot_table("linear", ["case", "result"], "fed")
+    np.testing.assert_allclose(errors["indicated"], errors["true"], rtol=1e-3)
 
 
 def test_the_documentation_counts_right(cells: list[Cell]) -> None:

@@ -89,7 +89,7 @@ def _has_type(condition: Node) -> Node:
 
 
 def _output_names(kind: ScenarioType) -> list[str]:
-    return [output.name for output in (*kind.outputs, *kind.further_outputs)]
+    return [output.name for output in kind.outputs]
 
 
 def _keys(kind: ScenarioType) -> list[str]:

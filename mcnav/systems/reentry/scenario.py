@@ -208,15 +208,8 @@ class EnsembleEngine:
     @cached_property
     def epochs(self) -> Epochs:
         """Evenly spaced before reentry, and evenly after it."""
-        trajectory = self.navigation.trajectory
-        start, reentry, end = self.navigation.start, trajectory.reentry_time, trajectory.final_time
-        if start >= reentry:
-            times = np.linspace(start, end, EPOCHS)
-        else:
-            after = min(max(FEWEST_AFTER_REENTRY, round(EPOCHS * (end - reentry) / (end - start))), EPOCHS - 2)
-            before = np.linspace(start, reentry, EPOCHS - after, endpoint=False)
-            times = np.concatenate([before, np.linspace(reentry, end, after)])
-        return Epochs(HISTORY_TIME, (times - reentry) / 60.0, events(self.navigation))
+        times = epoch_times(self.navigation) - self.navigation.trajectory.reentry_time
+        return Epochs(HISTORY_TIME, times / 60.0, events(self.navigation))
 
     @cached_property
     def _moments(self) -> Array:
@@ -250,6 +243,17 @@ class EnsembleEngine:
         histories = self.histories(errors)
         pivot = append_errors(self.navigation.further, nominal_errors(self._followed), self._actual)
         return sum_powers(histories[np.isfinite(histories).all(axis=(1, 2))], pivot)
+
+
+def epoch_times(navigation: Navigation, count: int = EPOCHS) -> Array:
+    """Space epochs evenly before reentry, and evenly after it, to the end; s from the first point of the truth."""
+    start, reentry, end = navigation.start, navigation.trajectory.reentry_time, navigation.trajectory.final_time
+    if start >= reentry:
+        return np.linspace(start, end, count)
+    fewest = round(FEWEST_AFTER_REENTRY * count / EPOCHS)
+    after = min(max(fewest, round(count * (end - reentry) / (end - start))), count - 2)
+    before = np.linspace(start, reentry, count - after, endpoint=False)
+    return np.concatenate([before, np.linspace(reentry, end, after)])
 
 
 def events(navigation: Navigation) -> dict[str, float]:

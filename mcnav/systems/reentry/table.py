@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
 from mcnav._recent import Recent
 from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
+from mcnav.contract.quantities import Output
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import (
     AreaPerMass,
@@ -16,18 +17,22 @@ from mcnav.entries.quantities import (
     Length,
     Number,
     OneOf,
+    PerLength,
     Speed,
     Table,
     TimePerLength,
 )
 from mcnav.entries.unions import ByType
 from mcnav.systems.description import ScenarioSpec, ScenarioType
+from mcnav.systems.reentry.guided.description import TRUE_ALTITUDE, TRUTH_OUTPUTS, TRUTH_SOURCES, Guidance
+from mcnav.systems.reentry.guided.following import Following, Gains, Weights
+from mcnav.systems.reentry.guided.scenario import GuidedReentry
 from mcnav.systems.reentry.outputs import DEVIATIONS, FURTHER
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.table_i import TABLE_I, common_start, start_state
 from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
 
-_RECENT: Final = Recent[Reentry](most=2)
+_RECENT: Final = Recent[Reentry | GuidedReentry](most=2)
 """Scenarios of the campaigns read last, which variations of a campaign share: each has a trajectory."""
 
 
@@ -56,6 +61,51 @@ class FirstPointTable(Table):
     range: Annotated[Length, Field(description="Range angle times the earth's radius.")]
     altitude_rate: Annotated[Speed, Field(description="Altitude rate.")]
     range_rate: Annotated[Speed, Field(description="Range angle's rate times the earth's radius.")]
+
+
+class GainsTable(Table):
+    """``gains = { altitude = "0.2 1/km", altitude_rate = "20 s/km", range_rate = "9 s/km" }``."""
+
+    altitude: Annotated[PerLength, Field(description="L/D per altitude above the nominal flight's.")]
+    altitude_rate: Annotated[TimePerLength, Field(description="L/D per altitude rate above the nominal flight's.")]
+    range_rate: Annotated[TimePerLength, Field(description="L/D per range rate above the nominal flight's.")]
+
+
+class FollowingTable(Table):
+    """``law = { type = "reference", limit = 0.8 }``: to the landing site of the nominal flight."""
+
+    type: Annotated[Literal["reference"], Field(description="A law that follows the nominal flight.")]
+    limit: Annotated[
+        Number, Field(gt=0.0, le=10.0, description="Largest ratio of lift to drag, above the nominal flight's own.")
+    ]
+    gains: Annotated[
+        GainsTable | None, Field(description="Gains; those of a linear quadratic regulator unless given.")
+    ] = None
+    miss: Annotated[
+        Length | None,
+        Field(gt=0.0, description="Miss of the landing site that weighs in the regulator as much as the change."),
+    ] = None
+    change: Annotated[
+        Number | None, Field(gt=0.0, description="Change of the ratio throughout that weighs as much as the miss.")
+    ] = None
+
+
+class GuidanceTable(Table):
+    """``[scenario.guidance]``: what the lift law is fed with, what ends the flight, what the navigator is told."""
+
+    input: Annotated[
+        Literal["indicated", "true"], Field(description="Altitude rate that the lift law is fed with.")
+    ] = "indicated"
+    final: Annotated[
+        Literal["true", "indicated"], Field(description="Altitude whose fall to the final altitude ends the flight.")
+    ] = "true"
+    navigator_start: Annotated[
+        Literal["truth", "nominal"],
+        Field(description="State that the navigator is told, before its errors: its own true one or the nominal one."),
+    ] = "truth"
+    law: Annotated[
+        FollowingTable | None, Field(description="Lift law that closes the loop; that of the trajectory unless given.")
+    ] = None
 
 
 class ReentryTable(Table):
@@ -90,6 +140,9 @@ class ReentryTable(Table):
         list[Annotated[str, OneOf(tuple(FURTHER_BY_NAME))]],
         Field(description="Outputs besides the errors of the polar state."),
     ] = []  # noqa: RUF012  # pydantic copies defaults
+    guidance: Annotated[
+        GuidanceTable | None, Field(description="The lift law fed by the navigator: each sample has its own truth.")
+    ] = None
 
 
 def _lift_law(table: ConstantLiftTable | VariableLiftTable) -> LiftLaw:
@@ -130,28 +183,82 @@ def _read_flight(table: ReentryTable, context: FileContext) -> Flight | None:
     )
 
 
+def _has_own_truths(content: Mapping[str, Any]) -> bool:
+    """Return whether each sample of a file has a truth of its own: with guidance, or a source that disperses it."""
+    scenario, errors = content.get("scenario"), content.get("errors")
+    dispersed = isinstance(errors, Mapping) and any(source.name in errors for source in TRUTH_SOURCES)
+    return dispersed or (isinstance(scenario, Mapping) and "guidance" in scenario)
+
+
+def _read_guidance(table: ReentryTable, context: FileContext) -> Guidance | None:
+    """Read how the loop is closed; none where all samples have one truth."""
+    if table.guidance is not None:
+        return Guidance(table.guidance.input, table.guidance.final, table.guidance.navigator_start)
+    return Guidance("true", "true", "truth") if _has_own_truths(context.content) else None
+
+
+def _read_following(table: ReentryTable, context: FileContext) -> Following | None:
+    """Read the law that follows the nominal flight; none where the trajectory's own is flown."""
+    law = None if table.guidance is None else table.guidance.law
+    if law is None:
+        return None
+    if law.gains is None:
+        default = Weights()
+        weights = Weights(
+            default.miss if law.miss is None else law.miss, default.change if law.change is None else law.change
+        )
+        return Following(law.limit, weights)
+    for key in ("miss", "change"):
+        if getattr(law, key) is not None:
+            context.problem(f"scenario.guidance.law.{key}", "got with gains, which it would decide about; keep one")
+    return Following(law.limit, Gains(law.gains.altitude, law.gains.altitude_rate, law.gains.range_rate))
+
+
+def _choose_outputs(content: Mapping[str, Any]) -> Sequence[Output]:
+    """Return the outputs of the reentry of a file."""
+    scenario = content["scenario"]
+    asked = scenario.get("further_outputs", [])
+    errors = (*DEVIATIONS, *(each.output for name, each in FURTHER_BY_NAME.items() if name in asked))
+    if not _has_own_truths(content):
+        return errors
+    guidance = scenario.get("guidance")
+    indicated = isinstance(guidance, Mapping) and guidance.get("final") == "indicated"
+    return (*errors, *((TRUE_ALTITUDE,) if indicated else ()), *TRUTH_OUTPUTS)
+
+
 def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
     """Build the scenario; mistakes are added to the context."""
     flight = _read_flight(table, context)
     further = tuple(each for name, each in FURTHER_BY_NAME.items() if name in table.further_outputs)
     if flight is None:
         return None
+    guidance, following = _read_guidance(table, context), _read_following(table, context)
     law = flight.vehicle.lift_law
     lift: Mapping[str, object] = (
         {"type": "constant", "lift_to_drag": law.lift_to_drag}
         if isinstance(law, ConstantLift)
         else {"type": "variable", "gain": f"{law.gain!r} s/m", "limit": law.limit}
     )
-    defaults = {
+    resolved = {
         "lift_law": lift,
         "ballistic": f"{flight.vehicle.ballistic_coefficient!r} m^2/kg",
         "final_altitude": f"{flight.final_altitude!r} m",
         "axes": flight.axes,
+        **entries,
     }
-    scenario = _RECENT.get(repr((flight, further)), lambda: Reentry(flight, further))
-    return ScenarioSpec(scenario, {**defaults, **entries})
+    scenario = _RECENT.get(
+        repr((flight, guidance, following, further)),
+        lambda: Reentry(flight, further) if guidance is None else GuidedReentry(flight, guidance, following, further),
+    )
+    if table.guidance is not None:
+        resolved["guidance"] = table.guidance.model_dump(exclude_none=True) | dict(entries["guidance"])
+    return ScenarioSpec(scenario, resolved)
 
+
+ALL_SOURCES: Final = (*SOURCES, *TRUTH_SOURCES)
+ALL_OUTPUTS: Final = (*DEVIATIONS, *(each.output for each in FURTHER), TRUE_ALTITUDE, *TRUTH_OUTPUTS)
+"""Of reentries with and without guidance."""
 
 REENTRY: Final = ScenarioType(
-    ReentryTable, read_scenario, SOURCES, DEVIATIONS, tuple(each.output for each in FURTHER), start_times=True
+    ReentryTable, read_scenario, ALL_SOURCES, ALL_OUTPUTS, start_times=True, choose_outputs=_choose_outputs
 )

@@ -215,7 +215,7 @@ def _regimes(law: LiftLaw) -> tuple[_Regime, ...]:
 
 
 @dataclass(frozen=True)
-class _Band:
+class Band:
     """A stretch of altitude: one layer of the atmosphere, accelerometers on or off; bounds are radii, m."""
 
     layer: Layer
@@ -224,7 +224,7 @@ class _Band:
     top: float
 
 
-def _bands(switching_altitude: float | None) -> tuple[_Band, ...]:
+def altitude_bands(switching_altitude: float | None) -> tuple[Band, ...]:
     """List the altitude bands in rising order."""
     edges = sorted({*LAYER_BOUNDARIES, *(() if switching_altitude is None else (switching_altitude,))})
     radii = [-np.inf, *(EARTH_RADIUS + edge for edge in edges), np.inf]
@@ -232,7 +232,7 @@ def _bands(switching_altitude: float | None) -> tuple[_Band, ...]:
     for number, (bottom, top) in enumerate(pairwise(radii)):
         layer = LAYERS[sum(edge in LAYER_BOUNDARIES for edge in edges[:number])]
         on = switching_altitude is None or top <= EARTH_RADIUS + switching_altitude
-        bands.append(_Band(layer, on, bottom, top))
+        bands.append(Band(layer, on, bottom, top))
     return tuple(bands)
 
 
@@ -277,7 +277,7 @@ def fly_truth(
             f"the flight starts at {_kilometres(start[0])}, which is not above its final altitude of "
             f"{final_altitude / 1e3:.2f} km"
         )
-    bands, regimes = _bands(switching_altitude), _regimes(vehicle.lift_law)
+    bands, regimes = altitude_bands(switching_altitude), _regimes(vehicle.lift_law)
     band = next(i for i, candidate in enumerate(bands) if start[0] < candidate.top)
     regime = next(i for i, candidate in enumerate(regimes) if start[2] < candidate.fastest)
     time, state, end = 0.0, np.array(start, dtype=float), EARTH_RADIUS + final_altitude

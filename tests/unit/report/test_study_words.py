@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,3 +61,19 @@ def test_when() -> None:
     assert first.startswith("Start at the first point, −30.0 min from reentry")
     assert "an earlier start is not looked at" in first
     assert "It is the latest start compared; a later one is not looked at." in last
+
+
+def test_when_errors_are_beyond_the_range_of_linear_analysis() -> None:
+    limited = (Output("range", "m", "km", limit=1.5), Output("altitude", "m", "km"))
+    within = start_answer(study([4.0, 1.0, 2.0]), {}, limited)
+    assert within == start_answer(study([4.0, 1.0, 2.0]), {}, OUTPUTS)
+    at_the_best = start_answer(study([4.0, 1.6, 1.4]), {}, limited)
+    assert "range exceeds" not in at_the_best
+    best_beyond = replace(study([4.0, 1.4, 2.0]), weights=np.array([0.0, 1.0]))
+    assert start_answer(best_beyond, {}, limited).endswith(
+        "Errors of that start are beyond the range of linear analysis (range exceeds 0.001500 km): do not rely on it."
+    )
+    assert start_answer(study([4.0, 1.6, 2.0]), {}, limited) == (
+        "At every start errors are beyond the range of linear analysis (range exceeds 0.001500 km): it does not say "
+        "when to start."
+    )

@@ -1,4 +1,4 @@
-"""Figures 1 to 12 of NASA TN D-1772, and one more, drawn from their tables (`curves`)."""
+"""Figures 1 to 12 of NASA TN D-1772, and three more, drawn from their tables."""
 
 from __future__ import annotations
 
@@ -370,4 +370,44 @@ def figure_14(frame: pd.DataFrame) -> Figure:
         "accurate as the report's initial conditions and alignment; the filter goes on with what it has learnt of the "
         "instruments.",
         file="figure_14.csv",
+    )
+
+
+def figure_15(frame: pd.DataFrame) -> Figure:
+    """Draw the dispersion of the landing point, and navigation errors, against the start of navigation."""
+    landing = {
+        "accelerometers on": Series("on", "landing point", LINEAR),
+        "accelerometers off": Series("off", "accelerometers off above 121.92 km", FILTER, "dashdot"),
+    }
+    errors = {
+        "altitude error": Series("altitude", "altitude error", FLOWN),
+        "range error": Series("range", "range error", MUTED, "dashed"),
+    }
+    flown = Series("flown", "Monte Carlo", INK, "ring")
+    known, sampled = "accelerometers on", frame[frame["curve"] == "samples"]
+
+    def panel(title: str, lines: Mapping[tuple[str, str], Series]) -> Panel:
+        marks: list[Mark] = []
+        for (curve, name), series in lines.items():
+            shown = frame[frame["curve"] == curve]
+            marks.append(Line(series, shown["time from reentry [min]"], shown[f"{name} [km]"]))
+            if curve == known:
+                marks.append(Points(flown, sampled["time from reentry [min]"], sampled[f"{name} [km]"], 6.0))
+        start = Axis("start of navigation", "min from reentry", margin=0.02)
+        return Panel(title, start, Axis("1σ", "km", low=0.0), marks)
+
+    return Figure(
+        name="tn-15",
+        title="Start of navigation in the closed loop",
+        description="Sigma of the landing point of trajectory 2 against the start of navigation, with the lift law fed "
+        "by the navigator, and of the final navigation errors.",
+        panels=[
+            panel("landing point", {(curve, "landing point"): series for curve, series in landing.items()}),
+            panel("navigation errors", {(known, name): series for name, series in errors.items()}),
+        ],
+        key=(*landing.values(), *errors.values(), flown),
+        columns=dict(frame.items()),
+        caption="Not in the report: trajectory 2 with its lift law fed by the indicated altitude rate. Fed by the true "
+        "one, navigation errors do not move the landing point.",
+        file="figure_15.csv",
     )

@@ -23,7 +23,15 @@ from mcnav.validation.reproduce.tn_d1772 import curves as computed
 from mcnav.validation.reproduce.tn_d1772 import figures as drawn
 from mcnav.validation.reproduce.tn_d1772.claims import Finding, claims, settled
 from mcnav.validation.reproduce.tn_d1772.globe import RESULTS
+from mcnav.validation.reproduce.tn_d1772.in_the_closed_loop import (
+    FED,
+    LoopComparison,
+    figure_15,
+    loop_comparisons,
+)
+from mcnav.validation.reproduce.tn_d1772.in_the_closed_loop import RESULTS as LOOP_RESULTS
 from mcnav.validation.reproduce.tn_d1772.in_three_dimensions import Comparison, comparisons, figure_14
+from mcnav.validation.reproduce.tn_d1772.loop_claims import loop_claims
 from mcnav.validation.reproduce.tn_d1772.spatial_claims import spatial_claims
 from mcnav.validation.reproduce.tn_d1772.tables import Cell, Mark, all_cells
 
@@ -62,6 +70,12 @@ COMPARED: Final = (
     "sigma of its own, and the planar navigator starts at that time."
 )
 
+LOOPED: Final = (
+    "Dispersion in km with the lift law fed by the true altitude rate and by the indicated one: linear, and of samples "
+    "with an interval of 99.9 % confidence. The departure is that of the samples' root mean square from that of their "
+    "linear outcomes, which have the same errors; the correlation is with the final altitude-rate error."
+)
+
 ATMOSPHERE: Final = (
     "The atmosphere is only cited (“reference 4”): it is the ARDC Model Atmosphere of 1959, which reproduces the "
     "ranges of Table I. Range angles are not wrapped at 180 deg."
@@ -87,6 +101,7 @@ FIGURES: Final[Mapping[str, tuple[Callable[[], pd.DataFrame], Callable[[pd.DataF
     "12": (computed.figure_12, drawn.figure_12),
     "13": (computed.switching, drawn.figure_13),
     "14": (figure_14, drawn.figure_14),
+    "15": (figure_15, drawn.figure_15),
 }
 """Data and drawing of each figure."""
 
@@ -119,9 +134,10 @@ def _between_engines(cells: Sequence[Cell]) -> str:
 
 def render(
     title: str, cells: Sequence[Cell], figures: Mapping[str, Figure], said: Sequence[Finding],
-    decided: Sequence[Finding], spatial: Sequence[Finding], compared: Sequence[Comparison],
+    decided: Sequence[Finding], spatial: Sequence[Finding], compared: Sequence[Comparison], looped: Sequence[Finding],
+    loops: Sequence[LoopComparison],
 ) -> str:  # fmt: skip
-    """Render the page; figures by number, findings and numbers of the navigator in three dimensions last."""
+    """Render the page; figures by number; findings and numbers in three dimensions and in the closed loop last."""
     counted = Counter(cell.mark for cell in cells)
     counts = counts_in_words([(PHRASES[mark], counted[mark]) for mark in Mark if counted[mark]])
     intro = Sentence(REPORT.format(f"{len(cells):,}", counts))
@@ -129,6 +145,7 @@ def render(
         Section("claims", "Claims of the report", [_finding_table(said, "Claim")]),
         Section("three-dimensions", "In three dimensions",
                 [_finding_table(spatial, "Claim"), _comparison_table(compared)]),
+        Section("closed-loop", "In the closed loop", [_finding_table(looped, "Claim"), _loop_table(loops)]),
         Section("settled", "Open questions settled for the reproduction",
                 [_finding_table(decided, "Statement in the report"), Note(ATMOSPHERE)]),
     ]  # fmt: skip
@@ -171,6 +188,25 @@ def _comparison_table(compared: Sequence[Comparison]) -> Table[Comparison]:
         Column("Filter", lambda each: each.own),
     ]
     return Table(COMPARED, columns, compared)
+
+
+def _loop_table(loops: Sequence[LoopComparison]) -> Table[LoopComparison]:
+    """Tabulate the dispersion with the lift law fed by the truth and by the navigator."""
+
+    def simulated(each: LoopComparison) -> str:
+        interval = f" ({number(each.low, 3)} to {number(each.high, 3)})" if each.high > 0.0 else ""
+        return f"{number(each.simulated)}{interval}"
+
+    columns: list[Column[LoopComparison]] = [
+        Column("Case", lambda each: each.case.replace("-", "−"), kind="words"),
+        Column("Law fed with", lambda each: f"{each.fed} rate", kind="label"),
+        Column("Result", lambda each: each.result, kind="label"),
+        Column("Linear", lambda each: each.linear),
+        Column("Samples", simulated),
+        Column("Departure", lambda each: number(100.0 * each.departure, 2), unit="%"),
+        Column("Correlation", lambda each: number(each.correlation, 2)),
+    ]
+    return Table(LOOPED, columns, loops)
 
 
 def _notable_table(cells: Sequence[Cell]) -> Table[Cell]:
@@ -231,24 +267,46 @@ def _cell(each: Comparison) -> str:
     return spatial if np.isnan(each.planar) else f"{pair(each.planar, each.planar_simulated)}; {spatial}"
 
 
+def loop_chapter(loops: Sequence[LoopComparison]) -> str:
+    """Write the table of the chapter on the closed loop in ``TN_D1772.md``.
+
+    Each cell has the linear number with the law fed by the truth, then by the navigator; those of samples are in
+    brackets.
+    """
+    lines = [f"| case | {' | '.join(LOOP_RESULTS)} |", f"| --- |{' --- |' * len(LOOP_RESULTS)}"]
+    for case, members in groupby(loops, key=lambda each: each.case):
+        cells = {(each.result, each.fed): each for each in members}
+        pairs = ["; ".join(_looped(cells[result, fed]) for fed in FED) for result in LOOP_RESULTS]
+        lines.append(f"| {case.replace('-', '−')} | {' | '.join(pairs)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _looped(each: LoopComparison) -> str:
+    """Write the numbers of a case."""
+    return f"{number(each.linear, 3)} ({number(each.simulated, 3)})" if each.linear > 0.0 else "0"
+
+
 def write_reproduction(path: Path) -> tuple[list[Cell], list[Path]]:
     """Recompute the whole report; return every number of Tables I to VI, and the files written.
 
-    They are the page, ``tables.csv``, ``findings.csv``, ``three_dimensions.csv``, the table ``three_dimensions.md`` of
-    the chapter on three dimensions, and ``figure_01.csv`` to ``figure_14.csv``.
+    They are the page, ``tables.csv``, ``findings.csv``, ``three_dimensions.csv``, ``closed_loop.csv``, the tables of
+    their chapters, ``three_dimensions.md`` and ``closed_loop.md``, and ``figure_01.csv`` to ``figure_15.csv``.
     """
     cells = all_cells()
     data = {name: tabulate() for name, (tabulate, _) in FIGURES.items()}
     figures = {name: draw(data[name]) for name, (_, draw) in FIGURES.items()}
     said, decided, compared = claims(data), settled(), comparisons()
-    spatial = spatial_claims(compared, data["14"])
-    kinds = (("claim", said), ("decision", decided), ("three dimensions", spatial))
+    spatial, loops = spatial_claims(compared, data["14"]), loop_comparisons()
+    looped = loop_claims(loops, data["15"])
+    kinds = (("claim", said), ("decision", decided), ("three dimensions", spatial), ("closed loop", looped))
     reproduction = [(kind, finding) for kind, findings in kinds for finding in findings]
     findings = pd.DataFrame([{"kind": kind} | vars(finding) for kind, finding in reproduction])
     files = {
-        PAGE: render(TITLE, cells, figures, said, decided, spatial, compared),
+        PAGE: render(TITLE, cells, figures, said, decided, spatial, compared, looped, loops),
         "three_dimensions.csv": pd.DataFrame(compared).to_csv(index=False),
         "three_dimensions.md": chapter(compared),
+        "closed_loop.csv": pd.DataFrame(loops).to_csv(index=False),
+        "closed_loop.md": loop_chapter(loops),
         "tables.csv": table(cells).to_csv(index=False),
         "findings.csv": findings.to_csv(index=False),
         **{figure.file: data[name].to_csv(index=False) for name, figure in figures.items()},

@@ -1,0 +1,63 @@
+"""Outputs of a guided reentry: navigation errors, dispersion of the truth, time and largest deceleration."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.contract.quantities import Output
+from mcnav.systems.reentry.guided.description import TRUE_ALTITUDE, TRUTH_OUTPUTS, GuidedNavigation
+from mcnav.systems.reentry.guided.ensemble.kernel import Flights
+from mcnav.systems.reentry.guided.linear import Reading
+from mcnav.systems.reentry.navigator import navigation_error
+from mcnav.systems.reentry.outputs import DEVIATIONS, SCALE, append_errors
+
+
+def outputs_of(navigation: GuidedNavigation) -> tuple[Output, ...]:
+    """Return the outputs: navigation errors and further ones, then those of the truth."""
+    altitude = (TRUE_ALTITUDE,) if navigation.guidance.final == "indicated" else ()
+    return (*DEVIATIONS, *(each.output for each in navigation.further), *altitude, *TRUTH_OUTPUTS)
+
+
+def _from_reentry(navigation: GuidedNavigation, times: Array) -> Array:
+    """Convert times from the start of navigation to times from the nominal reentry, s."""
+    return np.asarray(times + (navigation.start - navigation.trajectory.reentry_time))
+
+
+def read_flights(navigation: GuidedNavigation, flights: Flights, nominal: Array) -> Array:
+    """Return the outputs of flights, shape (n, m, outputs), SI.
+
+    Parameters
+    ----------
+    nominal : ndarray, shape (m, 4)
+        Nominal polar states at the instants, the last at the nominal end.
+    """
+    errors = append_errors(navigation.further, navigation_error(flights.actual, flights.indicated), flights.actual)
+    dispersion = navigation_error(nominal, flights.actual)
+    kept = dispersion if navigation.guidance.final == "indicated" else dispersion[..., 1:]
+    times, peaks = _from_reentry(navigation, flights.times)[..., None], flights.peaks[..., None]
+    return np.concatenate([errors, kept, times, peaks], axis=-1)
+
+
+def read_linear(navigation: GuidedNavigation, reading: Reading, nominal: Array) -> tuple[Array, Array]:
+    """Return partial derivatives of the outputs, shape (outputs, sources), and the outputs without errors; SI.
+
+    Parameters
+    ----------
+    nominal : ndarray, shape (4,)
+        Nominal polar state at the instant.
+    """
+    true, indicated = reading.by_source[:4], reading.by_source[4:]
+    further = [
+        each.gradient(reading.indicated) @ indicated - each.gradient(reading.actual) @ true
+        for each in navigation.further
+    ]
+    first = 0 if navigation.guidance.final == "indicated" else 1
+    dispersion = SCALE[:, None] * true
+    rows = [*(SCALE[:, None] * (indicated - true)), *further, *dispersion[first:]]
+    flight = Flights(
+        reading.actual[None, None], reading.indicated[None, None], np.array([[reading.time]]),
+        np.array([[reading.peak]]), np.zeros(1, dtype=np.int64),
+    )  # fmt: skip
+    values = read_flights(navigation, flight, nominal[None])[0, 0]
+    return np.array([*rows, reading.time_by_source, reading.peak_by_source]), values
