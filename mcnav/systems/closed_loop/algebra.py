@@ -292,37 +292,41 @@ def whiten(lower: Array, values: Array) -> Array:
 
 
 @compiled
-def _combine(matrices: Array, values: Array, result: Array) -> None:
-    rows, columns = matrices.shape[0], matrices.shape[1]
-    a, x, y = np.empty((rows, columns, EIGHT)), np.empty((columns, 1, EIGHT)), np.empty((rows, 1, EIGHT))
-    _gather(matrices, 0, a)
-    for begin in range(0, values.shape[2], EIGHT):
-        _gather(values, begin, x)
-        if matrices.shape[2] > 1:
-            _gather(matrices, begin, a)
-            for i in range(matrices.shape[0]):
-                store_part(y, (i, 0), _row_times_column(a, i, x, 0))
-        else:
-            for i in range(matrices.shape[0]):
-                total = 0.0 * load_part(x, (0, 0))
-                for j in range(matrices.shape[1]):
-                    if matrices[i, j, 0] != 0.0:
-                        total = total + matrices[i, j, 0] * load_part(x, (j, 0))
-                store_part(y, (i, 0), total)
-        _scatter(y, begin, result)
+def _combine_own(matrices: Array, values: Array, result: Array) -> None:
+    for i in range(matrices.shape[0]):
+        row = result[i]
+        for j in range(matrices.shape[1]):
+            factors, column = matrices[i, j], values[j]
+            for s in range(len(row)):
+                row[s] += factors[s] * column[s]
+
+
+@compiled
+def _combine_shared(matrix: Array, values: Array, result: Array) -> None:
+    for i in range(matrix.shape[0]):
+        row = result[i]
+        for j in range(matrix.shape[1]):
+            shared = matrix[i, j]
+            if shared != 0.0:
+                column = values[j]
+                for s in range(len(row)):
+                    row[s] += shared * column[s]
 
 
 def combine(matrices: Array, values: Array) -> Array:
-    """Compute ``A x``, shape (rows, n), of matrices, shape (rows, columns, n) or (rows, columns), and x, (columns, n).
+    """Compute ``A x``, shape (rows, n), of matrices, shape (rows, columns, n) or (rows, columns), and x.
 
     Unlike the product of a library, a sample's has the same bits beside any others.
     """
-    kept = matrices[:, :, None] if matrices.ndim == 2 else matrices
     columns, count = values.shape
-    check_shapes((("matrices", kept, (None, columns, 1 if kept.shape[2] == 1 else count)),))
-    result = np.zeros((len(kept), count))
-    if count and columns:
-        _combine(np.ascontiguousarray(kept), np.ascontiguousarray(values)[:, None], result[:, None])
+    result = np.zeros((len(matrices), count))
+    given = np.ascontiguousarray(values)
+    if matrices.ndim == 2:
+        check_shapes((("matrices", matrices, (None, columns)),))
+        _combine_shared(np.ascontiguousarray(matrices), given, result)
+    else:
+        check_shapes((("matrices", matrices, (None, columns, count)),))
+        _combine_own(np.ascontiguousarray(matrices), given, result)
     return result
 
 

@@ -152,12 +152,12 @@ def as_kept(returned: Any, quantity: Quantity, count: int, where: str) -> Array:
     raise ValueError(f"{where} must have shape {wanted}, for {count} samples; got {values.shape}")
 
 
-def spread(block: Block, returned: Any, count: int, where: str, before: Array | None = None) -> Array:
-    """Return a mapping of names to values as numbers of a block, shape (size, n); the others are zero, or as before.
+def spread(block: Block, returned: Any, count: int, where: str, into: Array | None = None) -> Array:
+    """Return a mapping of names to values as numbers of a block, shape (size, n); the others are zero, or as in `into`.
 
     Raises `ValueError` when a name is unknown, or a shape is wrong.
     """
-    result = np.zeros((block.size, count)) if before is None else before.copy()
+    result = np.zeros((block.size, count)) if into is None else into
     if not isinstance(returned, Mapping):
         raise ValueError(f"{where} must return a mapping of names to values; got {type(returned).__name__}")
     taken = 0
