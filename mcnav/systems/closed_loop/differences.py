@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.systems.closed_loop.algebra import find_departures
+from mcnav.systems.closed_loop.rotations import Space
 
 Map = Callable[[Array, Array], Array]
 """X, shape (size, n), and inputs, shape (k, n), to shape (m, n)."""
@@ -83,8 +84,18 @@ class Straight:
         return find_departures(self.state, self.inputs, about, (STRAIGHT, ROUNDING), given)
 
 
-def differentiate_map(function: Map, x: Array, steps: Array, input_steps: Array) -> Derivatives:
-    """Differentiate a map about one state, shape (size,), to fourth order: (8 (f1 - f-1) - (f2 - f-2)) / (12 step)."""
+def differentiate_map(
+    function: Map, x: Array, steps: Array, input_steps: Array, space: Space, result: Space | None = None
+) -> Derivatives:
+    """Differentiate a map about one state, shape (size,), to fourth order: (8 (f1 - f-1) - (f2 - f-2)) / (12 step).
+
+    Parameters
+    ----------
+    space : Space
+        Sums of X.
+    result : Space, optional
+        Differences of the map's values; ordinary ones unless given.
+    """
     size, inputs = len(x), len(input_steps)
     total, sizes = size + inputs, np.concatenate([steps, input_steps])
     all_steps = SHARE * sizes
@@ -92,8 +103,14 @@ def differentiate_map(function: Map, x: Array, steps: Array, input_steps: Array)
     for number, multiple in enumerate((1.0, -1.0, 2.0, -2.0)):
         moved[np.arange(total), 1 + number * total + np.arange(total)] = multiple * all_steps
     moved[:, 4 * total + 1 :] = sizes[:, None] * mixed(total)
-    values = function(x[:, None] + moved[:size], moved[size:])
-    middle = values[:, 0]
+    values = function(space.plus(x[:, None], moved[:size]), moved[size:])
+    value = middle = values[:, 0]
+    bent = bool(space.attitudes) or (result is not None and bool(result.attitudes))
+    if result is not None and result.attitudes:
+        turns = result.minus(values, middle[:, None])
+        values, middle = values.copy(), middle.copy()
+        for place, _ in result.attitudes:
+            values[place], middle[place] = turns[place], 0.0
     one, less, two, less_two = np.split(values[:, 1 : 4 * total + 1], 4, axis=1)
     slopes = (8.0 * (one - less) - (two - less_two)) / (12.0 * all_steps)
     near, far = np.abs(one + less - 2.0 * middle[:, None]), np.abs(two + less_two - 2.0 * middle[:, None])
@@ -103,8 +120,9 @@ def differentiate_map(function: Map, x: Array, steps: Array, input_steps: Array)
     kinked = (near > 0.05 * moves) & (far < 3.0 * near) & (moves > rounding)  # smooth: far = 4 near; a kink: 2 near
     state, entering = np.ascontiguousarray(slopes[:, :size]), np.ascontiguousarray(slopes[:, size:])
     straight = Straight(x, middle.copy(), state, entering, ROUNDING * largest[:, 0])
-    departs = straight.departures(x[:, None] + moved[:size], moved[size:], values).any()
-    return Derivatives(middle, state, entering, kinked, None if departs else straight)
+    if not bent:
+        bent = bool(straight.departures(x[:, None] + moved[:size], moved[size:], values).any())
+    return Derivatives(value, state, entering, kinked, None if bent else straight)
 
 
 @cache
@@ -114,8 +132,9 @@ def mixed(count: int) -> Array:
 
 
 def differentiate_own(
-    function: Callable[..., Array], x: Array, directions: Array, inputs: Array, share: Array | None = None
-) -> Array:
+    function: Callable[..., Array], x: Array, directions: Array, inputs: Array, space: Space,
+    result: Space | None = None, share: Array | None = None,
+) -> Array:  # fmt: skip
     """Differentiate a map about every sample's state, forwards: with the derivatives half of a step beside it.
 
     Parameters
@@ -125,6 +144,8 @@ def differentiate_own(
         Changes of X.
     inputs : ndarray, shape (k,)
         Changes of the inputs.
+    space, result : Space
+        As those of `differentiate_map`.
     share : ndarray, shape (n,), optional
         Further argument of the map.
 
@@ -139,14 +160,15 @@ def differentiate_own(
     moved[:size, :d], moved[size:, d:-1] = OWN_SHARE * directions, entering
     together = max(COLUMNS // moved.shape[1], 1)
     changes = np.empty((0, moved.shape[1] - 1, count))
+    minus = (Space() if result is None else result).minus
     for begin in range(0, count, together):
         some = x[:, begin : begin + together]
-        states = (some[:, None, :] + moved[:size, :, None]).reshape(size, -1)
+        states = space.plus(some[:, None, :], moved[:size, :, None]).reshape(size, -1)
         more = () if share is None else (np.tile(share[begin : begin + together], moved.shape[1]),)
         values = function(states, np.repeat(moved[size:], some.shape[1], axis=1), *more)
         values = values.reshape(-1, moved.shape[1], some.shape[1])
         if not len(changes):
             changes = np.empty((len(values), moved.shape[1] - 1, count))
-        np.subtract(values[:, :-1], values[:, -1:], out=changes[:, :, begin : begin + together])
+        changes[:, :, begin : begin + together] = minus(values[:, :-1], values[:, -1:])
     changes /= OWN_SHARE
     return changes

@@ -135,8 +135,9 @@ class Flight:
 
     def own_derivatives(self, map_: OwnMap, states: FilterStates) -> tuple[Array, Array]:
         """Compute F, shape (states, states, n), and what enters in believed sizes, shape (states, inputs, n)."""
-        seen = self.seen(map_.x, states)
-        changes = differentiate_own(map_.function, seen, self.directions(states), map_.believed, map_.share)
+        seen, space = self.seen(map_.x, states), self.setup.maps.structure.space
+        directions = self.directions(states)
+        changes = differentiate_own(map_.function, seen, directions, map_.believed, space, space, map_.share)
         moved = changes[states.estimates] - changes[states.counterparts]
         moved = np.concatenate([moved, -changes[states.considered]])
         return moved[:, : states.count] / self.scale(states)[:, None], moved[:, states.count :]
@@ -262,8 +263,9 @@ class Flight:
             assert last.gain is not None
             assert last.factor is not None
             factor, added = last.factor, combine(last.gain, innovation)
-        self.x = self.x.copy()
-        self.x[states.estimates] += added
+        change = np.zeros_like(self.x)
+        change[states.estimates] = added
+        self.x = maps.structure.space.plus(self.x, change)
         if self.recorder is not None:
             self.recorder.sensors[number].add(self.rows, innovation, factor)
 
@@ -292,8 +294,8 @@ class Flight:
 
     def own_sensitivities(self, map_: OwnMap, states: FilterStates) -> Array:
         """Compute H, shape (m, states, n)."""
-        seen = self.seen(map_.x, states)
-        changes = differentiate_own(map_.function, seen, self.directions(states), np.zeros(0))
+        seen, space = self.seen(map_.x, states), self.setup.maps.structure.space
+        changes = differentiate_own(map_.function, seen, self.directions(states), np.zeros(0), space)
         return np.asarray(-changes / self.scale(states)[:, None])
 
     def correct(self, number: int, time: float, planned: Transition | None) -> None:

@@ -63,7 +63,7 @@ def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
     draws = Noise(batch.seed, batch.index) if noise else NoNoise(count)
     if structure.markov.size:
         deviation[structure.markov.whole] = draws.draw(PROCESSES, structure.markov.size) * setup.true.markov[:, None]
-    x = setup.start[:, None] + deviation
+    x = structure.started(setup.start, batch.errors, deviation)
     covariance, own = np.zeros((0, 0, 1)), False
     if setup.states is not None:
         own = setup.states.own_gains
@@ -75,8 +75,8 @@ def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
     sign = np.zeros(count)
     if maps.end is not None:
         sign[:] = np.sign(maps.triggered(maps.end, setup.start[:, None], np.zeros(1))[0])
-    epochs = len(setup.epochs)
+    history = np.full((count, len(setup.epochs), len(setup.readout.outputs)), np.nan)
     return Flight(
         setup, draws, np.arange(count), x, covariance, deviation, np.full_like(x, np.nan),
-        np.full_like(covariance, np.nan), sign, recorder, np.full((count, epochs, len(setup.readout.outputs)), np.nan), own,
+        np.full_like(covariance, np.nan), sign, recorder, history, own,
     )  # fmt: skip
