@@ -247,7 +247,9 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
         "measurements": {"altimeter": "1 m"},
     },
     "Kicked": {
-        "errors": {"true_x": "30 m", "true_altitude": "25 m", "true_vx": "0.5 m/s", "true_vz": "0.4 m/s", "vx": "1 m/s"},
+        "errors": {
+            "true_x": "30 m", "true_altitude": "25 m", "true_vx": "0.5 m/s", "true_vz": "0.4 m/s", "vx": "1 m/s",
+        },
         "processes": {"kick": "0.2 m/s"},
     },
     "Braking": {

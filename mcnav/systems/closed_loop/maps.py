@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -114,8 +114,11 @@ class Maps:
         structure = self.structure
 
         def estimated(block: Block) -> dict[str, Array]:
-            values = named(replace(block, begin=0), np.zeros((block.size, x.shape[1])))
-            values |= {name: each for name, each in named(structure.estimate, x).items() if name in block.names}
+            values = {}
+            for quantity in block.quantities:
+                at = structure.estimate.of(quantity.name)
+                numbers = np.zeros((quantity.size, x.shape[1])) if at is None else x[at]
+                values[quantity.name] = as_seen(numbers, bool(quantity.axes))
             return values
 
         def noise() -> Values:
@@ -163,7 +166,13 @@ class Maps:
         second = rates(0.5 * covered * first, 0.5 * covered, middle)
         third = rates(0.5 * covered * second, 0.5 * covered, middle)
         fourth = rates(covered * third, covered, end)
-        return space.advanced(x, covered / 6.0 * (first + 2.0 * (second + third) + fourth))
+        total = second  # covered / 6 (first + 2 (second + third) + fourth)
+        total += third
+        total *= 2.0
+        total += first
+        total += fourth
+        total *= covered / 6.0
+        return space.advanced(x, total)
 
     def derivative(self, x: Array, time: Array, white: Array) -> Array:
         """Compute dX/dt, shape (size, n), an attitude's its angular rate in body axes; commands and the like rest."""
@@ -171,28 +180,28 @@ class Maps:
         command = self.guided(x, time)[0] if self.continuous and self.guide is not None else None
         frame = self.truth_frame(x, time, white, command)
         result = np.zeros_like(x)
-        result[structure.truth.whole] = spread(structure.truth, self.rates(frame), count, "rates")
+        spread(structure.truth, self.rates(frame), count, "rates", into=result[structure.truth.whole])
         markov = structure.markov.whole
         if structure.markov.size:
             result[markov] = -self.decay * x[markov] + white[structure.white.size :]
         sensed = frame["command"]() if self.sense is None else self._sensed(self.sense(frame))
-        result[structure.estimate.whole] = self._navigated(x, time, sensed)
+        self._navigate(x, time, sensed, result[structure.estimate.whole])
         return result
 
-    def _navigated(self, x: Array, time: Array, sensed: Any) -> Array:
+    def _navigate(self, x: Array, time: Array, sensed: Any, result: Array) -> None:
+        """Set the derivative of the estimate, shape (estimate.size, n), which is zero before."""
         structure = self.structure
         estimate = structure.estimate
         method = self.rates if self.navigate is None else self.navigate
         returned = method(self.navigator_frame(x, time, sensed, with_white=self.navigate is None))
         if self.navigate is None and isinstance(returned, Mapping):  # rates of the truth, of which some are estimated
             returned = {name: each for name, each in returned.items() if name in estimate.names}
-        result = spread(estimate, returned, x.shape[1], "navigate")
+        spread(estimate, returned, x.shape[1], "navigate", into=result)
         for quantity, place in structure.markov.places():
             at = estimate.of(quantity.name)
             if at is not None and quantity.name not in returned:
                 local = slice(place.start - structure.markov.begin, place.stop - structure.markov.begin)
                 result[at.start - estimate.begin : at.stop - estimate.begin] = -self.believed_decay[local] * x[at]
-        return result
 
     def _sensed(self, returned: Any) -> Any:
         if isinstance(returned, Mapping):

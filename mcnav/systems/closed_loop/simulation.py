@@ -63,11 +63,11 @@ def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
     if structure.markov.size:
         deviation[structure.markov.whole] = draws.draw(PROCESSES, structure.markov.size) * setup.true.markov[:, None]
     x = structure.started(setup.start, batch.errors, deviation)
-    covariance = np.zeros((0, 0))
+    covariance, own = np.zeros((0, 0, 1)), False
     if setup.states is not None:
-        covariance = setup.states.start_covariance(structure, setup.believed)
-        if setup.states.own_gains:
-            covariance = np.repeat(covariance[None], count, axis=0)
+        own = setup.states.own_gains
+        covariance = setup.states.start_covariance(structure, setup.believed)[:, :, None]
+        covariance = np.repeat(covariance, count if own else 1, axis=2)
     recorder = None
     if setup.schema is not None and setup.states is not None and over_time:
         recorder = Recorder.of(setup.schema, maps, setup.states, count, len(setup.epochs))
@@ -80,5 +80,5 @@ def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
     return Flight(
         setup, draws, np.arange(count), x, covariance, deviation, np.full_like(x, np.nan),
         np.full_like(covariance, np.nan), start_signs(maps, setup.start),
-        np.ones((len(maps.events), count), dtype=bool), impulses, recorder, history,
+        np.ones((len(maps.events), count), dtype=bool), impulses, recorder, history, own,
     )  # fmt: skip
