@@ -18,6 +18,7 @@ from mcnav.systems.closed_loop.differences import differentiate_own
 from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Event
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, SENSORS, Noise, NoNoise
+from mcnav.systems.closed_loop.own_update import stated_covariance, updated
 from mcnav.systems.closed_loop.passage import Step, find_passages, meet, pass_through
 from mcnav.systems.closed_loop.plan import Transition
 from mcnav.systems.closed_loop.records import Recorder
@@ -309,14 +310,15 @@ class Flight:
     def measure(self, number: int, time: float, planned: Transition | None) -> None:
         """Update every sample's navigator by a sensor."""
         setup, maps, states = self.setup, self.setup.maps, self.setup.states
-        if states is None:
-            return
         sigma = setup.believed.measurements[number]
         drawn = self.noise.draw(SENSORS + number, len(sigma)) * setup.true.measurements[number][:, None]
         if planned is not None:
             self.follow(planned, drawn)
             self.gains[number] = planned
         if not len(self.rows):
+            return
+        if states is None:
+            self.x = updated(maps, number, self.x, np.full(len(self.rows), time), drawn[:, self.rows])
             return
 
         def function(x: Array, entering: Array) -> Array:
@@ -397,7 +399,7 @@ class Flight:
         def planned() -> Transition | None:
             return known.pop(0) if known else None
 
-        if setup.states is not None:
+        if setup.states is not None or setup.maps.update is not None:
             for number in instant.measurements:
                 self.measure(number, instant.time, planned())
                 self.end_jumped(instant.time)
@@ -412,15 +414,22 @@ class Flight:
                 self.x = setup.maps.after_guidance(self.x, np.full(len(self.rows), instant.time))
         self.drop_failed(instant.time)
 
-    def read(self, epoch: int) -> None:
-        """Read all samples out at an epoch, those that have ended as they were at their end."""
+    def read(self, epoch: int, time: float) -> None:
+        """Read all samples out at an epoch and its time, those that have ended as they were at their end."""
         setup = self.setup
         x, covariance = self.final.copy(), self.final_covariance.copy() if self.own else self.covariance
         x[:, self.rows] = self.x
         if self.own:
             covariance[:, :, self.rows] = self.covariance
-        values = setup.readout.read(x, self.nominal).T
-        nominal = setup.readout.read(self.nominal[:, None], self.nominal)[:, 0]
+        times = np.full(x.shape[1], time)
+        if setup.maps.ends:
+            ended = np.ones(x.shape[1], dtype=bool)
+            ended[self.rows] = False
+            times[ended] = x[setup.maps.structure.clock.whole, ended][-1]
+        values = setup.readout.read(x, self.nominal, times).T
+        nominal = setup.readout.read_nominal(self.nominal, time)
         self.history[:, epoch] = np.where(np.abs(values - nominal) <= setup.floor, nominal, values)
         if self.recorder is not None:
+            if setup.maps.covariance is not None:
+                covariance = stated_covariance(setup.maps, x, times)
             self.recorder.record(epoch, x, covariance)

@@ -15,6 +15,7 @@ from mcnav.systems.closed_loop.differences import Derivatives, Map, Straight, di
 from mcnav.systems.closed_loop.event import Saltation, event_map, find_crossings
 from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Maps
+from mcnav.systems.closed_loop.own_update import updated
 from mcnav.systems.closed_loop.passage import meet, start_signs
 from mcnav.systems.closed_loop.sizes import SMALL, Sizes, difference_steps
 from mcnav.systems.closed_loop.structure import Structure
@@ -278,7 +279,8 @@ class Planner:
     def measure(self, number: int, time: float) -> Transition:
         """Update by a sensor."""
         states, sensor = self.states, self.maps.sensors[number]
-        assert states is not None
+        if states is None:
+            return self.update_own(number, time)
 
         def function(x: Array, entering: Array) -> Array:
             return self.maps.innovation(number, x, np.full(x.shape[1], time)) + entering
@@ -301,6 +303,19 @@ class Planner:
         change[states.estimates] = gain @ result.value
         self.x = self.maps.structure.space.plus(self.x[:, None], change[:, None])[:, 0]
         return Transition(state, inputs, "measure", number, gain, factor, result.straight)
+
+    def update_own(self, number: int, time: float) -> Transition:
+        """Update by a sensor as the user does."""
+
+        def function(x: Array, entering: Array) -> Array:
+            return updated(self.maps, number, x, np.full(x.shape[1], time), entering)
+
+        sizes, name = filled(self.true.measurements[number]), self.maps.sensors[number].declared.name
+        expected = self.maps.innovation(number, self.x[:, None], np.array([time]))[:, 0]
+        self.plan.innovations[name] = max(float(np.abs(expected / sizes).max()), self.plan.innovations.get(name, 0.0))
+        result = self.derivatives(function, sizes, f"update at {time:g} s")
+        self.x = result.value
+        return Transition(result.state, result.inputs, "measure", number)
 
     def correct(self, number: int, time: float) -> Transition:
         """Apply a correction."""
@@ -329,7 +344,7 @@ class Planner:
     def updates(self, instant: Instant) -> list[Transition]:
         """Measure, correct and guide at an instant."""
         done = []
-        if self.states is not None:
+        if self.states is not None or self.maps.update is not None:
             done += [self.measure(number, instant.time) for number in instant.measurements]
         done += [self.correct(number, instant.time) for number in instant.corrections]
         if instant.guide and self.maps.guide is not None:
