@@ -157,7 +157,8 @@ def propagate(covariance: Array, f: Array, entering: Array) -> Array:
     )
     result = np.empty((states, states, count))
     if count and states:
-        _propagate(*map(np.ascontiguousarray, (covariance, f, entering)), result)
+        given = np.ascontiguousarray(covariance), np.ascontiguousarray(f), np.ascontiguousarray(entering)
+        _propagate(*given, result)
     return result
 
 

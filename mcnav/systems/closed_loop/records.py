@@ -151,7 +151,7 @@ def normalized_squares(errors: Array, covariance: Array) -> Array:
 
 def sum_rows(values: Array) -> Array:
     """Sum over rows, one after the other, shape (n,): a library's sum may depend on how many samples there are."""
-    total = values[0].copy()
+    total: Array = values[0].copy()
     for row in values[1:]:
         total += row
     return total
