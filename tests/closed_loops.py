@@ -52,6 +52,54 @@ class DoubleIntegrator(ClosedLoop):
         return -self.law[0] * estimate.position - self.law[1] * estimate.velocity
 
 
+class Remembering(DoubleIntegrator):
+    """The filter written out: P = F P F^T + W since the last second, K = P H^T / (H P H^T + R)."""
+
+    filter = None
+    memory = {"p": ("1", ("rr", "rv", "vv"))}
+
+    def start(self):
+        return {"p": np.array([9.0, 0.0, 0.0])}
+
+    def update(self, innovation, estimate, memory):
+        rr, rv, vv = memory.p.T
+        rr, rv, vv = rr + 2.0 * rv + vv + 0.01 / 3.0, rv + vv + 0.01 / 2.0, vv + 0.01
+        of_position, of_velocity = rr / (rr + 4.0), rv / (rr + 4.0)
+        after = np.stack([rr - of_position * rr, rv - of_position * rv, vv - of_velocity * rv], axis=1)
+        position, velocity = estimate.position + of_position * innovation, estimate.velocity + of_velocity * innovation
+        return {"position": position, "velocity": velocity, "p": after}
+
+    def covariance(self, memory):
+        return memory.p[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+    def outputs(self, truth):
+        return {"energy": (0.5 * truth.velocity**2 + truth.position, "m")}
+
+
+class ConstantGain(Remembering):
+    """The same with the gains of the steady state, of what is measured in place of the innovation."""
+
+    memory = {}
+
+    def start(self):
+        return {}
+
+    def update(self, measured, estimate, name):
+        innovation = (measured - estimate.position) * (name == "ranging")
+        return {
+            "position": estimate.position + 0.271106383 * innovation,
+            "velocity": estimate.velocity + 0.042687633 * innovation,
+        }
+
+    def covariance(self):
+        steady = 4.0 * np.array([0.271106383, 0.042687633])  # K R = P H^T
+        return np.array([[steady[0], steady[1]], [steady[1], 0.241887060**2]])
+
+    def outputs(self, truth, estimate):
+        moved = np.stack([estimate.position - truth.position, truth.velocity], axis=1)
+        return {"moved": (moved, "m"), "fuel": (np.abs(truth.velocity + 3.0), "m/s", "control")}
+
+
 class Continuous(DoubleIntegrator):
     cycle, step, end = None, 0.5, 60.0
 
@@ -130,6 +178,27 @@ class Landing(ClosedLoop):
 
     def guide(self, estimate):
         return -0.3 * (estimate.rate + 15.0)
+
+
+class Kicked(Descent):
+    """A kick along x where the true altitude is 400 m, half of what the navigator takes for its speed."""
+
+    corrections = (
+        Correction("kick", at=Trigger(lambda truth: truth.altitude - 400.0, latest=80.0),
+                   target=lambda estimate: 0.5 * estimate.vx, apply="vx", known="executed"),
+    )  # fmt: skip
+
+
+class Braking(Landing):
+    """Brakes where the navigator indicates 200 m, within a step and between measurements."""
+
+    corrections = (
+        Correction("brake", at=Trigger(lambda estimate: estimate.altitude - 200.0, latest=40.0),
+                   target=lambda estimate: 0.4 * (-5.0 - estimate.rate), apply="rate"),
+    )  # fmt: skip
+
+    def guide(self, estimate):
+        return -0.3 * (estimate.rate + 0.03 * estimate.altitude + 5.0)
 
 
 class Pendulum(ClosedLoop):
@@ -225,6 +294,17 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
         "processes": {"gusts": "0.1 m/s^2/sqrt(Hz)"},
         "measurements": {"altimeter": "1 m"},
     },
+    "Kicked": {
+        "errors": {
+            "true_x": "30 m", "true_altitude": "25 m", "true_vx": "0.5 m/s", "true_vz": "0.4 m/s", "vx": "1 m/s",
+        },
+        "processes": {"kick": "0.2 m/s"},
+    },
+    "Braking": {
+        "errors": {"true_altitude": "2 m", "true_rate": "0.1 m/s", "altitude": "2 m", "rate": "0.1 m/s"},
+        "processes": {"gusts": "0.1 m/s^2/sqrt(Hz)", "brake": "0.05 m/s"},
+        "measurements": {"altimeter": "1 m"},
+    },
     "Pendulum": {
         "errors": {"true_angle": "20 mrad", "angle": "10 mrad", "rate": "5 mrad/s", "drag": "2 %"},
         "processes": {
@@ -245,7 +325,10 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
 """Sizes of the loops' errors, and of those that inherit from them."""
 
 FILE = Path(__file__)
-OF = {"Continuous": "DoubleIntegrator", "Nominal": "DoubleIntegrator", "FixedDescent": "Descent"}
+OF = {
+    "Continuous": "DoubleIntegrator", "Remembering": "DoubleIntegrator", "ConstantGain": "DoubleIntegrator",
+    "Nominal": "DoubleIntegrator", "FixedDescent": "Descent",
+}  # fmt: skip
 
 
 def tables(name: str, **changes: Any) -> dict[str, Any]:

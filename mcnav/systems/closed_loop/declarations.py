@@ -86,7 +86,8 @@ class Trigger:
     function : callable
         Of the arguments that it names: time, and truth or estimate; shape (n,).
     latest : float
-        Time by which it must have happened, s; a sample that has not met it has failed.
+        Time by which it must have happened, s; a sample that has not met it has failed. One that starts beyond the
+        trigger, or that an update carries over it, meets it at once.
     """
 
     function: Callable[..., Any]
@@ -100,8 +101,9 @@ class Correction:
     Attributes
     ----------
     name : str
-    at : float
-        Time, s.
+    at : float or Trigger
+        Time, s; or where each sample meets a trigger, on its own noise path. A sample that has not met it by its latest
+        time, or by its end, has failed.
     target : callable
         The commanded impulse, of the arguments that it names: time, estimate; shape (n,) or (n, axes).
     apply : callable or str
@@ -156,6 +158,12 @@ class ClosedLoop:
     measurements : sequence of Measurement
     corrections : sequence of Correction
     filter : Filter, optional
+        Or methods ``update`` and ``covariance`` in its place: ``update`` returns new values of estimate and memory, of
+        the arguments that it names: time, name (of the measurement), measured, innovation, estimate, memory; and
+        ``covariance``, of time, estimate, memory, what it says of all navigation errors, shape (n, k, k).
+    memory : mapping of str to str or tuple
+        What the navigator remembers besides its estimates, by name; ``start`` may give its values, ``navigate`` its
+        rates, ``update`` and ``guide`` (beside the command) new values.
     cycle : float, optional
         Time between commands, s; none for guidance that is continuous.
     step : float, optional
@@ -165,6 +173,10 @@ class ClosedLoop:
         ``truth``: the estimate starts as the sample's truth plus its errors; ``nominal``: as the nominal plus these.
     command : str or tuple, optional
         Unit, and axes, of what ``guide`` returns.
+
+    A method ``outputs`` returns further outputs with their units, ``{"miss": (values, "m")}``, of the arguments that it
+    names: time, truth, estimate, command, parameters, memory. Of truth or estimate alone they are dispersions, of both
+    navigation errors; ``(values, "m", of)`` says otherwise.
     """
 
     truth: ClassVar[Mapping[str, Unit]] = {}
@@ -174,6 +186,7 @@ class ClosedLoop:
     measurements: ClassVar[Sequence[Measurement]] = ()
     corrections: ClassVar[Sequence[Correction]] = ()
     filter: ClassVar[Filter | None] = None
+    memory: ClassVar[Mapping[str, Unit]] = {}
     cycle: ClassVar[float | None] = None
     step: ClassVar[float | None] = None
     end: ClassVar[float | Trigger | None] = None

@@ -146,7 +146,7 @@ def differentiate_own(
         Changes of the inputs.
     space, result : Space
         As those of `differentiate_map`.
-    share : ndarray, shape (n,), optional
+    share : ndarray, shape (..., n), optional
         Further argument of the map.
 
     Returns
@@ -164,7 +164,7 @@ def differentiate_own(
     for begin in range(0, count, together):
         some = x[:, begin : begin + together]
         states = space.plus(some[:, None, :], moved[:size, :, None]).reshape(size, -1)
-        more = () if share is None else (np.tile(share[begin : begin + together], moved.shape[1]),)
+        more = () if share is None else (np.tile(share[..., begin : begin + together], moved.shape[1]),)
         values = function(states, np.repeat(moved[size:], some.shape[1], axis=1), *more)
         values = values.reshape(-1, moved.shape[1], some.shape[1])
         if not len(changes):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from mcnav._types import Array
 from mcnav.systems.closed_loop.declarations import Correction, Measurement
 from mcnav.systems.closed_loop.methods import Frame, Method
+from mcnav.systems.closed_loop.own_outputs import OwnOutputs
 from mcnav.systems.closed_loop.quantities import Block, Quantity, Values, as_kept, as_seen, attitude_kept, spread
 from mcnav.systems.closed_loop.rotations import turn_between
 from mcnav.systems.closed_loop.structure import Structure
@@ -39,11 +40,34 @@ class Impulse:
 
 
 @dataclass(frozen=True)
+class Event:
+    """What a trigger begins.
+
+    Attributes
+    ----------
+    kind : str
+        ``correction`` or ``end``.
+    number : int
+        Of the correction.
+    latest : float
+        Time by which a sample must have met it, s.
+    """
+
+    name: str
+    kind: Literal["correction", "end"]
+    number: int
+    trigger: Method
+    latest: float
+
+
+@dataclass(frozen=True)
 class Maps:
     """The loop as functions of X.
 
     Attributes
     ----------
+    events : tuple of Event
+        Those by trigger, an end last; as many as there are numbers of the structure's clock.
     decay : ndarray, shape (markov.size, 1)
         One over the correlation time of each Gauss-Markov process, 1/s.
     believed_decay : ndarray, shape (markov.size, 1)
@@ -57,10 +81,18 @@ class Maps:
     guide: Method | None
     sensors: tuple[Sensor, ...]
     impulses: tuple[Impulse, ...]
-    end: Method | None
+    events: tuple[Event, ...]
     continuous: bool
     decay: Array
     believed_decay: Array
+    own_outputs: OwnOutputs | None = None
+    update: Method | None = None
+    covariance: Method | None = None
+
+    @property
+    def ends(self) -> bool:
+        """Whether a trigger ends flights."""
+        return bool(self.events) and self.events[-1].kind == "end"
 
     def truth_frame(self, x: Array, time: Array, white: Array | None = None, command: Array | None = None) -> Frame:
         """Return what methods of the truth may name; without ``white`` noise has its processes' values alone."""
@@ -79,6 +111,7 @@ class Maps:
             "estimate": lambda: Values("estimate", named(structure.estimate, x)),
             "command": lambda: self._seen_command(x if command is None else command, command is None),
             "noise": noise,
+            "memory": lambda: self._seen_memory(x),
         }
 
     def navigator_frame(self, x: Array, time: Array, sensed: Any, with_white: bool = False) -> Frame:
@@ -105,15 +138,21 @@ class Maps:
             "command": lambda: sensed,
             "sensed": lambda: sensed,
             "noise": noise,
+            "memory": lambda: self._seen_memory(x),
         }
 
-    def step(self, x: Array, time: Array, length: float, white: Array, fraction: Array | float = 1.0) -> Array:
-        """Propagate by a step of Runge-Kutta's classical method, or by a fraction of it, shape (n,).
+    def step(
+        self, x: Array, time: Array, length: float, white: Array, fraction: Array | float = 1.0,
+        since: Array | float = 0.0,
+    ) -> Array:  # fmt: skip
+        """Propagate by a step of Runge-Kutta's classical method, or from one fraction of it to another, shape (n,).
 
         Attitudes are integrated as rotation vectors from the begin of the step (Munthe-Kaas).
 
         Parameters
         ----------
+        time : ndarray, shape (n,)
+            At the begin of the whole step, s.
         white : ndarray, shape (2, inputs, n)
             The first two Legendre modes, over the whole step, of white noise and of what drives Gauss-Markov processes,
             each with the variance of the density: ``w(s) = (white[0] + sqrt(3) (2 s - 1) white[1]) / sqrt(length)``,
@@ -121,8 +160,9 @@ class Maps:
         """
         scale = 1.0 / np.sqrt(length)
         mean, slope = white[0] * scale, white[1] * (_ROOT_3 * scale)
-        covered = fraction * length
-        begin, middle, end = mean - slope, mean + slope * (fraction - 1.0), mean + slope * (2.0 * fraction - 1.0)
+        covered, time = (fraction - since) * length, time + since * length
+        begin, end = mean + slope * (2.0 * since - 1.0), mean + slope * (2.0 * fraction - 1.0)
+        middle = mean + slope * (since + fraction - 1.0)
         space = self.structure.space
 
         def rates(change: Array, after: Array | float, white: Array) -> Array:
@@ -151,23 +191,27 @@ class Maps:
         if structure.markov.size:
             result[markov] = -self.decay * x[markov] + white[structure.white.size :]
         sensed = frame["command"]() if self.sense is None else self._sensed(self.sense(frame))
-        self._navigate(x, time, sensed, result[structure.estimate.whole])
+        self._navigate(x, time, sensed, result)
         return result
 
     def _navigate(self, x: Array, time: Array, sensed: Any, result: Array) -> None:
-        """Set the derivative of the estimate, shape (estimate.size, n), which is zero before."""
+        """Set the derivatives of the estimate and of what is remembered in that of X, where they are zero before."""
         structure = self.structure
-        estimate = structure.estimate
+        estimate, memory = structure.estimate, structure.memory
         method = self.rates if self.navigate is None else self.navigate
         returned = method(self.navigator_frame(x, time, sensed, with_white=self.navigate is None))
         if self.navigate is None and isinstance(returned, Mapping):  # rates of the truth, of which some are estimated
             returned = {name: each for name, each in returned.items() if name in estimate.names}
-        spread(estimate, returned, x.shape[1], "navigate", into=result)
+        if structure.remembers and isinstance(returned, Mapping):
+            remembered = {name: each for name, each in returned.items() if name in memory.names}
+            returned = {name: each for name, each in returned.items() if name not in remembered}
+            spread(memory, remembered, x.shape[1], "navigate", into=result[memory.whole])
+        spread(estimate, returned, x.shape[1], "navigate", into=result[estimate.whole])
         for quantity, place in structure.markov.places():
             at = estimate.of(quantity.name)
             if at is not None and quantity.name not in returned:
                 local = slice(place.start - structure.markov.begin, place.stop - structure.markov.begin)
-                result[at.start - estimate.begin : at.stop - estimate.begin] = -self.believed_decay[local] * x[at]
+                result[at] = -self.believed_decay[local] * x[at]
 
     def _sensed(self, returned: Any) -> Any:
         if isinstance(returned, Mapping):
@@ -192,13 +236,18 @@ class Maps:
         commanded = np.broadcast_to(
             as_kept(command, structure.command.quantities[0], count, "guide"), (structure.command.size, count)
         )
+        if structure.remembers:
+            before = x[structure.memory.whole]
+            return commanded, spread(structure.memory, {} if memory is None else memory, count, "guide", before)
         kept = np.zeros((structure.memory.size, count))
         if structure.memory.size:
             kept[:] = as_kept(memory, structure.memory.quantities[0], count, "memory of guide")
         return commanded, kept
 
-    def _seen_memory(self, x: Array) -> Array:
+    def _seen_memory(self, x: Array) -> Any:
         memory = self.structure.memory
+        if self.structure.remembers:
+            return Values("memory", named(memory, x))
         return as_seen(x[memory.whole], len(memory.quantities[0].axes) > 1) if memory.size else np.zeros(x.shape[1])
 
     def after_guidance(self, x: Array, time: Array) -> Array:
@@ -250,6 +299,18 @@ class Maps:
             if block is self.structure.estimate and isinstance(changed, Mapping):
                 changed = {name: each for name, each in changed.items() if name in block.names}
         return spread(block, changed, x.shape[1], f"apply of {impulse.declared.name}", x[block.whole])
+
+    def happen(self, number: int, x: Array, time: Array, noise: Array) -> Array:
+        """Return X after an event at a time, shape (n,); a correction has its execution error, shape (axes, n)."""
+        event = self.events[number]
+        result = self.corrected(event.number, x, time, noise) if event.kind == "correction" else x.copy()
+        result[self.structure.clock.begin + number] = time
+        return self.after_guidance(result, time) if event.kind == "end" and self.continuous else result
+
+    def own_values(self, x: Array, time: Array) -> Array:
+        """Compute the outputs of the user's own, shape (outputs, n)."""
+        assert self.own_outputs is not None
+        return self.own_outputs.values(self.truth_frame(x, time), x.shape[1])
 
     def triggered(self, method: Method, x: Array, time: Array) -> Array:
         """Compute a trigger's function, shape (n,)."""

@@ -47,7 +47,7 @@ def schema_of(maps: Maps, states: FilterStates, outputs: int) -> FilterSchema:
     return FilterSchema(
         groups={name: len(members) for name, members in group_members(maps, states).items()},
         outputs=outputs,
-        sensors={sensor.declared.name: sensor.size for sensor in maps.sensors},
+        sensors={} if maps.covariance is not None else {each.declared.name: each.size for each in maps.sensors},
         considered=considered,
         own_outputs=() if len(own) == outputs else own,
     )
@@ -92,7 +92,7 @@ class Recorder:
     @classmethod
     def of(cls, schema: FilterSchema, maps: Maps, states: FilterStates, count: int, epochs: int) -> Recorder:
         """Return one without records."""
-        sensors = [Innovations(np.zeros((len(BY_SENSOR), count))) for _ in maps.sensors]
+        sensors = [Innovations(np.zeros((len(BY_SENSOR), count))) for _ in schema.sensors]
         records = np.zeros((count, epochs, schema.width))
         return cls(schema, maps, states, group_members(maps, states), records, sensors)
 

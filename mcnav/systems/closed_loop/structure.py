@@ -34,7 +34,7 @@ class LoopSource:
 
 @dataclass(frozen=True)
 class Structure:
-    """Blocks of X, in their order, the clock of an end by trigger last, and the white noise that enters."""
+    """Blocks of X, in their order, the clock of events by trigger last, and the white noise that enters."""
 
     truth: Block
     parameters: Block
@@ -86,6 +86,11 @@ class Structure:
         aligned = x.copy()
         aligned[places] = x[counterparts]
         return self.space.minus(x, aligned)[self.estimate.whole]
+
+    @property
+    def remembers(self) -> bool:
+        """Whether what is remembered has names."""
+        return self.memory.size > 0 and self.memory.names != ("memory",)
 
     def home(self, name: str) -> Block | None:
         """Return the block of the truth, the parameters or the processes that has a name."""
@@ -143,7 +148,7 @@ class Structure:
         begin = self.command.begin
         commands = Block("command", (quantity,), begin)
         memories = (Quantity("memory", "1", tuple(str(each) for each in range(memory))),) if memory else ()
-        kept = Block("memory", memories, commands.whole.stop)
+        kept = Block("memory", self.memory.quantities or memories, commands.whole.stop)
         impulses = tuple(
             replace(each, axes=read_axes(each.name, size)) if (size := corrections.get(each.name, 0)) else each
             for each in self.corrections.quantities
@@ -165,8 +170,9 @@ def read_structure(instance: Any, name: str) -> Structure:
     estimate = truth if given is None else read_quantities(f"{name}.estimate", given)
     parameters = read_quantities(f"{name}.parameters", instance.parameters)
     white, markov = _read_processes(f"{name}.processes", instance.processes)
+    memory = read_quantities(f"{name}.memory", instance.memory)
     (command,) = read_quantities(f"{name}.command", {"command": instance.command})
-    for each in (*parameters, *white, *markov, command):
+    for each in (*parameters, *white, *markov, *memory, command):
         if each.turns is not None:
             raise ScenarioError("type", f"{name}: {each.name} is an Attitude, which only states can be; give its axes")
     impulses = tuple(Quantity(each.name, each.noise) for each in _listed(instance, name, "corrections", Correction))
@@ -177,13 +183,18 @@ def read_structure(instance: Any, name: str) -> Structure:
         if correction.apply in attitudes:
             told = f"{name}.corrections: {correction.name} turns {correction.apply}; apply must be a function"
             raise ScenarioError("type", f"{told} that returns the matrices after it")
-    _check_names(name, instance, truth, parameters, white, markov, impulses)
+    _check_names(name, instance, truth, parameters, white, markov, impulses, memory)
     if instance.navigator_start not in ("truth", "nominal"):
         raise ScenarioError("type", f"{name}.navigator_start is 'truth' or 'nominal'; got {instance.navigator_start!r}")
     blocks: list[Block] = []
-    clock = (Quantity("final_time", "s"),) if isinstance(instance.end, Trigger) else ()
-    kinds = ("state of the truth", "parameter", "process", "estimated state", "command", "memory", "correction", "time")
-    all_blocks = (truth, parameters, markov, estimate, (command,), (), impulses, clock)
+    clock = tuple(
+        Quantity(f"{each.name}_time", "s") for each in instance.corrections if isinstance(each.at, Trigger)
+    ) + ((Quantity("final_time", "s"),) if isinstance(instance.end, Trigger) else ())
+    kinds = (
+        "state of the truth", "parameter", "process", "estimated state", "command", "what is remembered", "correction",
+        "time",
+    )  # fmt: skip
+    all_blocks = (truth, parameters, markov, estimate, (command,), memory, impulses, clock)
     for what, quantities in zip(kinds, all_blocks, strict=True):
         blocks.append(Block(what, quantities, blocks[-1].whole.stop if blocks else 0))
     of_truth, of_parameters, of_markov, of_estimate, of_command, of_memory, of_impulses, of_clock = blocks
@@ -233,7 +244,7 @@ def measurements_of(instance: Any, name: str) -> tuple[Measurement, ...]:
 def _check_names(name: str, instance: Any, *groups: tuple[Quantity, ...]) -> None:
     names = [quantity.name for group in groups for quantity in group]
     names += [each.name for each in measurements_of(instance, name)]
-    taken = {"command", "final_time", "memory"}
+    taken = {"command", "final_time", "memory", *(f"{each.name}_time" for each in instance.corrections)}
     for each in names:
         if each in taken or each.startswith(("true_", "navigated_")):
             raise ScenarioError("type", f"{name}: the name {each!r} is taken, or begins with true_ or navigated_")
