@@ -1,4 +1,4 @@
-"""Compiled algebra of a loop's samples against dense matrices of numpy; each sample's bits whatever stands beside it."""
+"""Compiled algebra of a loop's samples against matrices of numpy; a sample's bits whatever stands beside it."""
 
 from __future__ import annotations
 
