@@ -160,7 +160,7 @@ class ClosedLoop:
     filter : Filter, optional
         Or methods ``update`` and ``covariance`` in its place: ``update`` returns new values of estimate and memory, of
         the arguments that it names: time, name (of the measurement), measured, innovation, estimate, memory; and
-        ``covariance``, of time, estimate, memory, what it says of all navigation errors, shape (n, k, k).
+        ``covariance``, of time, estimate, memory, what it says of all navigation errors after updates, shape (n, k, k).
     memory : mapping of str to str or tuple
         What the navigator remembers besides its estimates, by name; ``start`` may give its values, ``navigate`` its
         rates, ``update`` and ``guide`` (beside the command) new values.
