@@ -17,7 +17,7 @@ from mcnav.systems.closed_loop.event import Saltation, event_map, find_crossings
 from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.own_update import updated
-from mcnav.systems.closed_loop.passage import meet, start_signs
+from mcnav.systems.closed_loop.passage import meet, set_signs
 from mcnav.systems.closed_loop.sizes import SMALL, Sizes, difference_steps
 from mcnav.systems.closed_loop.structure import Structure
 from mcnav.systems.closed_loop.timeline import Instant
@@ -170,7 +170,9 @@ class Plan:
         Number of the instant of the nominal end.
     end_time : float
     event_times : dict of str to float
-        Of corrections and ends by trigger, by name.
+        Of corrections, phases and ends by trigger, by name.
+    signs : ndarray, shape (events,)
+        Of the triggers' functions before they are met.
     steps : ndarray, shape (size,)
         Sizes of X, from which steps of differences follow.
     innovations : mapping of str to float
@@ -183,6 +185,7 @@ class Plan:
     end: int = -1
     end_time: float = 0.0
     event_times: dict[str, float] = field(default_factory=dict)
+    signs: Array = field(default_factory=lambda: np.zeros(0))
     steps: Array = field(default_factory=lambda: np.zeros(0))
     innovations: dict[str, float] = field(default_factory=dict)
     kinks: set[str] = field(default_factory=set)
@@ -319,6 +322,8 @@ class Planner:
         saltation = event_map(self.maps, number, self.x, time, self.steps, sizes)
         self.x = saltation.value
         self.pending[number] = False
+        if event.kind == "phase":
+            set_signs(self.maps, self.signs, self.x, time, event.number)
         self.plan.event_times[event.name] = time
         return saltation
 
@@ -396,6 +401,9 @@ class Planner:
     def updates(self, instant: Instant) -> list[Transition]:
         """Measure, correct and guide at an instant."""
         done = []
+        if instant.phase is not None:
+            self.x = self.maps.begin_phase(instant.phase, self.x)
+            set_signs(self.maps, self.signs, self.x, instant.time, instant.phase)
         if self.states is not None or self.maps.update is not None:
             done += [self.measure(number, instant.time) for number in instant.measurements]
         done += [self.correct(number, instant.time) for number in instant.corrections]
@@ -413,9 +421,11 @@ def make_plan(
     """
     covariance = np.zeros((0, 0)) if states is None else states.start_covariance(maps.structure, believed)
     steps = difference_steps(maps, start, true)
-    signs = start_signs(maps, start)
+    signs = np.zeros(len(maps.events))
+    set_signs(maps, signs, start, 0.0, None)
     pending = np.ones(len(signs), dtype=bool)
-    planner = Planner(maps, states, true, believed, start, steps, covariance, Plan(steps=steps), signs, pending)
+    plan = Plan(steps=steps, signs=signs)
+    planner = Planner(maps, states, true, believed, start, steps, covariance, plan, signs, pending)
     plan, last = planner.plan, len(timeline) - 1
     for number, instant in enumerate(timeline):
         before: list[Array] = [planner.x]
