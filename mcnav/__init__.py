@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         Filter,
         GaussMarkov,
         Measurement,
+        Phase,
         Trigger,
         White,
     )
@@ -55,6 +56,7 @@ _HOMES = {
     "Filter": "mcnav.systems.closed_loop.declarations",
     "GaussMarkov": "mcnav.systems.closed_loop.declarations",
     "Measurement": "mcnav.systems.closed_loop.declarations",
+    "Phase": "mcnav.systems.closed_loop.declarations",
     "Trigger": "mcnav.systems.closed_loop.declarations",
     "White": "mcnav.systems.closed_loop.declarations",
     "Allocation": "mcnav.analysis.allocation",
@@ -105,6 +107,7 @@ __all__ = [
     "Measurement",
     "Output",
     "Panel",
+    "Phase",
     "RunComparison",
     "RunFolderError",
     "SimulationResult",
