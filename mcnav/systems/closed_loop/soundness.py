@@ -69,8 +69,7 @@ def _call_once(setup: Setup) -> None:
     for method in (maps.rates, maps.sense, *(sensor.truth for sensor in maps.sensors)):
         if method is not None:
             method(frame)
-    if maps.guide is not None:
-        maps.guided(x, time)
+    maps.after_guidance(x, time)
 
 
 def remarks_on(setup: Setup, sigmas: Mapping[str, float]) -> list[str]:
