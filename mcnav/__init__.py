@@ -34,11 +34,13 @@ if TYPE_CHECKING:
     from mcnav.studies.allocate import allocate
     from mcnav.studies.lincov import linear_covariance
     from mcnav.systems.closed_loop.declarations import (
+        Attitude,
         ClosedLoop,
         Correction,
         Filter,
         GaussMarkov,
         Measurement,
+        Phase,
         Trigger,
         White,
     )
@@ -48,11 +50,13 @@ if TYPE_CHECKING:
     from mcnav.workflow.export import export_run
 
 _HOMES = {
+    "Attitude": "mcnav.systems.closed_loop.declarations",
     "ClosedLoop": "mcnav.systems.closed_loop.declarations",
     "Correction": "mcnav.systems.closed_loop.declarations",
     "Filter": "mcnav.systems.closed_loop.declarations",
     "GaussMarkov": "mcnav.systems.closed_loop.declarations",
     "Measurement": "mcnav.systems.closed_loop.declarations",
+    "Phase": "mcnav.systems.closed_loop.declarations",
     "Trigger": "mcnav.systems.closed_loop.declarations",
     "White": "mcnav.systems.closed_loop.declarations",
     "Allocation": "mcnav.analysis.allocation",
@@ -87,6 +91,7 @@ _HOMES = {
 
 __all__ = [
     "Allocation",
+    "Attitude",
     "Campaign",
     "CampaignError",
     "ClosedLoop",
@@ -102,6 +107,7 @@ __all__ = [
     "Measurement",
     "Output",
     "Panel",
+    "Phase",
     "RunComparison",
     "RunFolderError",
     "SimulationResult",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mcnav import ClosedLoop, Correction, Filter, GaussMarkov, Measurement, Trigger, White
+from mcnav import Attitude, ClosedLoop, Correction, Filter, GaussMarkov, Measurement, Phase, Trigger, White
 
 RATE = 0.00114
 TARGET, ARRIVAL, BURN = np.array([500.0, 0.0, 0.0]), 1056.7, 156.7
@@ -50,6 +50,54 @@ class DoubleIntegrator(ClosedLoop):
 
     def guide(self, estimate):
         return -self.law[0] * estimate.position - self.law[1] * estimate.velocity
+
+
+class Remembering(DoubleIntegrator):
+    """The filter written out: P = F P F^T + W since the last second, K = P H^T / (H P H^T + R)."""
+
+    filter = None
+    memory = {"p": ("1", ("rr", "rv", "vv"))}
+
+    def start(self):
+        return {"p": np.array([9.0, 0.0, 0.0])}
+
+    def update(self, innovation, estimate, memory):
+        rr, rv, vv = memory.p.T
+        rr, rv, vv = rr + 2.0 * rv + vv + 0.01 / 3.0, rv + vv + 0.01 / 2.0, vv + 0.01
+        of_position, of_velocity = rr / (rr + 4.0), rv / (rr + 4.0)
+        after = np.stack([rr - of_position * rr, rv - of_position * rv, vv - of_velocity * rv], axis=1)
+        position, velocity = estimate.position + of_position * innovation, estimate.velocity + of_velocity * innovation
+        return {"position": position, "velocity": velocity, "p": after}
+
+    def covariance(self, memory):
+        return memory.p[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+    def outputs(self, truth):
+        return {"energy": (0.5 * truth.velocity**2 + truth.position, "m")}
+
+
+class ConstantGain(Remembering):
+    """The same with the gains of the steady state, of what is measured in place of the innovation."""
+
+    memory = {}
+
+    def start(self):
+        return {}
+
+    def update(self, measured, estimate, name):
+        innovation = (measured - estimate.position) * (name == "ranging")
+        return {
+            "position": estimate.position + 0.271106383 * innovation,
+            "velocity": estimate.velocity + 0.042687633 * innovation,
+        }
+
+    def covariance(self):
+        steady = 4.0 * np.array([0.271106383, 0.042687633])  # K R = P H^T
+        return np.array([[steady[0], steady[1]], [steady[1], 0.241887060**2]])
+
+    def outputs(self, truth, estimate):
+        moved = np.stack([estimate.position - truth.position, truth.velocity], axis=1)
+        return {"moved": (moved, "m"), "fuel": (np.abs(truth.velocity + 3.0), "m/s", "control")}
 
 
 class Continuous(DoubleIntegrator):
@@ -96,6 +144,17 @@ class Rendezvous(ClosedLoop):
         return {"position": truth.velocity, "velocity": gravity + noise.disturbance}
 
 
+class Trim(ClosedLoop):
+    """A correction of zero in the nominal, with the covariance of the rendezvous' burn."""
+
+    truth = {"velocity": ("m/s", 3)}
+    corrections = (Correction("burn", at=5.0, target=lambda estimate: -estimate.velocity),)
+    step, end = 5.0, 10.0
+
+    def rates(self):
+        return {}
+
+
 class Descent(ClosedLoop):
     """Sixty metres a second along, twenty down, for 50 seconds."""
 
@@ -132,6 +191,62 @@ class Landing(ClosedLoop):
         return -0.3 * (estimate.rate + 15.0)
 
 
+class Kicked(Descent):
+    """A kick along x where the true altitude is 400 m, half of what the navigator takes for its speed."""
+
+    corrections = (
+        Correction("kick", at=Trigger(lambda truth: truth.altitude - 400.0, latest=80.0),
+                   target=lambda estimate: 0.5 * estimate.vx, apply="vx", known="executed"),
+    )  # fmt: skip
+
+
+class Braking(Landing):
+    """Brakes where the navigator indicates 200 m, within a step and between measurements."""
+
+    corrections = (
+        Correction("brake", at=Trigger(lambda estimate: estimate.altitude - 200.0, latest=40.0),
+                   target=lambda estimate: 0.4 * (-5.0 - estimate.rate), apply="rate"),
+    )  # fmt: skip
+
+    def guide(self, estimate):
+        return -0.3 * (estimate.rate + 0.03 * estimate.altitude + 5.0)
+
+
+class Lander(ClosedLoop):
+    """A fall of 100 s that is braked from 900 m on, where the navigator indicates it, and held from 90 s on."""
+
+    truth = {"altitude": "m", "rate": "m/s"}
+    phases = (
+        Phase("fall"),
+        Phase("brake", begins=Trigger(lambda estimate: estimate.altitude - 900.0, latest=80.0)),
+        Phase("hold", begins=90.0),
+    )
+    step, end = 1.0, 100.0
+
+    def start(self):
+        return {"altitude": 2_000.0, "rate": -5.0}
+
+    def rates(self, truth, phase):
+        if phase == "fall":
+            return {"altitude": truth.rate, "rate": -1.62}
+        if phase == "brake":
+            return {"altitude": truth.rate, "rate": 0.9 + 0.0 * truth.rate}
+        return {"altitude": 0.5 * truth.rate}
+
+
+class GuidedLander(Landing):
+    """The landing with a stiffer law and more gusts below 193 m, as the truth has it."""
+
+    phases = (Phase("high"), Phase("low", begins=Trigger(lambda truth: truth.altitude - 193.0, latest=40.0)))
+
+    def rates(self, truth, command, noise, phase):
+        gusts = noise.gusts if phase == "high" else 2.0 * noise.gusts - 0.1 * (truth.rate + 15.0)
+        return {"altitude": truth.rate, "rate": command + gusts}
+
+    def guide(self, estimate, phase):
+        return (-0.3 if phase == "high" else -0.6) * (estimate.rate + 15.0)
+
+
 class Pendulum(ClosedLoop):
     """A bent truth with a bias of the sensor that is estimated, a drag that is considered, and held guidance."""
 
@@ -157,6 +272,48 @@ class Pendulum(ClosedLoop):
         return -0.5 * estimate.rate
 
 
+class Satellite(ClosedLoop):
+    """A gyroscope with drift and a star tracker on a satellite that turns about z, by 8.6 turns in 9 minutes."""
+
+    truth = {"attitude": Attitude("body"), "drift": ("rad/s", 3)}
+    processes = {"walk": White("rad/sqrt(s)", 3), "drift_walk": White("rad/s/sqrt(s)", 3)}
+    measurements = (Measurement("tracker", "rad", interval=5.0, truth=lambda truth: truth.attitude),)
+    filter = Filter()
+    cycle, step, end = 5.0, 2.5, 540.0
+    rate = np.array([0.0, 0.0, 0.1])
+
+    def start(self):
+        return {"attitude": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])}
+
+    def rates(self, noise):
+        return {"attitude": self.rate, "drift": noise.drift_walk}
+
+    def sense(self, truth, noise):
+        return self.rate + truth.drift + noise.walk
+
+    def navigate(self, estimate, sensed):
+        return {"attitude": sensed - estimate.drift}
+
+
+class Gyroscopes(ClosedLoop):
+    """Three gyroscopes alone, errors in reference axes; half a turn every 50 seconds."""
+
+    truth = {"attitude": Attitude()}
+    parameters = {"drift": ("rad/s", 3)}
+    processes = {"walk": White("rad/sqrt(s)", 3)}
+    step, end = 2.5, 525.0
+    rate = np.array([0.0, 0.0, np.pi / 50.0])
+
+    def rates(self):
+        return {"attitude": self.rate}
+
+    def sense(self, parameters, noise):
+        return self.rate + parameters.drift + noise.walk
+
+    def navigate(self, sensed):
+        return {"attitude": sensed}
+
+
 SIZES: Mapping[str, Mapping[str, Any]] = {
     "Scalar": {"processes": {"walk": "1 m/sqrt(s)"}, "measurements": {"position": "1 m"}},
     "DoubleIntegrator": {
@@ -175,12 +332,31 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
         ],
         "processes": {"disturbance": f"{4.8e-10**0.5!r} m/s^2/sqrt(Hz)", "burn": f"{2.5e-7**0.5!r} m/s"},
     },
+    "Trim": {
+        "errors": {
+            "true_velocity_x": "0.0336119023630829 m/s", "true_velocity_y": "0.043291158546284986 m/s",
+            "true_velocity_z": "0.09082802475163287 m/s",
+        },
+        "correlations": [{"between": ["true_velocity_x", "true_velocity_z"], "coefficient": 0.13732618}],
+    },
     "Descent": {
         "errors": {"true_x": "30 m", "true_altitude": "25 m", "true_vx": "0.5 m/s", "true_vz": "0.4 m/s"},
     },
     "Landing": {
         "errors": {"true_altitude": "2 m", "true_rate": "0.1 m/s", "altitude": "2 m", "rate": "0.1 m/s"},
         "processes": {"gusts": "0.1 m/s^2/sqrt(Hz)"},
+        "measurements": {"altimeter": "1 m"},
+    },
+    "Lander": {"errors": {"true_altitude": "20 m", "true_rate": "0.5 m/s", "altitude": "10 m", "rate": "0.2 m/s"}},
+    "Kicked": {
+        "errors": {
+            "true_x": "30 m", "true_altitude": "25 m", "true_vx": "0.5 m/s", "true_vz": "0.4 m/s", "vx": "1 m/s",
+        },
+        "processes": {"kick": "0.2 m/s"},
+    },
+    "Braking": {
+        "errors": {"true_altitude": "2 m", "true_rate": "0.1 m/s", "altitude": "2 m", "rate": "0.1 m/s"},
+        "processes": {"gusts": "0.1 m/s^2/sqrt(Hz)", "brake": "0.05 m/s"},
         "measurements": {"altimeter": "1 m"},
     },
     "Pendulum": {
@@ -190,11 +366,24 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
         },
         "measurements": {"encoder": "5 mrad"},
     },
+    "Satellite": {
+        "errors": {"true_attitude": "0.2 rad", "attitude": "1 mrad", "true_drift": "20 urad/s"},
+        "processes": {"walk": "0.1 mrad/sqrt(s)", "drift_walk": "5 urad/s/sqrt(s)"},
+        "measurements": {"tracker": "0.5 mrad"},
+    },
+    "Gyroscopes": {
+        "errors": {"true_attitude": "0.2 rad", "attitude": "1 mrad", "drift": "20 urad/s"},
+        "processes": {"walk": "0.1 mrad/sqrt(s)"},
+    },
 }  # fmt: skip
 """Sizes of the loops' errors, and of those that inherit from them."""
 
 FILE = Path(__file__)
-OF = {"Continuous": "DoubleIntegrator", "Nominal": "DoubleIntegrator", "FixedDescent": "Descent"}
+OF = {
+    "GuidedLander": "Landing",
+    "Continuous": "DoubleIntegrator", "Remembering": "DoubleIntegrator", "ConstantGain": "DoubleIntegrator",
+    "Nominal": "DoubleIntegrator", "FixedDescent": "Descent",
+}  # fmt: skip
 
 
 def tables(name: str, **changes: Any) -> dict[str, Any]:

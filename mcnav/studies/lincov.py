@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -19,6 +19,7 @@ from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_t
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
 from mcnav.analysis.requirements import requirements_from
+from mcnav.analysis.vector_sizes import components_of, linear_sizes
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.scenario import (
@@ -26,6 +27,7 @@ from mcnav.contract.scenario import (
     ScenarioError,
     can_have_filter,
     has_epochs,
+    has_updates,
     is_linear_at_any_time,
     is_linear_over_time,
 )
@@ -74,14 +76,15 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
             _check_times(described, times)
         _check_soundness(described)
         linear, readings = _linearize(scenario)
-        model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes)
+        model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes,
+                      components_of(scenario.outputs))  # fmt: skip
         moments = errors.mean, errors.covariance
         history = None if readings is None else covariance_over_time(readings, names, *moments)
         outputs = [{"name": output.name} for output in scenario.outputs]
         entries = [record.model_dump() for record in described.requirements]
         judged = judge_linearly(
             requirements_from(entries, outputs), model.outcome_mean, model.outcome_covariance,
-            None if history is None else history.moments,
+            None if history is None else history.moments, model.sizes,
         )  # fmt: skip
         asked = None
         if times is not None:
@@ -105,13 +108,21 @@ def _judge_filter(answer: LinearAnswer, scenario: Scenario, campaign: Campaign) 
         return None
     known = [each for each in (answer.history, answer.asked) if each is not None]
     return judge_filter(
-        [picked(each, ~answer.readings_beyond(each)) for each in known],
+        [picked(each, ~answer.readings_beyond(each) & _stated(each)) for each in known],
         [output.name for output in answer.outputs],
         list(schema.groups),
         [source.name for source in answer.sources],
         campaign.errors.covariance,
         campaign.tolerance,
     )
+
+
+def _stated(covariance: LinearCovariance) -> NDArray[np.bool_]:
+    """Tell at which readings, shape (r,), the navigator states a covariance of anything."""
+    own = covariance.readings.own
+    if own is None:
+        return np.ones(len(covariance.readings.times), dtype=bool)
+    return np.asarray(np.isfinite(np.diagonal(own, axis1=1, axis2=2)).any(axis=1))
 
 
 @contextmanager
@@ -150,6 +161,9 @@ def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearSystem | None]:
     """Linearize a scenario at its end and, where it is known, over time: at the epochs of its requirements, if any."""
     if is_linear_at_any_time(scenario):
         system = scenario.linear(scenario.reading_times)
+        return system.end, system
+    if has_updates(scenario):
+        system = scenario.linear_around_updates()
         return system.end, system
     end = scenario.linear().end
     if not is_linear_over_time(scenario):
@@ -209,6 +223,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
             }
             for number, each in enumerate(answer.requirements)
         ],
+        **_size_rows(answer, names),
         "mean_by_cause": answer.means,
         "filter": None if answer.filter is None else _filter_entry(answer.filter),
         "beyond_range": None if answer.beyond is None else {
@@ -218,6 +233,13 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         "time": None if history is None else history.readings.label,
         "rows": [] if history is None else _rows(history, answer.readings_beyond(history)),
     }  # fmt: skip
+
+
+def _size_rows(answer: LinearAnswer, names: Sequence[str]) -> Mapping[str, object]:
+    """Return the sizes of corrections by their exact law; nothing where there are none."""
+    laws = linear_sizes(answer.model.sizes, answer.mean, answer.covariance)
+    rows = [asdict(law) | {"output": names[law.output], "wrong": law.wrong} for law in laws]
+    return {"sizes": rows} if rows else {}
 
 
 def _filter_entry(verdict: LinearVerdict) -> Mapping[str, object]:

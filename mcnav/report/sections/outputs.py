@@ -29,6 +29,7 @@ from mcnav.report.model import RunAnalysis
 from mcnav.report.output_columns import outputs_table
 from mcnav.report.percentiles import percentiles_table
 from mcnav.report.requirements import allowed_by_requirement, requirements_table
+from mcnav.report.vector_sizes import sizes_table
 
 FARTHEST: Final = 5
 """Samples with the largest NEES that are listed."""
@@ -48,9 +49,11 @@ def dispersion_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Sec
     """Arrange the distributions of single outputs, their quantiles, and the largest errors."""
     farthest = _farthest_table(content)
     percentiles = percentiles_table(content.summary, "shown", *_levels(content)).read
+    sizes = sizes_table(content.summary, "shown", _levels(content)[0]).read if content.summary.sizes else None
     return Section("dispersion", "Single outputs", [
         *joined(drawn.get("histograms")),
         *headed("Normal quantile plots", drawn.get("quantiles")),
+        *headed("Size of corrections", sizes),
         Folded("Error percentiles", [percentiles]),
         *headed("Largest errors", farthest if farthest.rows else None),
     ])  # fmt: skip

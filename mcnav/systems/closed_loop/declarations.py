@@ -6,8 +6,32 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-Unit = str | tuple[str, int | str | Sequence[str]]
-"""A unit for a scalar; for a vector a unit and its axes: their number, letters such as ``"xz"``, or names."""
+from mcnav.systems.closed_loop.rotations import Side
+
+
+@dataclass(frozen=True)
+class Attitude:
+    """A rotation from body to reference axes, a state of ``truth`` and ``estimate``.
+
+    Methods see matrices, shape (n, 3, 3), and return them where they return states; ``rates`` and ``navigate`` return
+    the angular rate of the body in its own axes, shape (n, 3). Errors and dispersions are rotation vectors in rad:
+    ``indicated = exp([error x]) true`` with errors in reference axes, ``true exp([error x])`` in body axes.
+
+    Attributes
+    ----------
+    errors : str
+        Axes of errors and dispersions: ``reference`` or ``body``.
+    axes : int, str or sequence of str
+        Names of these three axes.
+    """
+
+    errors: Side = "reference"
+    axes: int | str | Sequence[str] = 3
+
+
+Unit = str | tuple[str, int | str | Sequence[str]] | Attitude
+"""A unit for a scalar; for a vector a unit and its axes: their number, letters such as ``"xz"``, or names; an attitude.
+"""
 
 
 @dataclass(frozen=True)
@@ -35,7 +59,8 @@ class Measurement:
     name : str
     unit : str
     truth : callable
-        What is measured, of the arguments that it names: time, truth, parameters, noise; shape (n,) or (n, size).
+        What is measured, of the arguments that it names: time, truth, parameters, noise; shape (n,) or (n, size), or
+        an attitude, shape (n, 3, 3), whose noise is a rotation vector in the body axes of that attitude.
     model : callable, optional
         The same as the navigator predicts it, of time and estimate; `truth` of the estimate unless given.
     interval : float, optional
@@ -61,11 +86,28 @@ class Trigger:
     function : callable
         Of the arguments that it names: time, and truth or estimate; shape (n,).
     latest : float
-        Time by which it must have happened, s; a sample that has not met it has failed.
+        Time by which it must have happened, s; a sample that has not met it has failed. One that starts beyond the
+        trigger, or that an update carries over it, meets it at once.
     """
 
     function: Callable[..., Any]
     latest: float
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A phase of the flight; methods that name ``phase`` get its name, and are called for one phase at a time.
+
+    Attributes
+    ----------
+    name : str
+    begins : float or Trigger, optional
+        Time, s, or where each sample meets a trigger; none of the first. Phases follow each other in their order. A
+        sample that has not met the trigger by its latest time has failed.
+    """
+
+    name: str
+    begins: float | Trigger | None = None
 
 
 @dataclass(frozen=True)
@@ -75,8 +117,9 @@ class Correction:
     Attributes
     ----------
     name : str
-    at : float
-        Time, s.
+    at : float or Trigger
+        Time, s; or where each sample meets a trigger, on its own noise path. A sample that has not met it by its latest
+        time, or by its end, has failed.
     target : callable
         The commanded impulse, of the arguments that it names: time, estimate; shape (n,) or (n, axes).
     apply : callable or str
@@ -130,7 +173,15 @@ class ClosedLoop:
     processes : mapping of str to White or GaussMarkov
     measurements : sequence of Measurement
     corrections : sequence of Correction
+    phases : sequence of Phase
+        At a phase's begin rates may jump; a command is held until the next one.
     filter : Filter, optional
+        Or methods ``update`` and ``covariance`` in its place: ``update`` returns new values of estimate and memory, of
+        the arguments that it names: time, name (of the measurement), measured, innovation, estimate, memory; and
+        ``covariance``, of time, estimate, memory, what it says of all navigation errors after updates, shape (n, k, k).
+    memory : mapping of str to str or tuple
+        What the navigator remembers besides its estimates, by name; ``start`` may give its values, ``navigate`` its
+        rates, ``update`` and ``guide`` (beside the command) new values.
     cycle : float, optional
         Time between commands, s; none for guidance that is continuous.
     step : float, optional
@@ -140,6 +191,10 @@ class ClosedLoop:
         ``truth``: the estimate starts as the sample's truth plus its errors; ``nominal``: as the nominal plus these.
     command : str or tuple, optional
         Unit, and axes, of what ``guide`` returns.
+
+    A method ``outputs`` returns further outputs with their units, ``{"miss": (values, "m")}``, of the arguments that it
+    names: time, truth, estimate, command, parameters, memory. Of truth or estimate alone they are dispersions, of both
+    navigation errors; ``(values, "m", of)`` says otherwise.
     """
 
     truth: ClassVar[Mapping[str, Unit]] = {}
@@ -148,7 +203,9 @@ class ClosedLoop:
     processes: ClassVar[Mapping[str, White | GaussMarkov]] = {}
     measurements: ClassVar[Sequence[Measurement]] = ()
     corrections: ClassVar[Sequence[Correction]] = ()
+    phases: ClassVar[Sequence[Phase]] = ()
     filter: ClassVar[Filter | None] = None
+    memory: ClassVar[Mapping[str, Unit]] = {}
     cycle: ClassVar[float | None] = None
     step: ClassVar[float | None] = None
     end: ClassVar[float | Trigger | None] = None

@@ -5,6 +5,7 @@ The linear outcome of a sample is the plan's linear system with the same draws.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,14 +13,50 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason
-from mcnav.systems.closed_loop.differences import Map, differentiate_own
-from mcnav.systems.closed_loop.event import find_crossings
-from mcnav.systems.closed_loop.filter import FilterStates, propagated, updated
+from mcnav.systems.closed_loop.algebra import combine, propagate, update
+from mcnav.systems.closed_loop.differences import differentiate_own
+from mcnav.systems.closed_loop.filter import FilterStates
+from mcnav.systems.closed_loop.maps import Event
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, SENSORS, Noise, NoNoise
+from mcnav.systems.closed_loop.own_update import stated_covariance, updated
+from mcnav.systems.closed_loop.passage import Step, find_passages, meet, pass_through
 from mcnav.systems.closed_loop.plan import Transition
 from mcnav.systems.closed_loop.records import Recorder
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.timeline import Instant
+
+
+def late_failure(event: Event, time: float) -> Failure:
+    """Return why a sample has failed that has not met an event by a time."""
+    prefix = "" if event.kind == "end" else f"{event.name}: "
+    return Failure(Reason.STATED, f"{prefix}meets no trigger by {time:g} s")
+
+
+@dataclass(frozen=True)
+class OwnMap:
+    """A map of samples in flight with what enters it.
+
+    Attributes
+    ----------
+    function : callable
+        Of X, shape (size, n), and what enters, shape (inputs, n); and of ``share``, where there is one.
+    x, entering : ndarray, shapes (size, n) and (inputs, n)
+    believed : ndarray, shape (inputs,)
+        Believed sizes of what enters.
+    share : ndarray, shape (..., n), optional
+        Fractions of a step for each sample.
+    """
+
+    function: Callable[..., Array]
+    x: Array
+    entering: Array
+    believed: Array
+    share: Array | None = None
+
+    def some(self, chosen: NDArray[np.bool_]) -> OwnMap:
+        """Return the map of some samples."""
+        share = None if self.share is None else self.share[..., chosen]
+        return OwnMap(self.function, self.x[:, chosen], self.entering[:, chosen], self.believed, share)
 
 
 @dataclass
@@ -30,10 +67,18 @@ class Flight:
     ----------
     x : ndarray, shape (size, k)
         Of the samples in flight.
-    covariance : ndarray, shape (k, states, states) or (states, states)
+    covariance : ndarray, shape (states, states, k) or (states, states, 1)
         Each filter's own, or the planned one.
+    own : bool
+        Whether each sample has its own covariance.
     deviation : ndarray, shape (size, n)
         Of all samples by the linear system.
+    signs : ndarray, shape (events,)
+        Of the triggers' functions before they are met.
+    pending : ndarray of bool, shape (events, k)
+        Which events have not happened.
+    impulses : mapping of int to ndarray, shape (axes, n)
+        Execution errors of corrections by trigger, by number.
     final : ndarray, shape (size, n)
         X at the end of those that have ended; NaN for those that failed.
     """
@@ -46,29 +91,32 @@ class Flight:
     deviation: Array
     final: Array
     final_covariance: Array
-    sign: Array
+    signs: Array
+    pending: NDArray[np.bool_]
+    impulses: Mapping[int, Array]
     recorder: Recorder | None
     history: Array
+    own: bool = False
     number: int = 0
     failures: dict[int, Failure] = field(default_factory=dict)
     gains: dict[int, Transition] = field(default_factory=dict)
 
-    @property
-    def own(self) -> bool:
-        """Whether each sample has its own covariance."""
-        return self.covariance.ndim == 3
-
     def keep(self, kept: NDArray[np.bool_]) -> None:
         """Drop samples that have ended."""
-        self.rows, self.x, self.sign = self.rows[kept], self.x[:, kept], self.sign[kept]
+        self.rows, self.x, self.pending = self.rows[kept], self.x[:, kept], self.pending[:, kept]
         if self.own:
-            self.covariance = self.covariance[kept]
+            self.covariance = self.covariance[:, :, kept]
 
     def end(self, ended: NDArray[np.bool_], x: Array) -> None:
-        """Keep the final X, shape (size, k), of samples that have ended."""
-        self.final[:, self.rows[ended]] = x[:, ended]
+        """Keep the final X, shape (size, k), of samples that have ended; if they have missed an event they failed."""
+        for number, event in enumerate(self.setup.maps.events):
+            for column in np.flatnonzero(ended & self.pending[number]).tolist():
+                time = float(x[self.setup.maps.structure.clock.whole, column][-1])
+                self.failures.setdefault(int(self.rows[column]), late_failure(event, min(event.latest, time)))
+        missed = np.any(self.pending[:, ended], axis=0)
+        self.final[:, self.rows[ended]] = np.where(missed, np.nan, x[:, ended])
         if self.own:
-            self.final_covariance[self.rows[ended]] = self.covariance[ended]
+            self.final_covariance[:, :, self.rows[ended]] = self.covariance[:, :, ended]
         self.keep(~ended)
 
     def drop_failed(self, time: float) -> None:
@@ -82,16 +130,40 @@ class Flight:
     def reach(self, planned_covariance: Array | None) -> None:
         """Take over the planned covariance where samples have none of their own."""
         if planned_covariance is not None and not self.own:
-            self.covariance = planned_covariance
+            self.covariance = planned_covariance[:, :, None]
 
-    def propagated_own(self, function: Map, believed: Array, x: Array, covariance: Array) -> Array:
-        """Propagate samples' own covariances by a map's derivatives about their own estimates."""
+    def propagated_own(
+        self, map_: OwnMap, covariance: Array, planned: Transition | None = None, outcome: Array | None = None
+    ) -> Array:
+        """Propagate samples' own covariances by a map's derivatives about their own estimates.
+
+        Those of a linear map are the planned ones, for every sample whose outcome, shape (m, n), is that of linearity.
+        """
         states = self.setup.states
-        if states is None or not self.own or not x.shape[1]:
+        if states is None or not self.own or not map_.x.shape[1]:
             return covariance
-        changes = differentiate_own(function, self.seen(x, states), self.directions(states), believed)
-        moved = states.reading @ changes
-        return propagated(covariance, moved[:, :, : states.count] / self.scale(states), moved[:, :, states.count :])
+        straight = None if planned is None else planned.straight
+        if straight is None or outcome is None:
+            return propagate(covariance, *self.own_derivatives(map_, states))
+        f, entering = states.of_errors(straight.state, straight.inputs * map_.believed)
+        bent = straight.departures(map_.x, map_.entering, outcome)
+        if not bent.any():
+            return propagate(covariance, f, entering)
+        if bent.all():
+            return propagate(covariance, *self.own_derivatives(map_, states))
+        result = np.empty_like(covariance)
+        result[:, :, ~bent] = propagate(covariance[:, :, ~bent], f, entering)
+        result[:, :, bent] = propagate(covariance[:, :, bent], *self.own_derivatives(map_.some(bent), states))
+        return result
+
+    def own_derivatives(self, map_: OwnMap, states: FilterStates) -> tuple[Array, Array]:
+        """Compute F, shape (states, states, n), and what enters in believed sizes, shape (states, inputs, n)."""
+        seen, space = self.seen(map_.x, states), self.setup.maps.structure.space
+        directions = self.directions(states)
+        changes = differentiate_own(map_.function, seen, directions, map_.believed, space, space, map_.share)
+        moved = changes[states.estimates] - changes[states.counterparts]
+        moved = np.concatenate([moved, -changes[states.considered]])
+        return moved[:, : states.count] / self.scale(states)[:, None], moved[:, states.count :]
 
     def scale(self, states: FilterStates) -> Array:
         """Return the steps of differences of the filter's states, shape (count,)."""
@@ -117,8 +189,10 @@ class Flight:
         inputs = maps.structure.white.size + maps.structure.markov.size
         drawn = self.noise.draw(PROCESSES, 2 * inputs) * np.tile(setup.true.inputs, 2)[:, None]
         plan, length = setup.plan, instant.length
+        planned = None
         if self.number <= plan.end and number < len(plan.instants[self.number].steps):
-            self.follow(plan.instants[self.number].steps[number], drawn)
+            planned = plan.instants[self.number].steps[number]
+            self.follow(planned, drawn)
         if not len(self.rows):
             return
 
@@ -128,67 +202,116 @@ class Flight:
 
         white = drawn[:, self.rows]
         after = function(self.x, white)
-        if maps.end is not None:
-            value = maps.triggered(maps.end, after, np.full(len(self.rows), time + length))
-            met = np.sign(value) != self.sign
-            if met.any():
-                met &= np.isfinite(value)
-                after, white = self._end_within(instant, time, white, after, value, met)
-        believed = np.tile(setup.believed.inputs, 2)
-        self.covariance = self.propagated_own(function, believed, self.x, self.covariance)
-        self.x = after
+        pending, signs = self.pending, self.signs
+        met = np.any(meet(maps, after, np.full(len(self.rows), time + length), signs, pending), axis=0)
+        own = OwnMap(function, self.x, white, np.tile(setup.believed.inputs, 2))
+        if not met.any():
+            self.covariance = self.propagated_own(own, self.covariance, planned, after)
+            self.x = after
+        else:
+            smooth = ~met
+            if self.own:
+                self.covariance[:, :, smooth] = self.propagated_own(
+                    own.some(smooth), self.covariance[:, :, smooth], planned, after[:, smooth]
+                )
+            self._pass(Step(time, length), white.reshape(2, inputs, len(self.rows)), met, after)
         self.drop_failed(time + length)
 
-    def _end_within(
-        self, instant: Instant, time: float, white: Array, after: Array, value: Array, met: NDArray[np.bool_]
-    ) -> tuple[Array, Array]:
-        """End the samples that have met the trigger within a step; return X after it and the noise of the others."""
-        maps, length = self.setup.maps, instant.length
-        assert maps.end is not None
-        inputs = maps.structure.white.size + maps.structure.markov.size
-        x, begin = self.x[:, met], np.full(int(met.sum()), time)
-        of_step = white[:, met].reshape(2, inputs, len(begin))
-        before = maps.triggered(maps.end, x, begin)
-        fraction = find_crossings(maps, x, begin, length, of_step, before, value[met])
-        moment = begin + fraction * length
-        there = maps.step(x, begin, length, of_step, fraction)
-        there[maps.structure.clock.whole] = moment
-        if maps.continuous:
-            there = maps.after_guidance(there, moment)
-        ended = after.copy()
-        ended[:, met] = there
-        if self.own:
+    def _pass(self, step: Step, white: Array, met: NDArray[np.bool_], after: Array) -> None:
+        """Let the samples that meet events pass through them; those that end leave.
 
-            def part(states: Array, entering: Array) -> Array:
-                repeated = np.tile(fraction, states.shape[1] // len(fraction))
-                drawn = entering.reshape(2, inputs, states.shape[1])
-                return maps.step(states, np.full(states.shape[1], time), length, drawn, repeated)
+        Parameters
+        ----------
+        after : ndarray, shape (size, k)
+            X of the other samples after the step.
+        """
+        setup, maps, columns = self.setup, self.setup.maps, np.flatnonzero(met)
+        noises = [self.execution_errors(number)[:, self.rows] for number in range(len(maps.events))]
+        of_x, of_white = self.x[:, met], white[:, :, met]
+        of_noise = [each[:, met] for each in noises]
+        passages = find_passages(maps, step, of_x, of_white, self.signs, self.pending[:, met], of_noise)
+        ended = np.zeros(len(self.rows), dtype=bool)
+        after = after.copy()
+        for events, chosen in passages.groups():
+            here, fractions = columns[chosen], passages.fractions[: len(events), chosen]
+            of_step = white[:, :, here].reshape(2 * white.shape[1], len(here))
+            entering = np.concatenate([of_step, *(noises[each][:, here] for each in events)])
+            own = [setup.believed.corrections[maps.events[e].number] for e in events if self._corrects(e)]
+            function = self._passing(step, events)
+            after[:, here] = function(self.x[:, here], entering, fractions)
+            if self.own:
+                believed = np.concatenate([np.tile(setup.believed.inputs, 2), *own])
+                passing = OwnMap(function, self.x[:, here], entering, believed, fractions)
+                self.covariance[:, :, here] = self.propagated_own(passing, self.covariance[:, :, here])
+            self.pending[np.array(events, dtype=np.intp)[:, None], here] = False
+            ended[here] = bool(events) and maps.events[events[-1]].kind == "end"
+        self.x = after
+        self.end(ended, after)
 
-            believed = np.tile(self.setup.believed.inputs, 2)
-            self.covariance[met] = self.propagated_own(part, believed, x, self.covariance[met])
-        self.end(met, ended)
-        return after[:, ~met], white[:, ~met]
+    def _corrects(self, number: int) -> bool:
+        return self.setup.maps.events[number].kind == "correction"
+
+    def _passing(self, step: Step, events: tuple[int, ...]) -> Callable[..., Array]:
+        """Return the map of a step with events: of X, of noise, and of the fractions at which they happen."""
+        maps, inputs = self.setup.maps, self.setup.maps.structure.white.size + self.setup.maps.structure.markov.size
+        sizes = [len(self.execution_errors(number)) for number in events]
+        splits = np.cumsum([2 * inputs, *sizes])[:-1]
+
+        def function(x: Array, entering: Array, fractions: Array) -> Array:
+            count = x.shape[1]
+            white, *noises = np.split(entering, splits) if events else [entering]
+            return pass_through(maps, step, x, white.reshape(2, inputs, count), events, fractions, noises)
+
+        return function
+
+    def execution_errors(self, number: int) -> Array:
+        """Return the execution errors of an event that is a correction, shape (axes, n); of others none."""
+        event = self.setup.maps.events[number]
+        return self.impulses[event.number] if event.kind == "correction" else np.zeros((0, self.final.shape[1]))
 
     def end_jumped(self, time: float) -> None:
-        """End the samples that an update has carried over the trigger."""
+        """Let the events happen over whose trigger an update has carried samples."""
         maps = self.setup.maps
-        if maps.end is not None and len(self.rows):
-            met = np.sign(maps.triggered(maps.end, self.x, np.full(len(self.rows), time))) != self.sign
-            if met.any():
-                self.x[self.setup.maps.structure.clock.whole] = np.where(met, time, 0.0)
+        for number in range(len(maps.events)):
+            times = np.full(len(self.rows), time)
+            met = meet(maps, self.x, times, self.signs, self.pending)[number]
+            if not met.any():
+                continue
+            noise = self.execution_errors(number)[:, self.rows]
+
+            def function(x: Array, entering: Array, number: int = number) -> Array:
+                return maps.happen(number, x, np.full(x.shape[1], time), entering)
+
+            if self.own and self._corrects(number):
+                believed = self.setup.believed.corrections[maps.events[number].number]
+                own = OwnMap(function, self.x[:, met], noise[:, met], believed)
+                self.covariance[:, :, met] = self.propagated_own(own, self.covariance[:, :, met])
+            self.x = self.x.copy()
+            self.x[:, met] = function(self.x[:, met], noise[:, met])
+            self.pending[number, met] = False
+            if maps.events[number].kind == "end":
                 self.end(met, self.x)
+
+    def expire(self, time: float, over: bool = False) -> None:
+        """Fail the samples that have not met an event by a time, or by the end of the flight."""
+        for number, event in enumerate(self.setup.maps.events):
+            late = self.pending[number] & (over or event.latest <= time)
+            if late.any():
+                for row in self.rows[late].tolist():
+                    self.failures[row] = late_failure(event, min(event.latest, time))
+                self.keep(~late)
 
     def follow(self, transition: Transition, drawn: Array | None = None) -> None:
         """Apply a transition of the linear system to all samples' deviations."""
-        self.deviation = transition.state @ self.deviation
+        self.deviation = combine(transition.state, self.deviation)
         if drawn is not None and len(drawn):
-            self.deviation += transition.inputs @ drawn
+            self.deviation += combine(transition.inputs, drawn)
+        for number, inputs in transition.corrections.items():
+            self.deviation += combine(inputs, self.impulses[number])
 
     def measure(self, number: int, time: float, planned: Transition | None) -> None:
         """Update every sample's navigator by a sensor."""
         setup, maps, states = self.setup, self.setup.maps, self.setup.states
-        if states is None:
-            return
         sigma = setup.believed.measurements[number]
         drawn = self.noise.draw(SENSORS + number, len(sigma)) * setup.true.measurements[number][:, None]
         if planned is not None:
@@ -196,26 +319,59 @@ class Flight:
             self.gains[number] = planned
         if not len(self.rows):
             return
+        if states is None:
+            self.x = updated(maps, number, self.x, np.full(len(self.rows), time), drawn[:, self.rows])
+            return
 
         def function(x: Array, entering: Array) -> Array:
             return maps.innovation(number, x, np.full(x.shape[1], time))
 
-        innovation = function(self.x, drawn) + drawn[:, self.rows]
+        exact = function(self.x, drawn)
+        innovation = exact + drawn[:, self.rows]
         if self.own:
-            changes = differentiate_own(function, self.seen(self.x, states), self.directions(states), np.zeros(0))
-            h = -changes / self.scale(states)
-            update = updated(self.covariance, h, sigma, states.estimated)
-            gain, expected, self.covariance = update.gain, update.innovation, update.covariance
-            added = np.einsum("nkm,mn->kn", gain[:, : states.estimated], innovation)
+            gain, factor, self.covariance = self.own_update(
+                OwnMap(function, self.x, drawn[:, self.rows], sigma), exact, planned
+            )
+            added = combine(gain, innovation)
         else:
             last = self.gains[number]
             assert last.gain is not None
-            assert last.innovation is not None
-            expected, added = last.innovation, last.gain[: states.estimated] @ innovation
-        self.x = self.x.copy()
-        self.x[states.estimates] += added
+            assert last.factor is not None
+            factor, added = last.factor, combine(last.gain, innovation)
+        change = np.zeros_like(self.x)
+        change[states.estimates] = added
+        self.x = maps.structure.space.plus(self.x, change)
         if self.recorder is not None:
-            self.recorder.sensors[number].add(self.rows, innovation, expected)
+            self.recorder.sensors[number].add(self.rows, innovation, factor)
+
+    def own_update(self, map_: OwnMap, exact: Array, planned: Transition | None) -> tuple[Array, Array, Array]:
+        """Compute samples' own gains, factors of their innovations' covariances, and covariances after an update."""
+        states = self.setup.states
+        assert states is not None
+        straight = None if planned is None else planned.straight
+        count, size = exact.shape[1], len(map_.believed)
+        bent = np.ones(count, dtype=bool)
+        if straight is not None:
+            bent = straight.departures(map_.x, np.zeros_like(exact), exact)
+        shared = np.zeros((0, 0, 1)) if straight is None else -(straight.state @ states.moving)[:, :, None]
+        if not bent.any() or bent.all():
+            h = self.own_sensitivities(map_, states) if bent.any() else shared
+            gains, factor, after = update(self.covariance, h, map_.believed, states.estimated)
+            return gains[: states.estimated], factor, after
+        gain, factor = np.empty((states.estimated, size, count)), np.empty((size, size, count))
+        after = np.empty_like(self.covariance)
+        for chosen, own in ((~bent, False), (bent, True)):
+            if chosen.any():
+                h = self.own_sensitivities(map_.some(chosen), states) if own else shared
+                some = update(self.covariance[:, :, chosen], h, map_.believed, states.estimated)
+                gain[:, :, chosen], factor[:, :, chosen], after[:, :, chosen] = some[0][: states.estimated], *some[1:]
+        return gain, factor, after
+
+    def own_sensitivities(self, map_: OwnMap, states: FilterStates) -> Array:
+        """Compute H, shape (m, states, n)."""
+        seen, space = self.seen(map_.x, states), self.setup.maps.structure.space
+        changes = differentiate_own(map_.function, seen, self.directions(states), np.zeros(0), space)
+        return np.asarray(-changes / self.scale(states)[:, None])
 
     def correct(self, number: int, time: float, planned: Transition | None) -> None:
         """Apply every sample's correction."""
@@ -231,24 +387,23 @@ class Flight:
             return maps.corrected(number, x, np.full(x.shape[1], time), entering)
 
         after = function(self.x, drawn[:, self.rows])
-        believed = setup.believed.corrections[number]
-        self.covariance = self.propagated_own(function, believed, self.x, self.covariance)
+        own = OwnMap(function, self.x, drawn[:, self.rows], setup.believed.corrections[number])
+        self.covariance = self.propagated_own(own, self.covariance, planned, after)
         self.x = after
 
     def update(self, instant: Instant) -> None:
         """Measure, correct, guide and read out at an instant."""
         setup, plan = self.setup, self.setup.plan
         known = list(plan.instants[self.number].updates) if self.number <= plan.end else []
-        event = bool(known) and known[0].kind == "event"
-        if event:  # the nominal has ended within the steps before
-            for transition in known:
-                self.follow(transition)
-            known = []
+        if known and known[0].kind == "event":  # the nominal has ended within the steps before
+            self.follow(known.pop())
 
         def planned() -> Transition | None:
             return known.pop(0) if known else None
 
-        if setup.states is not None:
+        if instant.phase is not None and len(self.rows):
+            self.x = setup.maps.begin_phase(instant.phase, self.x)
+        if setup.states is not None or setup.maps.update is not None:
             for number in instant.measurements:
                 self.measure(number, instant.time, planned())
                 self.end_jumped(instant.time)
@@ -263,15 +418,22 @@ class Flight:
                 self.x = setup.maps.after_guidance(self.x, np.full(len(self.rows), instant.time))
         self.drop_failed(instant.time)
 
-    def read(self, epoch: int) -> None:
-        """Read all samples out at an epoch, those that have ended as they were at their end."""
+    def read(self, epoch: int, time: float) -> None:
+        """Read all samples out at an epoch and its time, those that have ended as they were at their end."""
         setup = self.setup
         x, covariance = self.final.copy(), self.final_covariance.copy() if self.own else self.covariance
         x[:, self.rows] = self.x
         if self.own:
-            covariance[self.rows] = self.covariance
-        values = setup.readout.read(x, self.nominal).T
-        nominal = setup.readout.read(self.nominal[:, None], self.nominal)[:, 0]
+            covariance[:, :, self.rows] = self.covariance
+        times = np.full(x.shape[1], time)
+        if setup.maps.ends:
+            ended = np.ones(x.shape[1], dtype=bool)
+            ended[self.rows] = False
+            times[ended] = x[setup.maps.structure.clock.whole, ended][-1]
+        values = setup.readout.read(x, self.nominal, times).T
+        nominal = setup.readout.read_nominal(self.nominal, time)
         self.history[:, epoch] = np.where(np.abs(values - nominal) <= setup.floor, nominal, values)
         if self.recorder is not None:
+            if setup.maps.covariance is not None:
+                covariance = stated_covariance(setup.maps, x, times)
             self.recorder.record(epoch, x, covariance)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.systems.closed_loop.declarations import Correction, Measurement
 from mcnav.systems.closed_loop.methods import Frame, Method
-from mcnav.systems.closed_loop.quantities import Block, Quantity, Values, as_kept, as_seen, spread
+from mcnav.systems.closed_loop.own_outputs import OwnOutputs
+from mcnav.systems.closed_loop.quantities import Block, Quantity, Values, as_kept, as_seen, attitude_kept, spread
+from mcnav.systems.closed_loop.rotations import turn_between
 from mcnav.systems.closed_loop.structure import Structure
 
 _ROOT_3: Final = float(np.sqrt(3.0))
@@ -19,12 +23,13 @@ _ROOT_3: Final = float(np.sqrt(3.0))
 
 @dataclass(frozen=True)
 class Sensor:
-    """A measurement, with its methods and the size of what it measures."""
+    """A measurement, with its methods, and the size of what it measures; or an attitude."""
 
     declared: Measurement
     truth: Method
     model: Method | None
     size: int = 1
+    attitude: bool = False
 
 
 @dataclass(frozen=True)
@@ -37,11 +42,34 @@ class Impulse:
 
 
 @dataclass(frozen=True)
+class Event:
+    """What a trigger begins.
+
+    Attributes
+    ----------
+    kind : str
+        ``correction``, ``phase`` or ``end``.
+    number : int
+        Of the correction or phase.
+    latest : float
+        Time by which a sample must have met it, s.
+    """
+
+    name: str
+    kind: Literal["correction", "phase", "end"]
+    number: int
+    trigger: Method
+    latest: float
+
+
+@dataclass(frozen=True)
 class Maps:
     """The loop as functions of X.
 
     Attributes
     ----------
+    events : tuple of Event
+        Those by trigger, an end last; as many as there are numbers of the structure's clock.
     decay : ndarray, shape (markov.size, 1)
         One over the correlation time of each Gauss-Markov process, 1/s.
     believed_decay : ndarray, shape (markov.size, 1)
@@ -55,10 +83,43 @@ class Maps:
     guide: Method | None
     sensors: tuple[Sensor, ...]
     impulses: tuple[Impulse, ...]
-    end: Method | None
+    events: tuple[Event, ...]
     continuous: bool
     decay: Array
     believed_decay: Array
+    own_outputs: OwnOutputs | None = None
+    update: Method | None = None
+    covariance: Method | None = None
+    phases: tuple[str, ...] = ()
+
+    @property
+    def ends(self) -> bool:
+        """Whether a trigger ends flights."""
+        return bool(self.events) and self.events[-1].kind == "end"
+
+    def phase_of(self, x: Array) -> str:
+        """Return the phase of samples that are all in the same."""
+        return self.phases[int(self.phase_numbers(x)[0])]
+
+    def phase_numbers(self, x: Array) -> NDArray[np.intp]:
+        """Return the number of the phase of each sample, shape (n,)."""
+        numbers = np.nan_to_num(x[self.structure.phase.begin])
+        return np.asarray(np.clip(np.rint(numbers), 0, len(self.phases) - 1), dtype=np.intp)
+
+    def by_phase(self, function: Callable[..., Array], x: Array, *arrays: Array) -> Array:
+        """Call a function of X and other arrays, shape (..., n), for the samples of each phase by itself."""
+        numbers = self.phase_numbers(x) if self.phases else np.zeros(0)
+        present = np.unique(numbers)
+        if len(present) < 2:
+            return function(x, *arrays)
+        result = np.zeros((0, x.shape[1]))
+        for number in present:
+            chosen = numbers == number
+            part = function(x[:, chosen], *(each[..., chosen] for each in arrays))
+            if not len(result):
+                result = np.empty((*part.shape[:-1], x.shape[1]))
+            result[..., chosen] = part
+        return result
 
     def truth_frame(self, x: Array, time: Array, white: Array | None = None, command: Array | None = None) -> Frame:
         """Return what methods of the truth may name; without ``white`` noise has its processes' values alone."""
@@ -77,6 +138,8 @@ class Maps:
             "estimate": lambda: Values("estimate", named(structure.estimate, x)),
             "command": lambda: self._seen_command(x if command is None else command, command is None),
             "noise": noise,
+            "memory": lambda: self._seen_memory(x),
+            "phase": lambda: self.phase_of(x),
         }
 
     def navigator_frame(self, x: Array, time: Array, sensed: Any, with_white: bool = False) -> Frame:
@@ -84,8 +147,11 @@ class Maps:
         structure = self.structure
 
         def estimated(block: Block) -> dict[str, Array]:
-            values = named(replace(block, begin=0), np.zeros((block.size, x.shape[1])))
-            values |= {name: each for name, each in named(structure.estimate, x).items() if name in block.names}
+            values = {}
+            for quantity in block.quantities:
+                at = structure.estimate.of(quantity.name)
+                numbers = np.zeros((quantity.size, x.shape[1])) if at is None else x[at]
+                values[quantity.name] = as_seen(numbers, bool(quantity.axes))
             return values
 
         def noise() -> Values:
@@ -100,13 +166,22 @@ class Maps:
             "command": lambda: sensed,
             "sensed": lambda: sensed,
             "noise": noise,
+            "memory": lambda: self._seen_memory(x),
+            "phase": lambda: self.phase_of(x),
         }
 
-    def step(self, x: Array, time: Array, length: float, white: Array, fraction: Array | float = 1.0) -> Array:
-        """Propagate by a step of Runge-Kutta's classical method, or by a fraction of it, shape (n,).
+    def step(
+        self, x: Array, time: Array, length: float, white: Array, fraction: Array | float = 1.0,
+        since: Array | float = 0.0,
+    ) -> Array:  # fmt: skip
+        """Propagate by a step of Runge-Kutta's classical method, or from one fraction of it to another, shape (n,).
+
+        Attitudes are integrated as rotation vectors from the begin of the step (Munthe-Kaas).
 
         Parameters
         ----------
+        time : ndarray, shape (n,)
+            At the begin of the whole step, s.
         white : ndarray, shape (2, inputs, n)
             The first two Legendre modes, over the whole step, of white noise and of what drives Gauss-Markov processes,
             each with the variance of the density: ``w(s) = (white[0] + sqrt(3) (2 s - 1) white[1]) / sqrt(length)``,
@@ -114,42 +189,64 @@ class Maps:
         """
         scale = 1.0 / np.sqrt(length)
         mean, slope = white[0] * scale, white[1] * (_ROOT_3 * scale)
-        covered = fraction * length
-        begin, middle, end = mean - slope, mean + slope * (fraction - 1.0), mean + slope * (2.0 * fraction - 1.0)
+        covered, time = (fraction - since) * length, time + since * length
+        begin, end = mean + slope * (2.0 * since - 1.0), mean + slope * (2.0 * fraction - 1.0)
+        middle = mean + slope * (since + fraction - 1.0)
+        space = self.structure.space
+
+        def rates(change: Array, after: Array | float, white: Array) -> Array:
+            return space.rates_at(change, self.derivative(space.advanced(x, change), time + after, white))
+
         first = self.derivative(x, time, begin)
-        second = self.derivative(x + 0.5 * covered * first, time + 0.5 * covered, middle)
-        third = self.derivative(x + 0.5 * covered * second, time + 0.5 * covered, middle)
-        fourth = self.derivative(x + covered * third, time + covered, end)
-        return np.asarray(x + covered / 6.0 * (first + 2.0 * (second + third) + fourth))
+        second = rates(0.5 * covered * first, 0.5 * covered, middle)
+        third = rates(0.5 * covered * second, 0.5 * covered, middle)
+        fourth = rates(covered * third, covered, end)
+        total = second  # covered / 6 (first + 2 (second + third) + fourth)
+        total += third
+        total *= 2.0
+        total += first
+        total += fourth
+        total *= covered / 6.0
+        return space.advanced(x, total)
 
     def derivative(self, x: Array, time: Array, white: Array) -> Array:
-        """Compute dX/dt, shape (size, n); commands, parameters and corrections rest."""
+        """Compute dX/dt, shape (size, n), of samples in any phase."""
+        return self.by_phase(self._derivative, x, time, white)
+
+    def _derivative(self, x: Array, time: Array, white: Array) -> Array:
+        """Compute dX/dt, shape (size, n), an attitude's its angular rate in body axes; commands and the like rest."""
         structure, count = self.structure, x.shape[1]
-        command = self.guided(x, time)[0] if self.continuous and self.guide is not None else None
+        command = (
+            self._guided(x, time)[: structure.command.size] if self.continuous and self.guide is not None else None
+        )
         frame = self.truth_frame(x, time, white, command)
         result = np.zeros_like(x)
-        result[structure.truth.whole] = spread(structure.truth, self.rates(frame), count, "rates")
+        spread(structure.truth, self.rates(frame), count, "rates", into=result[structure.truth.whole])
         markov = structure.markov.whole
         if structure.markov.size:
             result[markov] = -self.decay * x[markov] + white[structure.white.size :]
         sensed = frame["command"]() if self.sense is None else self._sensed(self.sense(frame))
-        result[structure.estimate.whole] = self._navigated(x, time, sensed)
+        self._navigate(x, time, sensed, result)
         return result
 
-    def _navigated(self, x: Array, time: Array, sensed: Any) -> Array:
+    def _navigate(self, x: Array, time: Array, sensed: Any, result: Array) -> None:
+        """Set the derivatives of the estimate and of what is remembered in that of X, where they are zero before."""
         structure = self.structure
-        estimate = structure.estimate
+        estimate, memory = structure.estimate, structure.memory
         method = self.rates if self.navigate is None else self.navigate
         returned = method(self.navigator_frame(x, time, sensed, with_white=self.navigate is None))
         if self.navigate is None and isinstance(returned, Mapping):  # rates of the truth, of which some are estimated
             returned = {name: each for name, each in returned.items() if name in estimate.names}
-        result = spread(estimate, returned, x.shape[1], "navigate")
+        if structure.remembers and isinstance(returned, Mapping):
+            remembered = {name: each for name, each in returned.items() if name in memory.names}
+            returned = {name: each for name, each in returned.items() if name not in remembered}
+            spread(memory, remembered, x.shape[1], "navigate", into=result[memory.whole])
+        spread(estimate, returned, x.shape[1], "navigate", into=result[estimate.whole])
         for quantity, place in structure.markov.places():
             at = estimate.of(quantity.name)
             if at is not None and quantity.name not in returned:
                 local = slice(place.start - structure.markov.begin, place.stop - structure.markov.begin)
-                result[at.start - estimate.begin : at.stop - estimate.begin] = -self.believed_decay[local] * x[at]
-        return result
+                result[at] = -self.believed_decay[local] * x[at]
 
     def _sensed(self, returned: Any) -> Any:
         if isinstance(returned, Mapping):
@@ -160,27 +257,34 @@ class Maps:
         (quantity,) = self.structure.command.quantities
         return as_seen(values[self.structure.command.whole] if within_x else values, bool(quantity.axes))
 
-    def guided(self, x: Array, time: Array) -> tuple[Array, Array]:
-        """Compute command and memory, shapes (command.size, n) and (memory.size, n)."""
+    def _guided(self, x: Array, time: Array) -> Array:
+        """Compute command and, below it, memory, shape (command.size + memory.size, n)."""
         structure, count = self.structure, x.shape[1]
         assert self.guide is not None
         frame = {
             "time": lambda: time,
             "estimate": lambda: Values("estimate", named(structure.estimate, x)),
             "memory": lambda: self._seen_memory(x),
+            "phase": lambda: self.phase_of(x),
         }
         returned = self.guide(frame)
         command, memory = returned if isinstance(returned, tuple) else (returned, None)
         commanded = np.broadcast_to(
             as_kept(command, structure.command.quantities[0], count, "guide"), (structure.command.size, count)
         )
+        if structure.remembers:
+            before = x[structure.memory.whole]
+            kept = spread(structure.memory, {} if memory is None else memory, count, "guide", before)
+            return np.concatenate([commanded, kept])
         kept = np.zeros((structure.memory.size, count))
         if structure.memory.size:
             kept[:] = as_kept(memory, structure.memory.quantities[0], count, "memory of guide")
-        return commanded, kept
+        return np.concatenate([commanded, kept])
 
-    def _seen_memory(self, x: Array) -> Array:
+    def _seen_memory(self, x: Array) -> Any:
         memory = self.structure.memory
+        if self.structure.remembers:
+            return Values("memory", named(memory, x))
         return as_seen(x[memory.whole], len(memory.quantities[0].axes) > 1) if memory.size else np.zeros(x.shape[1])
 
     def after_guidance(self, x: Array, time: Array) -> Array:
@@ -188,27 +292,39 @@ class Maps:
         if self.guide is None:
             return x
         result = x.copy()
-        result[self.structure.command.whole], result[self.structure.memory.whole] = self.guided(x, time)
+        result[self.structure.command.begin : self.structure.memory.whole.stop] = self.by_phase(self._guided, x, time)
         return result
 
     def innovation(self, number: int, x: Array, time: Array) -> Array:
+        """Compute an innovation without noise, shape (size, n), of samples in any phase."""
+        return self.by_phase(partial(self._innovation, number), x, time)
+
+    def _innovation(self, number: int, x: Array, time: Array) -> Array:
         """Compute what a sensor measures without its noise, less what the navigator expects, shape (size, n)."""
-        sensor = self.sensors[number]
+        sensor, count = self.sensors[number], x.shape[1]
         quantity = _component(sensor.declared.name, sensor.size)
         measured = sensor.truth(self.truth_frame(x, time))
         frame = self.navigator_frame(x, time, None)
         expected = sensor.truth(frame) if sensor.model is None else sensor.model(frame)
         where = f"measurement {quantity.name}"
-        difference = as_kept(measured, quantity, x.shape[1], where) - as_kept(expected, quantity, x.shape[1], where)
-        return np.broadcast_to(difference, (sensor.size, x.shape[1]))
+        if sensor.attitude:
+            there, origin = (attitude_kept(each, count, where) for each in (measured, expected))
+            difference = turn_between(there, origin, "body")
+        else:
+            difference = as_kept(measured, quantity, count, where) - as_kept(expected, quantity, count, where)
+        return np.broadcast_to(difference, (sensor.size, count))
 
     def corrected(self, number: int, x: Array, time: Array, noise: Array) -> Array:
+        """Return X after a correction, of samples in any phase."""
+        return self.by_phase(partial(self._corrected, number), x, time, noise)
+
+    def _corrected(self, number: int, x: Array, time: Array, noise: Array) -> Array:
         """Return X after a correction with its execution error, shape (axes, n)."""
         structure, impulse, count = self.structure, self.impulses[number], x.shape[1]
         quantity, place = list(structure.corrections.places())[number]
         where = f"target of {quantity.name}"
         estimate = Values("estimate", named(structure.estimate, x))
-        target = impulse.target({"time": lambda: time, "estimate": lambda: estimate})
+        target = impulse.target({"time": lambda: time, "estimate": lambda: estimate, "phase": lambda: self.phase_of(x)})
         commanded = np.broadcast_to(as_kept(target, quantity, count, where), (quantity.size, count))
         executed = commanded + noise
         known = executed if impulse.declared.known == "executed" else commanded
@@ -229,6 +345,27 @@ class Maps:
                 changed = {name: each for name, each in changed.items() if name in block.names}
         return spread(block, changed, x.shape[1], f"apply of {impulse.declared.name}", x[block.whole])
 
+    def happen(self, number: int, x: Array, time: Array, noise: Array) -> Array:
+        """Return X after an event at a time, shape (n,); a correction has its execution error, shape (axes, n)."""
+        event = self.events[number]
+        result = self.corrected(event.number, x, time, noise) if event.kind == "correction" else x.copy()
+        result[self.structure.clock.begin + number] = time
+        if event.kind == "phase":
+            return self.begin_phase(event.number, result)
+        return self.after_guidance(result, time) if event.kind == "end" and self.continuous else result
+
+    def begin_phase(self, number: int, x: Array) -> Array:
+        """Return X in a phase."""
+        result = x.copy()
+        result[self.structure.phase.begin] = float(number)
+        return result
+
+    def own_values(self, x: Array, time: Array) -> Array:
+        """Compute the outputs of the user's own, shape (outputs, n)."""
+        own = self.own_outputs
+        assert own is not None
+        return self.by_phase(lambda x, time: own.values(self.truth_frame(x, time), x.shape[1]), x, time)
+
     def triggered(self, method: Method, x: Array, time: Array) -> Array:
         """Compute a trigger's function, shape (n,)."""
         frame = self.truth_frame(x, time)
@@ -242,4 +379,7 @@ def _component(name: str, size: int) -> Quantity:
 
 def named(block: Block, x: Array) -> dict[str, Array]:
     """Return the values of a block in X by name, as users' methods see them."""
-    return {quantity.name: as_seen(x[place], bool(quantity.axes)) for quantity, place in block.places()}
+    return {
+        quantity.name: as_seen(x[place], bool(quantity.axes), quantity.turns is not None)
+        for quantity, place in block.places()
+    }

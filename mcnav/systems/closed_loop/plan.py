@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import pickle
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
+from mcnav.contract.linear import Update
 from mcnav.contract.scenario import ScenarioError
-from mcnav.systems.closed_loop.differences import Derivatives, Map, differentiate_map
-from mcnav.systems.closed_loop.event import crossing_within, event_map
-from mcnav.systems.closed_loop.filter import FilterStates, propagated, updated
+from mcnav.systems.closed_loop.algebra import propagate, update
+from mcnav.systems.closed_loop.differences import Derivatives, Map, Straight, differentiate_map
+from mcnav.systems.closed_loop.event import Saltation, event_map, find_crossings
+from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Maps
+from mcnav.systems.closed_loop.own_update import updated
+from mcnav.systems.closed_loop.passage import meet, set_signs
 from mcnav.systems.closed_loop.sizes import SMALL, Sizes, difference_steps
 from mcnav.systems.closed_loop.structure import Structure
 from mcnav.systems.closed_loop.timeline import Instant
@@ -27,12 +35,18 @@ class Transition:
     inputs : ndarray, shape (size, k)
         For inputs in their SI units; those of a step are its two Legendre modes, one after the other.
     kind : str
-        ``step``, ``measure``, ``correct``, ``guide`` or ``event``.
+        ``step``, ``measure``, ``correct``, ``guide`` or ``event``, the end.
     number : int
         Of the measurement or correction.
-    gain : ndarray, shape (filter's states, k), optional
-    innovation : ndarray, shape (k, k), optional
-        Covariance that the filter expects of the innovation.
+    gain : ndarray, shape (estimated states, k), optional
+    factor : ndarray, shape (k, k, 1), optional
+        Cholesky's factor of the covariance that the filter expects of the innovation.
+    straight : Straight, optional
+        The map of X, or of the innovation, where it is linear.
+    corrections : mapping of int to ndarray, shape (size, axes)
+        For the execution errors of corrections by trigger within a step, by number.
+    moments : tuple of Moment
+        Before and after these.
     """
 
     state: Array
@@ -40,7 +54,78 @@ class Transition:
     kind: str
     number: int = 0
     gain: Array | None = None
-    innovation: Array | None = None
+    factor: Array | None = None
+    straight: Straight | None = None
+    corrections: Mapping[int, Array] = field(default_factory=dict)
+    moments: tuple[Moment, ...] = ()
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The linear system before or after a correction by trigger within a step.
+
+    Attributes
+    ----------
+    x : ndarray, shape (size,)
+        Of the nominal.
+    transition : Transition
+        From the begin of the step.
+    covariance : ndarray, shape (k, k)
+        The filter's.
+    """
+
+    time: float
+    label: Update
+    x: Array
+    transition: Transition
+    covariance: Array
+
+
+@dataclass
+class Composed:
+    """Maps one after the other, all with the same noise.
+
+    Attributes
+    ----------
+    state, inputs : ndarray, shapes (size, size) and (size, k)
+        With events at every sample's own instant.
+    fixed, inputs_fixed : ndarray, the same shapes
+        With events at the nominal instants, as a filter sees them.
+    corrections : dict of int to ndarray
+        As those of a `Transition`.
+    """
+
+    state: Array
+    inputs: Array
+    fixed: Array
+    inputs_fixed: Array
+    corrections: dict[int, Array]
+
+    @classmethod
+    def of(cls, state: Array, inputs: Array) -> Composed:
+        """Return a map alone."""
+        return cls(state, inputs, state, inputs, {})
+
+    def add(self, state: Array, inputs: Array) -> None:
+        """Add a map."""
+        self._change(state, state)
+        self.inputs, self.inputs_fixed = self.inputs + inputs, self.inputs_fixed + inputs
+
+    def jump(self, saltation: Saltation, correction: int | None) -> None:
+        """Add an event, with the number of the correction that it is."""
+        self._change(saltation.state, saltation.fixed)
+        if correction is not None:
+            self.corrections[correction] = saltation.inputs
+
+    @property
+    def transition(self) -> Transition:
+        """The transition of all of them."""
+        return Transition(self.state, self.inputs, "step", corrections=dict(self.corrections))
+
+    def _change(self, state: Array, fixed: Array) -> None:
+        self.state, self.inputs = state @ self.state, state @ self.inputs
+        self.fixed, self.inputs_fixed = fixed @ self.fixed, fixed @ self.inputs_fixed
+        self.corrections = {number: state @ each for number, each in self.corrections.items()}
 
 
 @dataclass(frozen=True)
@@ -58,6 +143,8 @@ class PlannedInstant:
         X before each step, and before the updates.
     covariance : ndarray, shape (k, k)
         The filter's, after them.
+    covariance_before : ndarray, shape (k, k)
+        The filter's, before the updates.
     """
 
     instant: Instant
@@ -66,7 +153,12 @@ class PlannedInstant:
     nominal: Array
     before: Array
     covariance: Array
-    fraction: float = 1.0
+    covariance_before: Array
+
+    @property
+    def changed(self) -> bool:
+        """Whether a measurement or a correction changes X at it."""
+        return any(each.kind in ("measure", "correct") for each in self.updates)
 
 
 @dataclass
@@ -79,6 +171,10 @@ class Plan:
     end : int
         Number of the instant of the nominal end.
     end_time : float
+    event_times : dict of str to float
+        Of corrections, phases and ends by trigger, by name.
+    signs : ndarray, shape (events,)
+        Of the triggers' functions before they are met.
     steps : ndarray, shape (size,)
         Sizes of X, from which steps of differences follow.
     innovations : mapping of str to float
@@ -90,9 +186,24 @@ class Plan:
     instants: list[PlannedInstant] = field(default_factory=list)
     end: int = -1
     end_time: float = 0.0
+    event_times: dict[str, float] = field(default_factory=dict)
+    signs: Array = field(default_factory=lambda: np.zeros(0))
     steps: Array = field(default_factory=lambda: np.zeros(0))
     innovations: dict[str, float] = field(default_factory=dict)
     kinks: set[str] = field(default_factory=set)
+    _written: bytes | None = field(default=None, init=False, repr=False, compare=False)
+
+    def __reduce__(self) -> tuple[Callable[[bytes], Plan], tuple[bytes]]:
+        """Return the plan as a text of bytes, which is written once, and read once in a worker: chunks share it."""
+        if self._written is None:
+            content = {name: value for name, value in vars(self).items() if name != "_written"}
+            self._written = pickle.dumps(content, protocol=5)
+        return _read_plan, (self._written,)
+
+
+@lru_cache(maxsize=1)
+def _read_plan(written: bytes) -> Plan:
+    return Plan(**pickle.loads(written))
 
 
 def largest_values(plan: Plan, structure: Structure, steps: Array) -> Array:
@@ -122,62 +233,161 @@ class Planner:
     steps: Array
     covariance: Array
     plan: Plan
+    signs: Array
+    pending: NDArray[np.bool_]
 
-    def derivatives(self, function: Map, inputs: Array, where: str, x: Array | None = None) -> Derivatives:
-        """Differentiate a map about the nominal; its kinks are noted."""
-        result = differentiate_map(function, self.x if x is None else x, self.steps, inputs)
+    def check_pending(self, time: float, over: bool = False) -> None:
+        """Raise `ScenarioError` when an event should have happened by a time, or by the end of the flight."""
+        for event in (each for each, waits in zip(self.maps.events, self.pending, strict=True) if waits):
+            if over or event.latest <= time:
+                told = f"its flight without any error meets no trigger by {min(event.latest, time):g} s"
+                raise ScenarioError("type", f"{event.name}: {told}")
+
+    def derivatives(self, function: Map, inputs: Array, where: str, to_x: bool = True) -> Derivatives:
+        """Differentiate a map about the nominal, to X or to innovations; its kinks are noted."""
+        space = self.maps.structure.space
+        result = differentiate_map(function, self.x, self.steps, inputs, space, space if to_x else None)
         if not (np.isfinite(result.value).all() and np.isfinite(result.state).all()):
             raise ScenarioError("type", f"its flight without any error is not finite: {where}")
         if result.kinked.any():
             self.plan.kinks.add(where.split(" at ")[0])
         return result
 
-    def step(self, time: float, length: float, fraction: float = 1.0) -> Transition:
-        """Propagate by a step, or by a fraction of it."""
+    def step(self, time: float, length: float) -> tuple[Transition, tuple[float, Transition] | None]:
+        """Propagate by a step and the events within it; of an end return the time, and what it does."""
+        composed, since, end, moments = None, 0.0, None, list[Moment]()
+        while True:
+            meeting = self._meet(time, length, since)
+            fraction = 1.0 if meeting is None else meeting[1]
+            part = self._part(time, length, since, fraction)
+            self.x = part.value
+            if composed is None:
+                composed = Composed.of(part.state, part.inputs)
+            else:
+                composed.add(part.state, part.inputs)
+            if meeting is None:
+                break
+            event, moment = self.maps.events[meeting[0]], time + fraction * length
+            if event.kind != "end":
+                moments.append(self._moment(moment, "before", composed))
+            saltation = self._happen(meeting[0], moment)
+            if event.kind == "end":
+                end = moment, Transition(saltation.state, saltation.inputs, "event")
+                break
+            composed.jump(saltation, event.number if event.kind == "correction" else None)
+            moments.append(self._moment(moment, "after", composed))
+            since = fraction
+        self._propagate_composed(composed)
+        straight = part.straight if since == 0.0 and meeting is None else None
+        transition = replace(composed.transition, straight=straight, moments=tuple(moments))
+        return transition, end
+
+    def _propagate_composed(self, composed: Composed) -> None:
+        """Propagate the filter's covariance by a step with events."""
+        self.propagate(composed.fixed, composed.inputs_fixed, np.tile(self.believed.inputs, 2))
+        for number, inputs in composed.corrections.items():
+            self.propagate(np.eye(len(self.x)), inputs, self.believed.corrections[number])
+
+    def _moment(self, time: float, label: Update, composed: Composed) -> Moment:
+        """Return the linear system before or after an event within a step."""
+        covariance = self.covariance
+        self._propagate_composed(composed)
+        there, self.covariance = self.covariance, covariance
+        return Moment(time, label, self.x, composed.transition, there)
+
+    def _part(self, time: float, length: float, since: float, fraction: float) -> Derivatives:
+        """Differentiate the part of a step from one fraction of it to another."""
         inputs = self.maps.structure.white.size + self.maps.structure.markov.size
 
         def function(x: Array, entering: Array) -> Array:
             white = entering.reshape(2, inputs, x.shape[1])
-            return self.maps.step(x, np.full(x.shape[1], time), length, white, fraction)
+            return self.maps.step(x, np.full(x.shape[1], time), length, white, fraction, since)
 
         sizes = np.tile(filled(np.maximum(self.true.inputs, self.believed.inputs)), 2)
-        result = self.derivatives(function, sizes, f"rates at {time:g} s")
-        self.x = result.value
-        self.propagate(result.state, result.inputs, np.tile(self.believed.inputs, 2))
-        return Transition(result.state, result.inputs, "step")
+        return self.derivatives(function, sizes, f"rates at {time:g} s")
+
+    def _meet(self, time: float, length: float, since: float) -> tuple[int, float] | None:
+        """Find the next event of a step: its number, and the fraction of the step at which it happens."""
+        maps, signs = self.maps, self.signs
+        if not self.pending.any():
+            return None
+        inputs = maps.structure.white.size + maps.structure.markov.size
+        white, begin, low = np.zeros((2, inputs, 1)), np.array([time]), np.array([since])
+        after = maps.step(self.x[:, None], begin, length, white, 1.0, since)
+        met = meet(maps, after, begin + length, signs, self.pending[:, None])[:, 0]
+        crossings = []
+        for number in np.flatnonzero(met).tolist():
+            event = maps.events[number]
+            before = maps.triggered(event.trigger, self.x[:, None], begin + low * length)
+            if np.sign(before[0]) != signs[number]:
+                told = f"an update at {time:g} s jumps over the trigger in the flight without errors"
+                raise ScenarioError("type", f"{event.name}: {told}")
+            value = maps.triggered(event.trigger, after, begin + length)
+            at_begin, bracket = (self.x[:, None], begin), (low, before, value)
+            crossings.append((float(find_crossings(maps, event.trigger, at_begin, length, white, bracket)[0]), number))
+        fraction, number = min(crossings, default=(1.0, -1))
+        return None if number < 0 else (number, fraction)
+
+    def _happen(self, number: int, time: float) -> Saltation:
+        """Linearize an event at a time, and go on after it."""
+        event = self.maps.events[number]
+        sizes = np.zeros(0)
+        if event.kind == "correction":
+            sizes = filled(np.maximum(self.true.corrections[event.number], self.believed.corrections[event.number]))
+        saltation = event_map(self.maps, number, self.x, time, self.steps, sizes)
+        self.x = saltation.value
+        self.pending[number] = False
+        if event.kind == "phase":
+            set_signs(self.maps, self.signs, self.x, time, event.number)
+        self.plan.event_times[event.name] = time
+        return saltation
 
     def propagate(self, state: Array, inputs: Array, believed: Array) -> None:
         """Propagate the filter's covariance by ``F = T A S`` and ``G = T G``."""
         if self.states is not None:
-            reading = self.states.reading
-            self.covariance = propagated(
-                self.covariance, reading @ state @ self.states.moving, reading @ inputs * believed
-            )
+            f, entering = self.states.of_errors(state, inputs * believed)
+            self.covariance = propagate(self.covariance[:, :, None], f, entering)[:, :, 0]
 
     def measure(self, number: int, time: float) -> Transition:
         """Update by a sensor."""
         states, sensor = self.states, self.maps.sensors[number]
-        assert states is not None
+        if states is None:
+            return self.update_own(number, time)
 
         def function(x: Array, entering: Array) -> Array:
             return self.maps.innovation(number, x, np.full(x.shape[1], time)) + entering
 
         sigma = self.believed.measurements[number]
-        result = self.derivatives(function, filled(sigma), f"measurement {sensor.declared.name} at {time:g} s")
+        result = self.derivatives(function, filled(sigma), f"measurement {sensor.declared.name} at {time:g} s", False)
         name = sensor.declared.name
         if not sigma.all():
             raise ScenarioError("type", f"measurement {name} needs a size in [measurements], or a believed one")
         share = float(np.abs(result.value / sigma).max())
         self.plan.innovations[name] = max(share, self.plan.innovations.get(name, 0.0))
-        update = updated(self.covariance, -result.state @ states.moving, sigma, states.estimated)
-        gain = update.gain[: states.estimated]
+        h = -result.state @ states.moving
+        gains, factor, after = update(self.covariance[:, :, None], h[:, :, None], sigma, states.estimated)
+        gain = gains[: states.estimated, :, 0]
         state, inputs = np.eye(len(self.x)), np.zeros((len(self.x), sensor.size))
         state[states.estimates] += gain @ result.state
         inputs[states.estimates] = gain
-        self.covariance = update.covariance
-        self.x = self.x.copy()
-        self.x[states.estimates] += gain @ result.value
-        return Transition(state, inputs, "measure", number, update.gain, update.innovation)
+        self.covariance = after[:, :, 0]
+        change = np.zeros_like(self.x)
+        change[states.estimates] = gain @ result.value
+        self.x = self.maps.structure.space.plus(self.x[:, None], change[:, None])[:, 0]
+        return Transition(state, inputs, "measure", number, gain, factor, result.straight)
+
+    def update_own(self, number: int, time: float) -> Transition:
+        """Update by a sensor as the user does."""
+
+        def function(x: Array, entering: Array) -> Array:
+            return updated(self.maps, number, x, np.full(x.shape[1], time), entering)
+
+        sizes, name = filled(self.true.measurements[number]), self.maps.sensors[number].declared.name
+        expected = self.maps.innovation(number, self.x[:, None], np.array([time]))[:, 0]
+        self.plan.innovations[name] = max(float(np.abs(expected / sizes).max()), self.plan.innovations.get(name, 0.0))
+        result = self.derivatives(function, sizes, f"update at {time:g} s")
+        self.x = result.value
+        return Transition(result.state, result.inputs, "measure", number)
 
     def correct(self, number: int, time: float) -> Transition:
         """Apply a correction."""
@@ -191,7 +401,7 @@ class Planner:
         result = self.derivatives(function, sizes, f"correction {name} at {time:g} s")
         self.x = result.value
         self.propagate(result.state, result.inputs, believed)
-        return Transition(result.state, result.inputs, "correct", number)
+        return Transition(result.state, result.inputs, "correct", number, straight=result.straight)
 
     def guide(self, time: float) -> Transition:
         """Command."""
@@ -206,7 +416,10 @@ class Planner:
     def updates(self, instant: Instant) -> list[Transition]:
         """Measure, correct and guide at an instant."""
         done = []
-        if self.states is not None:
+        if instant.phase is not None:
+            self.x = self.maps.begin_phase(instant.phase, self.x)
+            set_signs(self.maps, self.signs, self.x, instant.time, instant.phase)
+        if self.states is not None or self.maps.update is not None:
             done += [self.measure(number, instant.time) for number in instant.measurements]
         done += [self.correct(number, instant.time) for number in instant.corrections]
         if instant.guide and self.maps.guide is not None:
@@ -223,48 +436,48 @@ def make_plan(
     """
     covariance = np.zeros((0, 0)) if states is None else states.start_covariance(maps.structure, believed)
     steps = difference_steps(maps, start, true)
-    planner = Planner(maps, states, true, believed, start, steps, covariance, Plan(steps=steps))
+    signs = np.zeros(len(maps.events))
+    set_signs(maps, signs, start, 0.0, None)
+    pending = np.ones(len(signs), dtype=bool)
+    plan = Plan(steps=steps, signs=signs)
+    planner = Planner(maps, states, true, believed, start, steps, covariance, plan, signs, pending)
     plan, last = planner.plan, len(timeline) - 1
-    sign = 0.0 if maps.end is None else np.sign(maps.triggered(maps.end, start[:, None], np.zeros(1))[0])
-    if maps.end is not None and sign == 0.0:
-        raise ScenarioError("type", "end: the trigger's function is zero at the start; it must be to one side of it")
     for number, instant in enumerate(timeline):
         before: list[Array] = [planner.x]
         done: list[Transition] = []
         for time in instant.step_times().tolist():
-            if maps.end is not None:
-                fraction = crossing_within(maps, planner.x, time, instant.length, sign)
-                if fraction is not None:
-                    return _ended(planner, number, instant, before, done, (time, fraction))
-            done.append(planner.step(time, instant.length))
+            transition, end = planner.step(time, instant.length)
+            done.append(transition)
+            if end is not None:
+                return _ended(planner, number, instant, before, done, end)
             before.append(planner.x)
-        if number == last and maps.end is not None:
+        planner.check_pending(instant.time)
+        if number == last and maps.ends:
             break
-        updates = planner.updates(instant)
+        covariance = planner.covariance
+        updates = tuple(planner.updates(instant))
         plan.instants.append(
-            PlannedInstant(instant, tuple(done), tuple(updates), planner.x, np.array(before), planner.covariance)
+            PlannedInstant(instant, tuple(done), updates, planner.x, np.array(before), planner.covariance, covariance)
         )
-    if maps.end is not None:
-        raise ScenarioError("type", f"end: its flight without any error meets no trigger by {timeline[-1].time:g} s")
+    planner.check_pending(timeline[-1].time, over=True)
     plan.end, plan.end_time = last, timeline[-1].time
     return plan
 
 
 def _ended(
-    planner: Planner, number: int, instant: Instant, before: list[Array], steps: list[Transition],
-    within: tuple[float, float],
-) -> Plan:  # fmt: skip
-    """Finish a plan with the event within a step, at a fraction of it."""
-    plan, (time, fraction) = planner.plan, within
-    steps.append(planner.step(time, instant.length, fraction))
-    plan.end, plan.end_time = number, time + fraction * instant.length
-    saltation = event_map(planner.maps, planner.x, plan.end_time, planner.steps)
-    planner.x = planner.x.copy()
-    planner.x[planner.maps.structure.clock.whole] = plan.end_time
-    updates = [Transition(saltation, np.zeros((len(saltation), 0)), "event")]
-    if planner.maps.continuous and planner.maps.guide is not None:
-        updates.append(planner.guide(plan.end_time))
+    planner: Planner,
+    number: int,
+    instant: Instant,
+    before: list[Array],
+    steps: list[Transition],
+    end: tuple[float, Transition],
+) -> Plan:
+    """Finish a plan with an end by trigger within the last of the steps."""
+    plan, (time, event) = planner.plan, end
+    planner.check_pending(time, over=True)
+    plan.end, plan.end_time = number, time
+    covariance = planner.covariance
     plan.instants.append(
-        PlannedInstant(instant, tuple(steps), tuple(updates), planner.x, np.array(before), planner.covariance, fraction)
+        PlannedInstant(instant, tuple(steps), (event,), planner.x, np.array(before), covariance, covariance)
     )
     return plan

@@ -14,19 +14,32 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History, Panel
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output, Source
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.systems.closed_loop.beliefs import believed_shares
-from mcnav.systems.closed_loop.engine import ClosedLoopEngine, maps_of, readout_of, set_up
+from mcnav.systems.closed_loop.departures import (
+    check_finite,
+    departures_from_twins,
+    growth_of,
+    sigmas_of,
+    singular_corrections,
+)
+from mcnav.systems.closed_loop.engine import ClosedLoopEngine, judged_states, maps_of, readout_of, set_up
 from mcnav.systems.closed_loop.filter import read_filter
 from mcnav.systems.closed_loop.linear import LinearReadings, process_names, read_plan
+from mcnav.systems.closed_loop.own_update import stated_covariance
 from mcnav.systems.closed_loop.plan import Plan, make_plan
 from mcnav.systems.closed_loop.reading import read_start
 from mcnav.systems.closed_loop.records import schema_of
+from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.closed_loop.soundness import check_repeatable, remarks_on
 from mcnav.systems.closed_loop.timeline import read_timeline
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.code import UserScenarioSpec
+
+REVISION: Final = 1
+"""Counts the changes of the samples' last digits: before, products of a library were of all samples at once."""
 
 LABEL: Final = "time [s]"
 
@@ -60,6 +73,7 @@ class ClosedLoopScenario:
     """
 
     engines = ("vectorised",)
+    revision = REVISION
     outages: tuple[tuple[float, float], ...] = ()
 
     def __init__(self, spec: UserScenarioSpec, sizes: LoopSizes) -> None:
@@ -71,10 +85,20 @@ class ClosedLoopScenario:
         self._start = read_start(self._instance, spec.name, self.maps.structure)
         self.timeline = read_timeline(self._instance, spec.name, tuple(sensor.declared for sensor in self.maps.sensors))
         self.states = read_filter(self._instance.filter, spec.name, self.maps.structure)
-        if self.maps.sensors and self.states is None:
-            raise ScenarioError("type", f"{spec.name} has measurements and no filter that uses them")
+        self._check_navigator(spec.name)
+        self.judged = judged_states(self._instance, spec.name, self.maps)
         self.readout = readout_of(self.maps)
         self.outputs: tuple[Output, ...] = self.readout.outputs
+
+    def _check_navigator(self, name: str) -> None:
+        """Raise `ScenarioError` when nothing uses the measurements, or two would."""
+        maps, update = self.maps, self.maps.update
+        if maps.sensors and self.states is None and update is None:
+            raise ScenarioError("type", f"{name} has measurements and no filter that uses them")
+        if self.states is not None and (update is not None or maps.covariance is not None):
+            raise ScenarioError("type", f"{name} has a Filter and an update or covariance of its own; leave one out")
+        if maps.covariance is not None and update is None:
+            raise ScenarioError("type", f"{name} has a covariance and no update of its own; write update, too")
 
     @cached_property
     def sources(self) -> tuple[Source, ...]:
@@ -91,9 +115,9 @@ class ClosedLoopScenario:
     @property
     def can(self) -> frozenset[Capability]:
         """What the scenario can do."""
-        always = {Capability.USER_CODE, Capability.LINEAR_OVER_TIME, Capability.EPOCHS}
+        always = {Capability.USER_CODE, Capability.LINEAR_OVER_TIME, Capability.EPOCHS, Capability.UPDATES}
         noise = {Capability.NOISE} if self.noisy else set()
-        return frozenset(always | noise | ({Capability.FILTER} if self.states is not None else set()))
+        return frozenset(always | noise | ({Capability.FILTER} if self.judged is not None else set()))
 
     @property
     def processes(self) -> tuple[Output, ...]:
@@ -123,6 +147,8 @@ class ClosedLoopScenario:
         """The linear system along the nominal; `ScenarioError` when the flight without errors fails."""
         with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
             try:
+                if self.maps.covariance is not None:
+                    stated_covariance(self.maps, np.repeat(self._start[:, None], 3, axis=1), np.zeros(3))
                 return make_plan(
                     self.maps, self._start, self.timeline, self.states, self.sizes.true, self.sizes.believed
                 )
@@ -135,7 +161,7 @@ class ClosedLoopScenario:
     @cached_property
     def _chosen(self) -> tuple[int, ...]:
         """Instants that are epochs, by number: cycle instants, evenly thinned, and the end."""
-        triggered = self.maps.end is not None
+        triggered = self.maps.ends
         end = self.plan.end if triggered else len(self.timeline) - 1
         latest = EARLY * self.plan.end_time if triggered else np.inf
         possible = [
@@ -152,12 +178,15 @@ class ClosedLoopScenario:
     @cached_property
     def readings(self) -> LinearReadings:
         """The linear system at the epochs."""
-        return read_plan(self.plan, self.maps, self.sizes.true, self.readout, self._chosen)
+        with np.errstate(all="ignore"):
+            readings = read_plan(self.plan, self.maps, self.sizes.true, self.readout, self._chosen)
+        check_finite(readings, tuple(output.name for output in self.outputs))
+        return readings
 
     @property
     def reading_times(self) -> Array:
         """The epochs, s."""
-        end = self.plan.end_time if self.maps.end is not None else self.timeline[-1].time
+        end = self.plan.end_time if self.maps.ends else self.timeline[-1].time
         return np.array([*(self.timeline[number].time for number in self._chosen[:-1]), end])
 
     @property
@@ -168,6 +197,7 @@ class ClosedLoopScenario:
             for instant in self.timeline
             for number in instant.corrections
         }
+        events |= {name: time for name, time in self.plan.event_times.items() if name != "end"}
         return Epochs(LABEL, self.reading_times, events)
 
     def linear(self, times: Array | None = None) -> LinearSystem:
@@ -182,24 +212,49 @@ class ClosedLoopScenario:
         processes = {name: each[chosen] for name, each in read.processes.items()}
         return LinearSystem(read.times[chosen], read.partials[chosen], read.nominal[chosen], processes, label=LABEL)
 
+    def linear_around_updates(self) -> LinearSystem:
+        """Return the linear system at all epochs, before and after updates, and around all corrections."""
+        with np.errstate(all="ignore"):
+            read = read_plan(self.plan, self.maps, self.sizes.true, self.readout, self._chosen, around=True)
+        system = LinearSystem(read.times, read.partials, read.nominal, read.processes, read.updates, label=LABEL)
+        schema = self.filter_schema
+        if schema is None:
+            return system
+        own = np.array([self._stated(time, *seen) for time, seen in zip(read.times.tolist(), read.seen, strict=True)])
+        if self.maps.covariance is not None:  # what a user states holds after updates
+            own[[number for number, update in enumerate(read.updates) if update == "before"]] = np.nan
+        return replace(system, own=own, own_outputs=schema.known, believed=self.believed)
+
+    def _stated(self, time: float, x: Array, covariance: Array) -> Array:
+        """Return the covariance of the outputs that the navigator states, shape (outputs, outputs)."""
+        states, schema = self.judged, self.filter_schema
+        assert states is not None
+        assert schema is not None
+        known, whole = np.array(schema.known), np.full((schema.outputs, schema.outputs), np.nan)
+        if self.maps.covariance is not None:
+            own = stated_covariance(self.maps, x[:, None], np.array([time]))[:, :, 0]
+        else:
+            own = covariance[: states.estimated, : states.estimated]
+        whole[known[:, None], known] = own
+        return whole
+
     @cached_property
     def filter_schema(self) -> FilterSchema | None:
         """Columns of a record of the filter; none without one."""
-        return None if self.states is None else schema_of(self.maps, self.states, len(self.outputs))
+        return None if self.judged is None else schema_of(self.maps, self.judged, len(self.outputs))
 
     def filter_prediction(self) -> FilterPrediction | None:
         """Return the covariance that the filter states along the nominal; none without a filter."""
-        states, schema = self.states, self.filter_schema
-        if states is None or schema is None:
+        if self.filter_schema is None:
             return None
-        known = np.array(schema.known)
-        covariance = np.full((len(self._chosen), schema.outputs, schema.outputs), np.nan)
-        for epoch, number in enumerate(self._chosen):
-            own = self.plan.instants[number].covariance[: states.estimated, : states.estimated]
-            covariance[epoch][known[:, None], known] = own
-        count = len(self._chosen)
+        times, count = self.reading_times, len(self._chosen)
+        planned = [self.plan.instants[number] for number in self._chosen]
+        own = [
+            self._stated(time, each.nominal, each.covariance)
+            for time, each in zip(times.tolist(), planned, strict=True)
+        ]
         return FilterPrediction(
-            LABEL, self.reading_times, covariance, np.zeros((count, 0)), np.zeros((count, 0, len(self.sources))),
+            LABEL, times, np.array(own), np.zeros((count, 0)), np.zeros((count, 0, len(self.sources))),
             {process.name: np.zeros((count, 0)) for process in self.processes}, self.believed,
         )  # fmt: skip
 
@@ -229,20 +284,33 @@ class ClosedLoopScenario:
         setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
         with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
             try:
-                check_repeatable(setup)
-                return tuple(remarks_on(setup, self._sigma_of_time))
+                batch, result = check_repeatable(setup)
+                return (*remarks_on(setup, self._sigmas_of_times), *self._departures(setup, batch, result))
             except ScenarioError:
                 raise
             except (Exception, SystemExit) as failure:
                 message = f"flights with small errors failed: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
 
+    def _departures(self, setup: Setup, batch: Batch, result: SimulationResult) -> tuple[str, ...]:
+        """Say what linear analysis says of the loop itself, and how a few samples depart from it."""
+        names = tuple(output.name for output in self.outputs)
+        start = self.sizes.true.start
+        said = [*growth_of(self.readings, names, start), *singular_corrections(setup, self.readings, names)]
+        sigma = sigmas_of(self.readings, start)[-1]
+        return tuple(said or departures_from_twins(setup, batch, result, sigma))
+
     @property
-    def _sigma_of_time(self) -> float:
-        if not self.maps.structure.clock.size:
-            return 0.0
-        system = self.linear()
-        return float(np.sqrt(system.covariance(self.sizes.true.start)[0, -1, -1]))
+    def _sigmas_of_times(self) -> dict[str, float]:
+        """Linear sigmas of the times of events by trigger, by name."""
+        if not self.maps.events:
+            return {}
+        variances = np.diag(self.linear().covariance(self.sizes.true.start)[0])
+        names = [output.name for output in self.outputs]
+        places = [names.index(quantity.name) for quantity in self.maps.structure.clock.quantities]
+        return {
+            event.name: float(np.sqrt(variances[place])) for event, place in zip(self.maps.events, places, strict=True)
+        }
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Return the only engine; `ScenarioError` when the nominal flight fails."""

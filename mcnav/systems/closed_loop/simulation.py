@@ -7,7 +7,7 @@ import numpy as np
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.closed_loop.flight import Flight
-from mcnav.systems.closed_loop.noise import PROCESSES, Noise, NoNoise
+from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, Noise, NoNoise
 from mcnav.systems.closed_loop.records import Recorder
 from mcnav.systems.closed_loop.setup import Setup
 
@@ -24,23 +24,21 @@ def simulate(setup: Setup, batch: Batch, noise: bool, over_time: bool = True) ->
             if number <= plan.end:
                 flight.reach(plan.instants[number].covariance)
             flight.update(instant)
+            if number < last:
+                flight.expire(instant.time)
             if over_time and number in setup.epochs and number != plan.end:
-                flight.read(setup.epochs[number])
+                flight.read(setup.epochs[number], instant.time)
             if number >= plan.end and not len(flight.rows):
                 break
-        if setup.maps.end is not None:
-            for row in flight.rows.tolist():
-                failure = f"meets no trigger by {setup.timeline[last].time:g} s"
-                flight.failures[row] = Failure(Reason.STATED, failure)
-            flight.keep(np.zeros(len(flight.rows), dtype=bool))
+        flight.expire(setup.timeline[last].time, over=True)
         flight.number = plan.end
         end = setup.epochs[plan.end]
-        flight.read(end)
-        matrix = setup.readout.partials(plan.instants[plan.end].nominal)
+        flight.read(end, plan.end_time)
+        matrix = setup.readout.partials(plan.instants[plan.end].nominal, plan.steps, plan.end_time)
         nominal = plan.instants[plan.end].nominal
         deviation = matrix @ flight.deviation
         deviation[np.abs(deviation) <= setup.floor[:, None]] = 0.0
-        linear = (setup.readout.read(nominal[:, None], nominal) + deviation).T
+        linear = (setup.readout.read_nominal(nominal, plan.end_time)[:, None] + deviation).T
     values = flight.history[:, end].copy()
     values[list(flight.failures)] = np.nan
     for row in np.flatnonzero(~np.isfinite(values).all(axis=1)).tolist():
@@ -63,20 +61,23 @@ def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
     draws = Noise(batch.seed, batch.index) if noise else NoNoise(count)
     if structure.markov.size:
         deviation[structure.markov.whole] = draws.draw(PROCESSES, structure.markov.size) * setup.true.markov[:, None]
-    x = setup.start[:, None] + deviation
-    covariance = np.zeros((0, 0))
+    x = structure.started(setup.start, batch.errors, deviation)
+    covariance, own = np.zeros((0, 0, 1)), False
     if setup.states is not None:
-        covariance = setup.states.start_covariance(structure, setup.believed)
-        if setup.states.own_gains:
-            covariance = np.repeat(covariance[None], count, axis=0)
+        own = setup.states.own_gains
+        covariance = setup.states.start_covariance(structure, setup.believed)[:, :, None]
+        covariance = np.repeat(covariance, count if own else 1, axis=2)
     recorder = None
-    if setup.schema is not None and setup.states is not None and over_time:
-        recorder = Recorder.of(setup.schema, maps, setup.states, count, len(setup.epochs))
-    sign = np.zeros(count)
-    if maps.end is not None:
-        sign[:] = np.sign(maps.triggered(maps.end, setup.start[:, None], np.zeros(1))[0])
-    epochs = len(setup.epochs)
+    if setup.schema is not None and setup.judged is not None and over_time:
+        recorder = Recorder.of(setup.schema, maps, setup.judged, count, len(setup.epochs))
+    events = [event.number for event in maps.events if event.kind == "correction"]
+    impulses = {}
+    for number in events:
+        sizes = setup.true.corrections[number]
+        impulses[number] = draws.draw(CORRECTIONS + number, len(sizes)) * sizes[:, None]
+    history = np.full((count, len(setup.epochs), len(setup.readout.outputs)), np.nan)
     return Flight(
         setup, draws, np.arange(count), x, covariance, deviation, np.full_like(x, np.nan),
-        np.full_like(covariance, np.nan), sign, recorder, np.full((count, epochs, len(setup.readout.outputs)), np.nan),
+        np.full_like(covariance, np.nan), setup.plan.signs,
+        np.ones((len(maps.events), count), dtype=bool), impulses, recorder, history, own,
     )  # fmt: skip

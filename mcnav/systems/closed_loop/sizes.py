@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -12,6 +12,10 @@ from mcnav.systems.closed_loop.maps import Maps
 
 SMALL: Final = 1e-3
 """Step of differences where nothing is known of a quantity's size: share of its nominal value, or in SI units."""
+
+
+CLOCK: Final = 10.0
+"""Size of times of events, s: they are copied from map to map, whose differences are the more exact the larger."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,14 @@ class Sizes:
             tuple(np.zeros(quantity.size) for quantity in structure.corrections.quantities),
         )  # fmt: skip
 
+    def scaled(self, share: float) -> Sizes:
+        """Return those with a share of all errors."""
+        return replace(
+            self, start=share**2 * self.start, white=share * self.white, markov=share * self.markov,
+            measurements=tuple(share * each for each in self.measurements),
+            corrections=tuple(share * each for each in self.corrections),
+        )  # fmt: skip
+
     @property
     def inputs(self) -> Array:
         """Densities of what enters a step: white noise, and what drives Gauss-Markov processes."""
@@ -77,9 +89,10 @@ def difference_steps(maps: Maps, start: Array, true: Sizes) -> Array:
         steps[moved] = np.maximum(steps[moved], sigma)
     steps[structure.markov.whole] = true.markov
     for block in structure.blocks:
-        for _, place in block.places():
+        for quantity, place in block.places():
             size = steps[place].max(initial=0.0)
-            nominal = float(np.linalg.norm(start[place]))
+            nominal = 0.0 if quantity.turns is not None else float(np.linalg.norm(start[place]))
             fallback = size if size > 0.0 else SMALL * nominal if nominal > 0.0 else SMALL
             steps[place] = np.where(steps[place] > 0.0, steps[place], fallback)
+    steps[structure.clock.whole] = CLOCK
     return steps

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.contract.samples import Batch
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
+from mcnav.systems.closed_loop.maps import Event
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.simulation import simulate
 
@@ -28,8 +30,8 @@ GRAZING: Final = 0.1
 """Sigma of the final time as a share of the flight from which on a trigger grazes."""
 
 
-def check_repeatable(setup: Setup) -> None:
-    """Simulate a few samples twice, and one alone.
+def check_repeatable(setup: Setup) -> tuple[Batch, SimulationResult]:
+    """Simulate a few samples twice, with one call of each method between, and one alone; return them.
 
     Raises
     ------
@@ -38,7 +40,9 @@ def check_repeatable(setup: Setup) -> None:
     """
     errors = np.random.default_rng(SEED).standard_normal((SAMPLES, len(setup.maps.structure.sources)))
     batch = Batch(np.arange(SAMPLES), errors * np.sqrt(np.maximum(np.diag(setup.true.start), 0.0)), SEED)
-    first, second = (simulate(setup, batch, noise=True, over_time=False).values for _ in range(2))
+    result = simulate(setup, batch, noise=True, over_time=False)
+    _call_once(setup)
+    first, second = result.values, simulate(setup, batch, noise=True, over_time=False).values
     if not np.array_equal(first, second, equal_nan=True):
         raise ScenarioError(
             "type",
@@ -54,15 +58,27 @@ def check_repeatable(setup: Setup) -> None:
             f"{output} of a sample changes with the samples beside it: is a mean or a sum taken over samples? "
             "A method must treat each by itself",
         )
+    return batch, result
 
 
-def remarks_on(setup: Setup, final_time: float) -> list[str]:
+def _call_once(setup: Setup) -> None:
+    """Call each method once: one that counts its calls answers the next flight differently."""
+    maps, x, time = setup.maps, setup.start[:, None], np.zeros(1)
+    white = np.zeros((maps.structure.white.size + maps.structure.markov.size, 1))
+    frame = maps.truth_frame(x, time, white)
+    for method in (maps.rates, maps.sense, *(sensor.truth for sensor in maps.sensors)):
+        if method is not None:
+            method(frame)
+    maps.after_guidance(x, time)
+
+
+def remarks_on(setup: Setup, sigmas: Mapping[str, float]) -> list[str]:
     """Return what is to be said of a loop, a clause each.
 
     Parameters
     ----------
-    final_time : float
-        Linear sigma of the final time, s; zero without a trigger.
+    sigmas : mapping of str to float
+        Linear sigmas of the times of events by trigger, s, by name.
     """
     plan, remarks = setup.plan, []
     for name, share in plan.innovations.items():
@@ -71,53 +87,84 @@ def remarks_on(setup: Setup, final_time: float) -> list[str]:
                 f"the innovation of {name} is {share:.2g} of its sigma without any error: the model differs from "
                 "what is measured, and gains that differ between samples are not linear"
             )
-    if plan.kinks:
-        remarks.append(f"{' and '.join(sorted(plan.kinks))} has a kink at the nominal, where there is no derivative")
+    kinks = set(plan.kinks)
+    if setup.maps.own_outputs is not None:
+        derivatives = setup.readout.own_derivatives(plan.instants[plan.end].nominal, plan.steps, plan.end_time)
+        kinks |= {"outputs"} if derivatives.kinked.any() else set()
+    if kinks:
+        remarks.append(f"{' and '.join(sorted(kinks))} has a kink at the nominal, where there is no derivative")
     for quantity, place in setup.maps.structure.corrections.places():
         if quantity.axes and not plan.instants[plan.end].nominal[place].any():
             remarks.append(
                 f"the nominal {quantity.name} is zero: its size has no derivative there, and mean plus three sigma "
                 "is no bound of it"
             )
-    remarks += _near_updates(setup, final_time)
-    remarks += _step_error(setup)
-    if final_time > GRAZING * plan.end_time:
-        remarks.append(
-            f"the trigger grazes: one sigma of the final time is {final_time:.3g} s of {plan.end_time:.4g} s, for "
-            "which there is no linear model"
-        )
+    remarks += _unmeasured(setup)
+    for event in setup.maps.events:
+        remarks += _near_updates(setup, event, sigmas[event.name])
+        time, sigma = plan.event_times[event.name], sigmas[event.name]
+        if sigma > GRAZING * time:
+            remarks.append(
+                f"{_trigger_of(event)} grazes: one sigma of "
+                f"{'the final' if event.kind == 'end' else 'its'} time is {sigma:.3g} s of {time:.4g} s, for which "
+                "linear analysis is rough"
+            )
+    return remarks + _step_error(setup)
+
+
+def _unmeasured(setup: Setup) -> list[str]:
+    """Name sensors that never measure, a filter without any, and samples that outlast the planned gains."""
+    maps, states = setup.maps, setup.states
+    if states is None:
+        return []
+    instants = [each.instant for each in setup.plan.instants]
+    done = {number for instant in instants for number in instant.measurements}
+    if not done:
+        return ["the filter has no measurement within the flight: it propagates its covariance, and corrects nothing"]
+    remarks = [
+        f"{sensor.declared.name} never measures within the flight without errors"
+        for number, sensor in enumerate(maps.sensors)
+        if number not in done
+    ]
+    if not states.own_gains and any(event.kind == "end" for event in maps.events):
+        remarks.append("samples that end later than the flight without errors use the last planned gains")
     return remarks
 
 
-def _near_updates(setup: Setup, final_time: float) -> list[str]:
-    """Find measurements within one sigma of the nominal event."""
-    plan = setup.plan
-    if setup.maps.end is None:
-        return []
-    near = max(final_time, SAME * plan.end_time)
-    instants = [setup.timeline[max(plan.end - 1, 0)], plan.instants[plan.end].instant]
+def _trigger_of(event: Event) -> str:
+    return "the trigger" if event.kind == "end" else f"the trigger of {event.name}"
+
+
+def _near_updates(setup: Setup, event: Event, sigma: float) -> list[str]:
+    """Find measurements within one sigma of an event of the nominal."""
+    time = setup.plan.event_times[event.name]
+    near = max(sigma, SAME * setup.plan.end_time)
+    after = next(number for number, instant in enumerate(setup.timeline) if instant.time >= time - near)
+    instants = [setup.timeline[max(after - 1, 0)], *setup.timeline[after : after + 2]]
+    told = "samples end before or after it" if event.kind == "end" else "it comes before or after it"
     return [
-        f"the trigger is met at {plan.end_time:.6g} s, within one sigma of the measurement at {instant.time:.6g} s: "
-        "samples end before or after it, and an update may jump over the trigger"
+        f"{_trigger_of(event)} is met at {time:.6g} s, within one sigma of the measurement at {instant.time:.6g} s: "
+        f"{told}, and an update may jump over the trigger"
         for instant in instants
-        if instant.measurements and abs(instant.time - plan.end_time) <= near
+        if instant.measurements and abs(instant.time - time) <= near
     ]
 
 
 def _step_error(setup: Setup) -> list[str]:
     """Compare each step with two halves of it, about the nominal and one size to its sides."""
     maps, structure = setup.maps, setup.maps.structure
-    inputs = structure.white.size + structure.markov.size
+    inputs, space = structure.white.size + structure.markov.size, structure.space
     sides = np.concatenate([np.zeros((structure.size, 1)), np.diag(setup.steps), -np.diag(setup.steps)], axis=1)
     white = np.zeros((2, inputs, sides.shape[1]))
+    fractions = np.repeat([1.0, 0.5], sides.shape[1])
     total, largest, at = np.zeros(structure.size), np.zeros(structure.size), np.zeros(structure.size)
     for planned in setup.plan.instants:
         length, times = planned.instant.length, planned.instant.step_times()
         for time, before in zip(times, planned.before[: len(times)], strict=False):
-            x, begin = before[:, None] + sides, np.full(sides.shape[1], time)
-            whole = maps.step(x, begin, length, white)
-            half = maps.step(x, begin, 0.5 * length, white)
-            error = _largest(maps.step(half, begin + 0.5 * length, 0.5 * length, white) - whole)
+            x, begin = space.plus(before[:, None], sides), np.full(sides.shape[1], time)
+            both = maps.step(np.tile(x, 2), np.tile(begin, 2), length, np.tile(white, 2), fractions)
+            whole, half = both[:, : x.shape[1]], both[:, x.shape[1] :]
+            error = _largest(space.minus(maps.step(half, begin + 0.5 * length, 0.5 * length, white), whole))
             total += error
             at = np.where(error > largest, time, at)
             largest = np.maximum(error, largest)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,9 @@ from mcnav._types import Array
 from mcnav.contract.quantities import Of
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
-from mcnav.systems.closed_loop.declarations import Correction, GaussMarkov, Measurement, Trigger, White
+from mcnav.systems.closed_loop.declarations import Correction, GaussMarkov, Measurement, Phase, Trigger, White
 from mcnav.systems.closed_loop.quantities import Block, Quantity, read_axes, read_quantities
+from mcnav.systems.closed_loop.rotations import Space
 from mcnav.systems.user.settings import NAME, check_unit
 
 
@@ -33,7 +35,10 @@ class LoopSource:
 
 @dataclass(frozen=True)
 class Structure:
-    """Blocks of X, in their order, the clock of an end by trigger last, and the white noise that enters."""
+    """Blocks of X, in their order, and the white noise that enters.
+
+    The last blocks are the clock, times of events by trigger, and the number of the phase, where there are several.
+    """
 
     truth: Block
     parameters: Block
@@ -43,6 +48,7 @@ class Structure:
     memory: Block
     corrections: Block
     clock: Block
+    phase: Block
     white: Block
     navigator_start: str = "truth"
 
@@ -51,13 +57,18 @@ class Structure:
         """Blocks of X in their order."""
         return (
             self.truth, self.parameters, self.markov, self.estimate, self.command, self.memory, self.corrections,
-            self.clock,
+            self.clock, self.phase,
         )  # fmt: skip
 
     @property
     def size(self) -> int:
         """Numbers of X."""
-        return self.clock.begin + self.clock.size
+        return self.phase.begin + self.phase.size
+
+    @cached_property
+    def space(self) -> Space:
+        """Sums and differences of X."""
+        return Space(tuple(each for block in self.blocks for each in block.attitudes))
 
     @cached_property
     def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -66,13 +77,25 @@ class Structure:
         for quantity in self.estimate.quantities:
             block = self.home(quantity.name)
             place = None if block is None else block.of(quantity.name)
-            if place is None or place.stop - place.start != quantity.size:
+            twin = None if block is None else next(each for each in block.quantities if each.name == quantity.name)
+            if place is None or twin is None or (twin.size, twin.turns) != (quantity.size, quantity.turns):
                 known = (*self.truth.names, *self.parameters.names, *self.markov.names)
-                raise ScenarioError(
-                    "type", f"estimate: {quantity.name!r} has no counterpart of its size{suggestion('', known)}"
-                )
+                told = f"estimate: {quantity.name!r} has no counterpart of its size and kind{suggestion('', known)}"
+                raise ScenarioError("type", told)
             counterparts += range(place.start, place.stop)
         return np.arange(self.estimate.begin, self.estimate.whole.stop), np.array(counterparts, dtype=np.intp)
+
+    def navigation_errors(self, x: Array) -> Array:
+        """Return ``x_hat - x``, shape (estimate.size, n), of attitudes as rotation vectors."""
+        places, counterparts = self.pairs
+        aligned = x.copy()
+        aligned[places] = x[counterparts]
+        return self.space.minus(x, aligned)[self.estimate.whole]
+
+    @property
+    def remembers(self) -> bool:
+        """Whether what is remembered has names."""
+        return self.memory.size > 0 and self.memory.names != ("memory",)
 
     def home(self, name: str) -> Block | None:
         """Return the block of the truth, the parameters or the processes that has a name."""
@@ -100,6 +123,20 @@ class Structure:
                 sources.append(LoopSource(name, quantity.unit, quantity.name, "truth", (place.start + offset,)))
         return tuple(sources)
 
+    def started(self, start: Array, errors: Array, deviation: Array) -> Array:
+        """Return X at the start with deviations, shape (size, n), that errors of the sources, (n, sources), cause.
+
+        Attitudes turn by the errors of the truth first, then by those of the estimate.
+        """
+        x = start[:, None] + deviation
+        if self.space.attitudes:
+            alone = np.array([source.of == "navigation" for source in self.sources])
+            of_truth, of_estimate = (self.start_partials[:, chosen] @ errors[:, chosen].T for chosen in (~alone, alone))
+            turned = self.space.plus(self.space.plus(start[:, None], of_truth), of_estimate)
+            for place, _ in self.space.attitudes:
+                x[place] = turned[place]
+        return x
+
     @cached_property
     def start_partials(self) -> Array:
         """How the sources move X at the start, shape (size, sources)."""
@@ -116,14 +153,15 @@ class Structure:
         begin = self.command.begin
         commands = Block("command", (quantity,), begin)
         memories = (Quantity("memory", "1", tuple(str(each) for each in range(memory))),) if memory else ()
-        kept = Block("memory", memories, commands.whole.stop)
+        kept = Block("memory", self.memory.quantities or memories, commands.whole.stop)
         impulses = tuple(
             replace(each, axes=read_axes(each.name, size)) if (size := corrections.get(each.name, 0)) else each
             for each in self.corrections.quantities
         )
         done = Block("correction", impulses, kept.whole.stop)
         clock = replace(self.clock, begin=done.whole.stop)
-        return replace(self, command=commands, memory=kept, corrections=done, clock=clock)
+        phase = replace(self.phase, begin=clock.whole.stop)
+        return replace(self, command=commands, memory=kept, corrections=done, clock=clock, phase=phase)
 
 
 def read_structure(instance: Any, name: str) -> Structure:
@@ -138,23 +176,40 @@ def read_structure(instance: Any, name: str) -> Structure:
     estimate = truth if given is None else read_quantities(f"{name}.estimate", given)
     parameters = read_quantities(f"{name}.parameters", instance.parameters)
     white, markov = _read_processes(f"{name}.processes", instance.processes)
+    memory = read_quantities(f"{name}.memory", instance.memory)
     (command,) = read_quantities(f"{name}.command", {"command": instance.command})
+    for each in (*parameters, *white, *markov, *memory, command):
+        if each.turns is not None:
+            raise ScenarioError("type", f"{name}: {each.name} is an Attitude, which only states can be; give its axes")
     impulses = tuple(Quantity(each.name, each.noise) for each in _listed(instance, name, "corrections", Correction))
     for each in impulses:
         check_unit(f"{name}.corrections", each.unit, each.unit)
-    _check_names(name, instance, truth, parameters, white, markov, impulses)
+    attitudes = [each.name for each in truth if each.turns is not None]
+    for correction in instance.corrections:
+        if correction.apply in attitudes:
+            told = f"{name}.corrections: {correction.name} turns {correction.apply}; apply must be a function"
+            raise ScenarioError("type", f"{told} that returns the matrices after it")
+    _check_names(name, instance, truth, parameters, white, markov, impulses, memory)
     if instance.navigator_start not in ("truth", "nominal"):
         raise ScenarioError("type", f"{name}.navigator_start is 'truth' or 'nominal'; got {instance.navigator_start!r}")
     blocks: list[Block] = []
-    clock = (Quantity("final_time", "s"),) if isinstance(instance.end, Trigger) else ()
-    kinds = ("state of the truth", "parameter", "process", "estimated state", "command", "memory", "correction", "time")
-    all_blocks = (truth, parameters, markov, estimate, (command,), (), impulses, clock)
+    phases = phases_of(instance, name)
+    moments = [*((each.name, each.at) for each in instance.corrections), *((each.name, each.begins) for each in phases)]
+    clock = tuple(
+        Quantity(f"{each}_time", "s") for each, at in (*moments, ("final", instance.end)) if isinstance(at, Trigger)
+    )
+    phase = (Quantity("phase", "1"),) if phases else ()
+    kinds = (
+        "state of the truth", "parameter", "process", "estimated state", "command", "what is remembered", "correction",
+        "time", "phase",
+    )  # fmt: skip
+    all_blocks = (truth, parameters, markov, estimate, (command,), memory, impulses, clock, phase)
     for what, quantities in zip(kinds, all_blocks, strict=True):
         blocks.append(Block(what, quantities, blocks[-1].whole.stop if blocks else 0))
-    of_truth, of_parameters, of_markov, of_estimate, of_command, of_memory, of_impulses, of_clock = blocks
+    of_truth, of_parameters, of_markov, of_estimate, of_command, of_memory, of_impulses, of_clock, of_phase = blocks
     structure = Structure(
         of_truth, of_parameters, of_markov, of_estimate, of_command, of_memory, of_impulses, of_clock,
-        Block("process", white), str(instance.navigator_start),
+        of_phase, Block("process", white), str(instance.navigator_start),
     )  # fmt: skip
     _ = structure.pairs
     return structure
@@ -185,6 +240,29 @@ def _listed(instance: Any, name: str, attribute: str, kind: type) -> tuple[Any, 
     return entries
 
 
+def phases_of(instance: Any, name: str) -> tuple[Phase, ...]:
+    """Return the phases of a user's object; `ScenarioError` when they are none, or begin in another order."""
+    phases: tuple[Phase, ...] = _listed(instance, name, "phases", Phase)
+    last = 0.0
+    for number, each in enumerate(phases):
+        if (each.begins is None) != (number == 0):
+            told = "begins with the flight" if number == 0 else "needs a time or a Trigger at which it begins"
+            raise ScenarioError("type", f"{name}.phases: {each.name} {told}")
+        if [other.name for other in phases].count(each.name) > 1:
+            raise ScenarioError("type", f"{name}.phases: {each.name} is there twice")
+        time = each.begins.latest if isinstance(each.begins, Trigger) else each.begins
+        if number and (not isinstance(time, (int, float)) or isinstance(time, bool) or not last < time < np.inf):
+            told = f"must begin at a time after {last:g} s, or by a Trigger whose latest is; got {time!r:.40}"
+            raise ScenarioError("type", f"{name}.phases: {each.name} {told}")
+        last = last if isinstance(each.begins, Trigger) or time is None else float(time)
+    for before, after in pairwise(phases):
+        latest = before.begins.latest if isinstance(before.begins, Trigger) else 0.0
+        if isinstance(after.begins, (int, float)) and latest > after.begins:
+            told = f"may begin as late as {latest:g} s, and {after.name} begins at {after.begins:g} s"
+            raise ScenarioError("type", f"{name}.phases: {before.name} {told}")
+    return phases
+
+
 def measurements_of(instance: Any, name: str) -> tuple[Measurement, ...]:
     """Return the measurements of a user's object; `ScenarioError` when they are none."""
     entries: tuple[Measurement, ...] = _listed(instance, name, "measurements", Measurement)
@@ -198,7 +276,8 @@ def measurements_of(instance: Any, name: str) -> tuple[Measurement, ...]:
 def _check_names(name: str, instance: Any, *groups: tuple[Quantity, ...]) -> None:
     names = [quantity.name for group in groups for quantity in group]
     names += [each.name for each in measurements_of(instance, name)]
-    taken = {"command", "final_time", "memory"}
+    taken = {"command", "final_time", "memory", "phase"}
+    taken |= {f"{each.name}_time" for each in (*instance.corrections, *phases_of(instance, name))}
     for each in names:
         if each in taken or each.startswith(("true_", "navigated_")):
             raise ScenarioError("type", f"{name}: the name {each!r} is taken, or begins with true_ or navigated_")
