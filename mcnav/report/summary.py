@@ -136,7 +136,9 @@ def _sigmas(comparison: Comparison) -> Keys:
         "covariance_linear": comparison.covariance_linear,
         "covariance_sample": comparison.covariance_sample,
         "covariance_paired": comparison.covariance_paired,
-        "sigma_linear": np.sqrt(np.diag(comparison.covariance_linear)),
+        "sigma_linear": np.array([output.sigma_linear for output in outputs])
+        if outputs
+        else np.sqrt(np.diag(comparison.covariance_linear)),
         "sigma_sample": [output.sigma_sample for output in outputs],
         "sigma_paired": [output.sigma_paired for output in outputs],
         "sigma_ratio": [output.plain.ratio for output in outputs],

@@ -82,6 +82,15 @@ class NormalSize:
         terms = -np.expm1(self._cumulant(-t) - t * self.fixed) / np.sqrt(t)
         return float(0.05 * np.sum(terms) / (2.0 * np.sqrt(np.pi)))
 
+    @property
+    def variance(self) -> float:
+        """The variance.
+
+        >>> round(NormalSize.of(np.zeros(2), np.eye(2)).variance, 9)  # Rayleigh: 2 - pi / 2
+        0.429203673
+        """
+        return max(self.mean_square - self.mean**2, 0.0)
+
     def probability(self, size: float) -> float:
         """Return the probability of a size up to this one.
 

@@ -38,6 +38,9 @@ from mcnav.systems.closed_loop.timeline import read_timeline
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.code import UserScenarioSpec
 
+REVISION: Final = 1
+"""Counts the changes of the samples' last digits: before, products of a library were of all samples at once."""
+
 LABEL: Final = "time [s]"
 
 MOST_NUMBERS: Final = 20_000
@@ -70,6 +73,7 @@ class ClosedLoopScenario:
     """
 
     engines = ("vectorised",)
+    revision = REVISION
     outages: tuple[tuple[float, float], ...] = ()
 
     def __init__(self, spec: UserScenarioSpec, sizes: LoopSizes) -> None:
