@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.causes import Cause, causes_of
@@ -138,17 +139,26 @@ def _departure(answer: LinearAnswer) -> str:
     return f"{words}, because of {listed([(label_of(answer, cause.name), cause.share) for cause in named])}"
 
 
+def _with_mean_errors(answer: LinearAnswer) -> NDArray[np.bool_]:
+    """Tell whose means are errors, shape (outputs,): not those of commands, times and other values of the nominal."""
+    nominal = answer.model.nominal
+    return np.array([
+        output.of == "navigation" or (output.of == "truth" and value == 0.0)
+        for output, value in zip(answer.outputs, nominal.tolist(), strict=True)
+    ])  # fmt: skip
+
+
 def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     """Say where a mean error is largest against its sigma, and what causes it; nothing where all means are zero."""
-    history = answer.meaningful
-    if history is not None and not np.any(_without_rounding(answer, answer.model.nominal)):
+    history, errors = answer.meaningful, _with_mean_errors(answer)
+    if history is not None and not np.any(_without_rounding(answer, answer.model.nominal)[errors]):
         means, sigmas, parts = history.mean, history.sigma, dict(history.means)
     elif answer.beyond is None:
         means, sigmas = answer.mean[None], answer.sigma[None]
         parts = {name: values[None] for name, values in answer.means.items()}
     else:
         return
-    sizes = np.abs(_without_rounding(answer, means))
+    sizes = np.abs(_without_rounding(answer, means)) * errors
     if not sizes.any():
         return
     ratios = _ratios(sizes, sigmas)
