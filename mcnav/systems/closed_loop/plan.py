@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import pickle
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -189,6 +191,19 @@ class Plan:
     steps: Array = field(default_factory=lambda: np.zeros(0))
     innovations: dict[str, float] = field(default_factory=dict)
     kinks: set[str] = field(default_factory=set)
+    _written: bytes | None = field(default=None, init=False, repr=False, compare=False)
+
+    def __reduce__(self) -> tuple[Callable[[bytes], Plan], tuple[bytes]]:
+        """Return the plan as a text of bytes, which is written once, and read once in a worker: chunks share it."""
+        if self._written is None:
+            content = {name: value for name, value in vars(self).items() if name != "_written"}
+            self._written = pickle.dumps(content, protocol=5)
+        return _read_plan, (self._written,)
+
+
+@lru_cache(maxsize=1)
+def _read_plan(written: bytes) -> Plan:
+    return Plan(**pickle.loads(written))
 
 
 def largest_values(plan: Plan, structure: Structure, steps: Array) -> Array:
