@@ -13,6 +13,7 @@ import tomli_w
 
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError
+from mcnav.report.lincov_words import mean_words
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.run import run_campaign
@@ -158,3 +159,12 @@ def test_a_correction_without_a_nominal_has_a_law_and_no_linear_sigma(tmp_path: 
     assert summary["sigma_linear"][place] == pytest.approx((squares - size["mean"] ** 2) ** 0.5, rel=1e-9)
     assert summary["verdicts"][place] != "differs"  # judged by its exact law
     assert summary["verdict"] != "differs"
+
+
+def test_a_nominal_command_is_no_mean_error(tmp_path: Path) -> None:
+    """A correction and its time have values in the nominal; a parameter with a mean is a mean error."""
+    path = written(tmp_path / "case", "Kicked")
+    assert list(mean_words(linear_covariance(path))) == []
+    bias = {"true_vx": {"distribution": "fixed", "value": "1 m/s"}}
+    ((sentence, _),) = mean_words(linear_covariance(written(tmp_path / "case", "Kicked", errors=bias)))
+    assert "that of true x" in sentence
