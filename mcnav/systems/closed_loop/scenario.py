@@ -24,6 +24,7 @@ from mcnav.systems.closed_loop.reading import read_start
 from mcnav.systems.closed_loop.records import schema_of
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.closed_loop.soundness import check_repeatable, remarks_on
+from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.timeline import read_timeline
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.code import UserScenarioSpec
@@ -66,7 +67,7 @@ class ClosedLoopScenario:
         self.spec = spec
         self.sizes = sizes
         self._object = spec.build_current()
-        self._instance = self._object.value
+        self._instance = with_navigator(self._object.value)
         self.maps = maps_of(self._instance, spec.name, sizes)
         self._start = read_start(self._instance, spec.name, self.maps.structure)
         self.timeline = read_timeline(self._instance, spec.name, tuple(sensor.declared for sensor in self.maps.sensors))
@@ -277,5 +278,5 @@ class ClosedLoopScenario:
 
 def without_errors(spec: UserScenarioSpec) -> LoopSizes:
     """Return the sizes of a loop without errors."""
-    none = Sizes.none(maps_of(spec.build_current().value, spec.name))
+    none = Sizes.none(maps_of(with_navigator(spec.build_current().value), spec.name))
     return LoopSizes(none, replace(none))

@@ -13,7 +13,7 @@ from mcnav._types import Array
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.axes import AxisSizes
 from mcnav.entries.context import FileContext
-from mcnav.entries.quantities import Table
+from mcnav.entries.quantities import Later, Table
 from mcnav.entries.validation import validate_entry
 from mcnav.errors import suggestion
 from mcnav.sampling.error_model import ErrorModel
@@ -22,7 +22,10 @@ from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.quantities import Quantity
 from mcnav.systems.closed_loop.scenario import ClosedLoopScenario, without_errors
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
+from mcnav.systems.closed_loop.strapdown.merged import navigator_of
+from mcnav.systems.closed_loop.strapdown.table import believes_of, read_instruments
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
+from mcnav.systems.ins.tables.imu import IMU, BelievedImuTable
 from mcnav.systems.user import table as user
 
 Size = Annotated[
@@ -37,6 +40,9 @@ Size = Annotated[
 class BelievesTable(Table):
     """``[filter.believes]``: sizes by name, where the filter's differ from the true ones."""
 
+    imu: Annotated[
+        Any, Later(BelievedImuTable), Field(description="Believed errors of the instruments of a Strapdown.")
+    ] = None
     errors: Annotated[dict[str, Size] | None, Field(description="Believed sigmas of error sources, by name.")] = None
     processes: Annotated[dict[str, Size] | None, Field(description="Believed sizes of processes, by name.")] = None
     measurements: Annotated[dict[str, Size] | None, Field(description="Believed sigmas of measurements, by name.")] = (
@@ -66,10 +72,11 @@ TABLES: Final[Mapping[str, FurtherTable]] = {
         "Error-state Kalman filter of an aided navigation, or beliefs of a closed loop's filter.",
         "this scenario cannot be aided, which those of type ins can",
     ),
+    "imu": IMU,
 }
 """Tables besides ``[scenario]`` and ``[errors]`` that a closed loop reads."""
 
-BELIEFS: Final = ("errors", "processes", "measurements")
+BELIEFS: Final = ("errors", "processes", "measurements", "imu")
 
 
 @dataclass(frozen=True)
@@ -87,23 +94,35 @@ def read_scenario(table: user.UserTable, entries: Mapping[str, Any], context: Fi
     described = user.read_class(table, entries, context)
     if described is None:
         return None
-    if not isinstance(described.spec.build_current().value, ClosedLoop):
+    loop = described.spec.build_current().value
+    if not isinstance(loop, ClosedLoop):
         for name in TABLES:
             if name in context.content:
                 context.problem(name, "this scenario is no ClosedLoop, whose sizes this table gives; leave it out")
         return user.scenario_spec(described)
     sizes = without_errors(described.spec)
     scenario = ClosedLoopScenario(described.spec, sizes)
+    strapdown = navigator_of(loop) is not None
+    instruments = read_instruments(context) if strapdown else None
+    if not strapdown and ("imu" in context.content or "imu" in believes_of(context.content)):
+        context.problem("imu", f"sizes a Strapdown; give {described.spec.name} one as navigator, or leave it out")
     read = _read_sizes(scenario.maps, context)
-    if read is None:
+    if read is None or (strapdown and instruments is None):
         return None
     sizes, beliefs = read
+    sigmas: Mapping[str, float] = {}
+    if instruments is not None:
+        sizes, sigmas = instruments.sized(sizes, scenario.maps.structure), instruments.true.sigmas
+        beliefs = Beliefs({**instruments.believed.sigmas, **beliefs.errors})
     sized = scenario.with_sizes(sizes)
 
     def complete(scenario: Scenario, errors: ErrorModel) -> Scenario:
         return _with_errors(beliefs, sized, errors)
 
-    return ScenarioSpec(sized, described.resolved, described.spec.code, inputs=described.files, complete=complete)
+    return ScenarioSpec(
+        sized, described.resolved, described.spec.code, inputs=described.files, complete=complete, sigmas=sigmas,
+        tables=dict.fromkeys(sigmas, "[imu]"),
+    )  # fmt: skip
 
 
 def _with_errors(beliefs: Beliefs, scenario: ClosedLoopScenario, errors: ErrorModel) -> ClosedLoopScenario:
