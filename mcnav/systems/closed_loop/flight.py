@@ -89,7 +89,8 @@ class Flight:
         states = self.setup.states
         if states is None or not self.own or not x.shape[1]:
             return covariance
-        changes = differentiate_own(function, self.seen(x, states), self.directions(states), believed)
+        space = self.setup.maps.structure.space
+        changes = differentiate_own(function, self.seen(x, states), self.directions(states), believed, space, space)
         moved = states.reading @ changes
         return propagated(covariance, moved[:, :, : states.count] / self.scale(states), moved[:, :, states.count :])
 
@@ -202,7 +203,8 @@ class Flight:
 
         innovation = function(self.x, drawn) + drawn[:, self.rows]
         if self.own:
-            changes = differentiate_own(function, self.seen(self.x, states), self.directions(states), np.zeros(0))
+            seen, directions = self.seen(self.x, states), self.directions(states)
+            changes = differentiate_own(function, seen, directions, np.zeros(0), maps.structure.space)
             h = -changes / self.scale(states)
             update = updated(self.covariance, h, sigma, states.estimated)
             gain, expected, self.covariance = update.gain, update.innovation, update.covariance
@@ -212,8 +214,9 @@ class Flight:
             assert last.gain is not None
             assert last.innovation is not None
             expected, added = last.innovation, last.gain[: states.estimated] @ innovation
-        self.x = self.x.copy()
-        self.x[states.estimates] += added
+        change = np.zeros_like(self.x)
+        change[states.estimates] = added
+        self.x = maps.structure.space.plus(self.x, change)
         if self.recorder is not None:
             self.recorder.sensors[number].add(self.rows, innovation, expected)
 

@@ -11,7 +11,8 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.systems.closed_loop.declarations import Correction, Measurement
 from mcnav.systems.closed_loop.methods import Frame, Method
-from mcnav.systems.closed_loop.quantities import Block, Quantity, Values, as_kept, as_seen, spread
+from mcnav.systems.closed_loop.quantities import Block, Quantity, Values, as_kept, as_seen, attitude_kept, spread
+from mcnav.systems.closed_loop.rotations import turn_between
 from mcnav.systems.closed_loop.structure import Structure
 
 _ROOT_3: Final = float(np.sqrt(3.0))
@@ -19,12 +20,13 @@ _ROOT_3: Final = float(np.sqrt(3.0))
 
 @dataclass(frozen=True)
 class Sensor:
-    """A measurement, with its methods and the size of what it measures."""
+    """A measurement, with its methods, and the size of what it measures; or an attitude."""
 
     declared: Measurement
     truth: Method
     model: Method | None
     size: int = 1
+    attitude: bool = False
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,8 @@ class Maps:
     def step(self, x: Array, time: Array, length: float, white: Array, fraction: Array | float = 1.0) -> Array:
         """Propagate by a step of Runge-Kutta's classical method, or by a fraction of it, shape (n,).
 
+        Attitudes are integrated as rotation vectors from the begin of the step (Munthe-Kaas).
+
         Parameters
         ----------
         white : ndarray, shape (2, inputs, n)
@@ -116,14 +120,19 @@ class Maps:
         mean, slope = white[0] * scale, white[1] * (_ROOT_3 * scale)
         covered = fraction * length
         begin, middle, end = mean - slope, mean + slope * (fraction - 1.0), mean + slope * (2.0 * fraction - 1.0)
+        space = self.structure.space
+
+        def rates(change: Array, after: Array | float, white: Array) -> Array:
+            return space.rates_at(change, self.derivative(space.advanced(x, change), time + after, white))
+
         first = self.derivative(x, time, begin)
-        second = self.derivative(x + 0.5 * covered * first, time + 0.5 * covered, middle)
-        third = self.derivative(x + 0.5 * covered * second, time + 0.5 * covered, middle)
-        fourth = self.derivative(x + covered * third, time + covered, end)
-        return np.asarray(x + covered / 6.0 * (first + 2.0 * (second + third) + fourth))
+        second = rates(0.5 * covered * first, 0.5 * covered, middle)
+        third = rates(0.5 * covered * second, 0.5 * covered, middle)
+        fourth = rates(covered * third, covered, end)
+        return space.advanced(x, covered / 6.0 * (first + 2.0 * (second + third) + fourth))
 
     def derivative(self, x: Array, time: Array, white: Array) -> Array:
-        """Compute dX/dt, shape (size, n); commands, parameters and corrections rest."""
+        """Compute dX/dt, shape (size, n), an attitude's its angular rate in body axes; commands and the like rest."""
         structure, count = self.structure, x.shape[1]
         command = self.guided(x, time)[0] if self.continuous and self.guide is not None else None
         frame = self.truth_frame(x, time, white, command)
@@ -193,14 +202,18 @@ class Maps:
 
     def innovation(self, number: int, x: Array, time: Array) -> Array:
         """Compute what a sensor measures without its noise, less what the navigator expects, shape (size, n)."""
-        sensor = self.sensors[number]
+        sensor, count = self.sensors[number], x.shape[1]
         quantity = _component(sensor.declared.name, sensor.size)
         measured = sensor.truth(self.truth_frame(x, time))
         frame = self.navigator_frame(x, time, None)
         expected = sensor.truth(frame) if sensor.model is None else sensor.model(frame)
         where = f"measurement {quantity.name}"
-        difference = as_kept(measured, quantity, x.shape[1], where) - as_kept(expected, quantity, x.shape[1], where)
-        return np.broadcast_to(difference, (sensor.size, x.shape[1]))
+        if sensor.attitude:
+            there, origin = (attitude_kept(each, count, where) for each in (measured, expected))
+            difference = turn_between(there, origin, "body")
+        else:
+            difference = as_kept(measured, quantity, count, where) - as_kept(expected, quantity, count, where)
+        return np.broadcast_to(difference, (sensor.size, count))
 
     def corrected(self, number: int, x: Array, time: Array, noise: Array) -> Array:
         """Return X after a correction with its execution error, shape (axes, n)."""
@@ -242,4 +255,7 @@ def _component(name: str, size: int) -> Quantity:
 
 def named(block: Block, x: Array) -> dict[str, Array]:
     """Return the values of a block in X by name, as users' methods see them."""
-    return {quantity.name: as_seen(x[place], bool(quantity.axes)) for quantity, place in block.places()}
+    return {
+        quantity.name: as_seen(x[place], bool(quantity.axes), quantity.turns is not None)
+        for quantity, place in block.places()
+    }

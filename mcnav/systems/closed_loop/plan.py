@@ -123,9 +123,10 @@ class Planner:
     covariance: Array
     plan: Plan
 
-    def derivatives(self, function: Map, inputs: Array, where: str, x: Array | None = None) -> Derivatives:
-        """Differentiate a map about the nominal; its kinks are noted."""
-        result = differentiate_map(function, self.x if x is None else x, self.steps, inputs)
+    def derivatives(self, function: Map, inputs: Array, where: str, to_x: bool = True) -> Derivatives:
+        """Differentiate a map about the nominal, to X or to innovations; its kinks are noted."""
+        space = self.maps.structure.space
+        result = differentiate_map(function, self.x, self.steps, inputs, space, space if to_x else None)
         if not (np.isfinite(result.value).all() and np.isfinite(result.state).all()):
             raise ScenarioError("type", f"its flight without any error is not finite: {where}")
         if result.kinked.any():
@@ -163,7 +164,7 @@ class Planner:
             return self.maps.innovation(number, x, np.full(x.shape[1], time)) + entering
 
         sigma = self.believed.measurements[number]
-        result = self.derivatives(function, filled(sigma), f"measurement {sensor.declared.name} at {time:g} s")
+        result = self.derivatives(function, filled(sigma), f"measurement {sensor.declared.name} at {time:g} s", False)
         name = sensor.declared.name
         if not sigma.all():
             raise ScenarioError("type", f"measurement {name} needs a size in [measurements], or a believed one")
@@ -175,8 +176,9 @@ class Planner:
         state[states.estimates] += gain @ result.state
         inputs[states.estimates] = gain
         self.covariance = update.covariance
-        self.x = self.x.copy()
-        self.x[states.estimates] += gain @ result.value
+        change = np.zeros_like(self.x)
+        change[states.estimates] = gain @ result.value
+        self.x = self.maps.structure.space.plus(self.x[:, None], change[:, None])[:, 0]
         return Transition(state, inputs, "measure", number, update.gain, update.innovation)
 
     def correct(self, number: int, time: float) -> Transition:

@@ -75,6 +75,7 @@ class Recorder:
     """Records of n samples at m epochs, shape (n, m, width)."""
 
     schema: FilterSchema
+    maps: Maps
     states: FilterStates
     members: dict[str, tuple[int, ...]]
     records: Array
@@ -85,13 +86,18 @@ class Recorder:
         """Return one without records."""
         sensors = [Innovations(np.zeros((len(BY_SENSOR), count))) for _ in maps.sensors]
         records = np.zeros((count, epochs, schema.width))
-        return cls(schema, states, group_members(maps, states), records, sensors)
+        return cls(schema, maps, states, group_members(maps, states), records, sensors)
+
+    def navigation_errors(self, x: Array) -> Array:
+        """Return the errors of what the filter estimates, shape (estimated, n); of attitudes by rotations."""
+        structure = self.maps.structure
+        return structure.navigation_errors(x)[self.states.estimates - structure.estimate.begin]
 
     def record(self, epoch: int, x: Array, covariance: Array) -> None:
         """Record all samples: X, shape (size, n), and the filter's covariance, shape (k, k) or (n, k, k)."""
         schema, states, count = self.schema, self.states, x.shape[1]
         estimated, places = states.estimated, schema.places
-        errors = (x[states.estimates] - x[states.counterparts]).T
+        errors = self.navigation_errors(x).T
         own = np.broadcast_to(covariance[..., :estimated, :estimated], (count, estimated, estimated))
         row = self.records[:, epoch]
         for column, members in enumerate(self.members.values()):

@@ -63,7 +63,7 @@ def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
     draws = Noise(batch.seed, batch.index) if noise else NoNoise(count)
     if structure.markov.size:
         deviation[structure.markov.whole] = draws.draw(PROCESSES, structure.markov.size) * setup.true.markov[:, None]
-    x = setup.start[:, None] + deviation
+    x = structure.started(setup.start, batch.errors, deviation)
     covariance = np.zeros((0, 0))
     if setup.states is not None:
         covariance = setup.states.start_covariance(structure, setup.believed)

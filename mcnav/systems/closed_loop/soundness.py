@@ -107,17 +107,17 @@ def _near_updates(setup: Setup, final_time: float) -> list[str]:
 def _step_error(setup: Setup) -> list[str]:
     """Compare each step with two halves of it, about the nominal and one size to its sides."""
     maps, structure = setup.maps, setup.maps.structure
-    inputs = structure.white.size + structure.markov.size
+    inputs, space = structure.white.size + structure.markov.size, structure.space
     sides = np.concatenate([np.zeros((structure.size, 1)), np.diag(setup.steps), -np.diag(setup.steps)], axis=1)
     white = np.zeros((2, inputs, sides.shape[1]))
     total, largest, at = np.zeros(structure.size), np.zeros(structure.size), np.zeros(structure.size)
     for planned in setup.plan.instants:
         length, times = planned.instant.length, planned.instant.step_times()
         for time, before in zip(times, planned.before[: len(times)], strict=False):
-            x, begin = before[:, None] + sides, np.full(sides.shape[1], time)
+            x, begin = space.plus(before[:, None], sides), np.full(sides.shape[1], time)
             whole = maps.step(x, begin, length, white)
             half = maps.step(x, begin, 0.5 * length, white)
-            error = _largest(maps.step(half, begin + 0.5 * length, 0.5 * length, white) - whole)
+            error = _largest(space.minus(maps.step(half, begin + 0.5 * length, 0.5 * length, white), whole))
             total += error
             at = np.where(error > largest, time, at)
             largest = np.maximum(error, largest)

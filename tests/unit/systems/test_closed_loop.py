@@ -16,7 +16,7 @@ from mcnav.systems.closed_loop.noise import Noise
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from tests.closed_loops import FILE, tables
 
-LOOPS = ("DoubleIntegrator", "Nominal", "Continuous", "Pendulum", "Rendezvous", "Descent", "Landing")
+LOOPS = ("DoubleIntegrator", "Nominal", "Continuous", "Pendulum", "Rendezvous", "Descent", "Landing", "Satellite")
 
 
 def campaign(name: str, **changes: Any) -> Campaign:
