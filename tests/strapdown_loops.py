@@ -12,14 +12,20 @@ from mcnav import ClosedLoop, Filter, Measurement, Strapdown
 from mcnav.config.read import parse_campaign
 
 FILE = Path(__file__)
-LENGTH = 240.0
+LENGTH = 80.0
 
 FLIGHT = {
     "type": "ins",
     "trajectory": {
         "rate": "1 Hz",
-        "start": {"latitude": "47 deg", "longitude": "9 deg", "altitude": "500 m", "course": "30 deg", "speed": "90 m/s"},
-        "segments": [{"speed": "120 m/s"}, {"climb": "600 m"}, {"turn": "70 deg"}, {"straight": "20 km"}],
+        "start": {
+            "latitude": "47 deg",
+            "longitude": "9 deg",
+            "altitude": "500 m",
+            "course": "30 deg",
+            "speed": "90 m/s",
+        },
+        "segments": [{"climb": "60 m"}, {"turn": "50 deg"}, {"straight": "20 km"}],
     },
     "start": "0 s",
     "end": f"{LENGTH} s",
@@ -40,9 +46,16 @@ IMU = {
 BIASES = ("gyro_bias", "gyro_bias_instability", "accelerometer_bias", "accelerometer_bias_instability")
 
 
-def flown() -> dict[str, Any]:
+START = {"position": "10 m", "velocity": "0.1 m/s", "attitude": "0.5 mrad"}
+FIXES = {"type": "position-fix", "interval": "10 s", "position": "5 m"}
+STATES = ["position", "velocity", "attitude", "gyro_bias", "accelerometer_bias"]
+
+
+def flown(aided: bool = False) -> dict[str, Any]:
     """Return the tables of the flight with type ``ins``."""
-    return {"samples": 8, "seed": 1, "scenario": FLIGHT, "imu": IMU, "errors": {"position": "10 m"}}
+    errors = {"position": "10 m", "velocity": "0.1 m/s", "tilt": "0.5 mrad", "heading": "0.5 mrad"}
+    added: dict[str, Any] = {"aiding": [FIXES], "filter": {"estimates": STATES}} if aided else {}
+    return {"samples": 8, "seed": 1, "scenario": FLIGHT, "imu": IMU, "errors": errors, **added}
 
 
 @lru_cache
@@ -81,11 +94,30 @@ class Aided(Free):
     filter = Filter(gains="nominal")
 
 
-SIZES = {"errors": {"position": "10 m", "velocity": "0.1 m/s", "attitude": "0.5 mrad"}, "imu": IMU}
+class FreeAtASite(Free):
+    """The same in axes north, east and down at the place where it begins."""
+
+    navigator = Strapdown("earth", site=(0.82, 0.157, 500.0))
+
+    def start(self):
+        there, began = self.navigator.frame, super().start()
+        turned = {name: there.to_planet.T @ began[name] for name in ("velocity", "attitude")}
+        return {"position": there.to_planet.T @ began["position"] - there.origin, **turned}
+
+
+class FreeInInertialAxes(Free):
+    """The same in axes that do not turn, which are the earth's at the begin."""
+
+    navigator = Strapdown("earth", axes="inertial")
+
+    def start(self):
+        began = super().start()
+        spin = np.array([0.0, 0.0, true_flight().truth.earth.rotation_rate])
+        return {**began, "velocity": began["velocity"] + np.cross(spin, began["position"])}
 
 
 def tables(name: str, step: float) -> dict[str, Any]:
     """Return the tables of the flight as a closed loop."""
     measured = {"measurements": {"fix": "5 m"}} if name == "Aided" else {}
     scenario = {"type": f"{FILE.name}:{name}", "step": f"{step} s"}
-    return {"samples": 8, "seed": 1, "scenario": scenario, **SIZES, **measured}
+    return {"samples": 8, "seed": 1, "scenario": scenario, "errors": START, "imu": IMU, **measured}

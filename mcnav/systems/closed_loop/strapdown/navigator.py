@@ -85,7 +85,9 @@ class Strapdown:
         """Refuse what is unknown."""
         known = [*ERRORS, *(name for name, process in PROCESSES.items() if isinstance(process, GaussMarkov))]
         if not isinstance(self.planet, Earth) and self.planet not in PLANETS:
-            raise ScenarioError("type", f"navigator: planet {self.planet!r:.40}{suggestion(str(self.planet), PLANETS)}")
+            raise ScenarioError(
+                "type", f"navigator: planet {self.planet!r:.40}{suggestion(str(self.planet), list(PLANETS))}"
+            )
         if self.axes not in ("fixed", "inertial"):
             raise ScenarioError("type", f"navigator: axes are 'fixed' or 'inertial'; got {self.axes!r:.40}")
         if isinstance(self.estimates, str):

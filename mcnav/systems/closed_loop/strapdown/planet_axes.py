@@ -59,7 +59,7 @@ class PlanetAxes:
     def spin(self) -> Array:
         """Rate of the axes, W, in them, rad/s, shape (3,)."""
         rate = self.planet.rotation_rate if self.kind == "fixed" else 0.0
-        return rate * self.to_planet[2]
+        return np.asarray(rate * self.to_planet[2])
 
     def gravitation(self, position: Array) -> Array:
         """Compute the gravitation g at positions, both of shape (n, 3)."""

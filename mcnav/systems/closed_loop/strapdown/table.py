@@ -38,18 +38,23 @@ def read_instruments(context: FileContext) -> Instruments | None:
     if true is None:
         return None
     believed = read_imu(believes_of(context.content).get("imu", {}), context, "filter.believes.imu", true.processes)
-    for place, sizes in (("imu", true), ("filter.believes.imu", believed)):
-        for instrument in WALKS if sizes is not None else ():
-            noise = getattr(sizes.processes, instrument)
-            for process in NOT_MODELLED:
-                if getattr(noise, process).any():
-                    message = "is not modelled in a closed loop; leave it out, or give it the size zero"
-                    context.problem(f"{place}.{instrument}.{process}", message)
+    _check_modelled("imu", true.processes, context)
+    if believed is not None:
+        _check_modelled("filter.believes.imu", believed.processes, context)
     for prefix, content in (("", context.content), ("filter.believes.", believes_of(context.content))):
         given = content.get("processes")
         for name in PROCESSES.keys() & given.keys() if isinstance(given, dict) else ():
             context.problem(f"{prefix}processes.{name}", f"is sized by [{prefix}imu]; leave it out here")
     return None if believed is None or len(context.problems) > before else Instruments(true, believed)
+
+
+def _check_modelled(place: str, imu: Imu, context: FileContext) -> None:
+    """Add a mistake for each process that a closed loop leaves out."""
+    for instrument in WALKS:
+        for process in NOT_MODELLED:
+            if getattr(getattr(imu, instrument), process).any():
+                message = "is not modelled in a closed loop; leave it out, or give it the size zero"
+                context.problem(f"{place}.{instrument}.{process}", message)
 
 
 def believes_of(content: Any) -> dict[str, Any]:
