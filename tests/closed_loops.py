@@ -132,6 +132,27 @@ class Landing(ClosedLoop):
         return -0.3 * (estimate.rate + 15.0)
 
 
+class Kicked(Descent):
+    """A kick along x where the true altitude is 400 m, half of what the navigator takes for its speed."""
+
+    corrections = (
+        Correction("kick", at=Trigger(lambda truth: truth.altitude - 400.0, latest=80.0),
+                   target=lambda estimate: 0.5 * estimate.vx, apply="vx", known="executed"),
+    )  # fmt: skip
+
+
+class Braking(Landing):
+    """Brakes where the navigator indicates 200 m, within a step and between measurements."""
+
+    corrections = (
+        Correction("brake", at=Trigger(lambda estimate: estimate.altitude - 200.0, latest=40.0),
+                   target=lambda estimate: 0.4 * (-5.0 - estimate.rate), apply="rate"),
+    )  # fmt: skip
+
+    def guide(self, estimate):
+        return -0.3 * (estimate.rate + 0.03 * estimate.altitude + 5.0)
+
+
 class Pendulum(ClosedLoop):
     """A bent truth with a bias of the sensor that is estimated, a drag that is considered, and held guidance."""
 
@@ -223,6 +244,15 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
     "Landing": {
         "errors": {"true_altitude": "2 m", "true_rate": "0.1 m/s", "altitude": "2 m", "rate": "0.1 m/s"},
         "processes": {"gusts": "0.1 m/s^2/sqrt(Hz)"},
+        "measurements": {"altimeter": "1 m"},
+    },
+    "Kicked": {
+        "errors": {"true_x": "30 m", "true_altitude": "25 m", "true_vx": "0.5 m/s", "true_vz": "0.4 m/s", "vx": "1 m/s"},
+        "processes": {"kick": "0.2 m/s"},
+    },
+    "Braking": {
+        "errors": {"true_altitude": "2 m", "true_rate": "0.1 m/s", "altitude": "2 m", "rate": "0.1 m/s"},
+        "processes": {"gusts": "0.1 m/s^2/sqrt(Hz)", "brake": "0.05 m/s"},
         "measurements": {"altimeter": "1 m"},
     },
     "Pendulum": {

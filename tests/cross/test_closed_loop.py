@@ -144,6 +144,20 @@ def test_rendezvous() -> None:
     assert traces == pytest.approx({"disturbance": 0.6068313, "burn": 0.6611957}, abs=6e-8)
 
 
+def test_a_correction_by_trigger() -> None:
+    """x = x0 + vx h / vz + k 400 / vz, with the kick k = (vx + e) / 2 + its own error where 400 m are left."""
+    described = campaign("Kicked")
+    told = sigmas(described)
+    by_cause = np.array([30.0, 3.0 * 25.0, 60.0 * 0.5, 180.0 * 0.4, 10.0 * 1.0, 20.0 * 0.2])
+    assert told["true_x"] == pytest.approx(np.linalg.norm(by_cause), rel=1e-10)
+    assert told["kick"] == pytest.approx(np.linalg.norm([0.5 * 0.5, 0.5 * 1.0]), rel=1e-10)
+    assert told["kick_time"] == pytest.approx(np.hypot(25.0, 0.4 * 30.0) / 20.0, rel=1e-9)
+    assert told["final_time"] == pytest.approx(np.hypot(25.0, 0.4 * 50.0) / 20.0, rel=1e-9)
+    model = described.scenario.linear().end
+    rows = [output.name for output in described.scenario.outputs]
+    assert np.sqrt(model.processes["kick"][rows.index("true_x"), rows.index("true_x")]) == pytest.approx(4.0, rel=1e-9)
+
+
 def test_descent_to_a_trigger() -> None:
     """Events in closed form: 50 s before a trigger on the true altitude, and at a fixed time."""
     fixed, event = sigmas(campaign("FixedDescent")), sigmas(campaign("Descent"))

@@ -86,7 +86,8 @@ class Trigger:
     function : callable
         Of the arguments that it names: time, and truth or estimate; shape (n,).
     latest : float
-        Time by which it must have happened, s; a sample that has not met it has failed.
+        Time by which it must have happened, s; a sample that has not met it has failed. One that starts beyond the
+        trigger, or that an update carries over it, meets it at once.
     """
 
     function: Callable[..., Any]
@@ -100,8 +101,9 @@ class Correction:
     Attributes
     ----------
     name : str
-    at : float
-        Time, s.
+    at : float or Trigger
+        Time, s; or where each sample meets a trigger, on its own noise path. A sample that has not met it by its latest
+        time, or by its end, has failed.
     target : callable
         The commanded impulse, of the arguments that it names: time, estimate; shape (n,) or (n, axes).
     apply : callable or str

@@ -2,38 +2,48 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
-from mcnav.systems.closed_loop.differences import differentiate_map
+from mcnav.systems.closed_loop.differences import Derivatives, differentiate_map
 from mcnav.systems.closed_loop.maps import Maps
+from mcnav.systems.closed_loop.methods import Method
 
 MOST_ITERATIONS: Final = 60
 """Of the search for a zero; each that fails to halve the interval is followed by one that does."""
 
+NO_KINK: Final = np.zeros((0, 0), dtype=bool)
 
-def find_crossings(maps: Maps, x: Array, time: Array, length: float, white: Array, value: Array, after: Array) -> Array:
-    """Find the fraction of a step at which the trigger's function is zero, shape (n,), by Illinois' method.
+TIME_STEP: Final = 1e-2
+"""Size of the step of differences by time, s."""
+
+
+def find_crossings(
+    maps: Maps, trigger: Method, at_begin: tuple[Array, Array], length: float, white: Array,
+    bracket: tuple[Array, Array, Array],
+) -> Array:  # fmt: skip
+    """Find the fraction of a step at which a trigger's function is zero, shape (n,), by Illinois' method.
 
     Parameters
     ----------
-    x, time : ndarray, shapes (size, n) and (n,)
-        At the begin of the step.
+    at_begin : tuple of ndarray
+        X where the search begins, shape (size, n), and the begin of the whole step, s, shape (n,).
     white : ndarray, shape (2, inputs, n)
         Noise of the whole step: the event lies on each sample's own path.
-    value, after : ndarray, shape (n,)
-        The function at begin and end, of different signs.
+    bracket : tuple of ndarray
+        Fraction where the search begins, shape (n,); the function there and at the end of the step, of different signs.
     """
-    assert maps.end is not None
-    low, high, at_low, at_high = np.zeros_like(value), np.ones_like(value), value.copy(), after.copy()
+    (x, time), (since, value, after) = at_begin, bracket
+    low, high, at_low, at_high = since.copy(), np.ones_like(value), value.copy(), after.copy()
     best, least = high, np.abs(after)
     for number in range(MOST_ITERATIONS):
         secant = (low * at_high - high * at_low) / np.where(at_high != at_low, at_high - at_low, 1.0)
         fraction = np.where((secant > low) & (secant < high) & (number % 8 < 6), secant, 0.5 * (low + high))
-        there = maps.triggered(maps.end, maps.step(x, time, length, white, fraction), time + fraction * length)
+        there = maps.triggered(trigger, maps.step(x, time, length, white, fraction, since), time + fraction * length)
         nearer = np.abs(there) < least
         best, least = np.where(nearer, fraction, best), np.where(nearer, np.abs(there), least)
         left = np.sign(there) == np.sign(value)
@@ -45,38 +55,62 @@ def find_crossings(maps: Maps, x: Array, time: Array, length: float, white: Arra
     return np.asarray(best)
 
 
-def crossing_within(maps: Maps, x: Array, time: float, length: float, sign: float) -> float | None:
-    """Return the fraction of a step of the nominal at which the trigger happens; none when it does not."""
-    assert maps.end is not None
-    inputs = maps.structure.white.size + maps.structure.markov.size
-    white, begin = np.zeros((2, inputs, 1)), np.array([time])
-    after = maps.step(x[:, None], begin, length, white)
-    there = maps.triggered(maps.end, after, begin + length)
-    if np.sign(there[0]) == sign or not np.isfinite(there[0]):
-        return None
-    value = maps.triggered(maps.end, x[:, None], begin)
-    if np.sign(value[0]) != sign:
-        raise ScenarioError("type", f"end: an update at {time:g} s jumps over the trigger in the flight without errors")
-    return float(find_crossings(maps, x[:, None], begin, length, white, value, there)[0])
+@dataclass(frozen=True)
+class Saltation:
+    """What an event does about the nominal: ``X+ = value + S dX + M noise``.
+
+    Attributes
+    ----------
+    value : ndarray, shape (size,)
+    state : ndarray, shape (size, size)
+        S = J + (J f- + g_t - f+) dt, with the jump ``X+ = g(X, t)``, J its derivative by X, the rates f- and f+ before
+        and after it, and ``dt = -psi_X / psi_dot dX``; after an end f+ is zero, and the clock has dt.
+    fixed : ndarray, shape (size, size)
+        J alone.
+    inputs : ndarray, shape (size, k)
+        M: derivative by the execution error of a correction.
+    """
+
+    value: Array
+    state: Array
+    fixed: Array
+    inputs: Array
 
 
-def event_map(maps: Maps, x: Array, time: float, steps: Array) -> Array:
-    """Linearize the event: ``dt = -psi_X / psi_dot dX``, ``S = 1 + X_dot dt``, shape (size, size); the clock has dt."""
-    end = maps.end
-    assert end is not None
+def event_map(maps: Maps, number: int, x: Array, time: float, steps: Array, noise: Array) -> Saltation:
+    """Linearize an event about the nominal.
+
+    Parameters
+    ----------
+    noise : ndarray, shape (k,)
+        Sizes of the execution errors of a correction.
+    """
+    event, space = maps.events[number], maps.structure.space
+    second = np.array([TIME_STEP])
 
     def function(states: Array, entering: Array) -> Array:
-        return maps.triggered(end, states, time + entering[0])[None]
+        return maps.triggered(event.trigger, states, time + entering[0])[None]
 
-    space = maps.structure.space
-    result = differentiate_map(function, x, steps, np.array([1e-2]), space)
-    inputs = maps.structure.white.size + maps.structure.markov.size
-    rates = maps.derivative(x[:, None], np.array([time]), np.zeros((inputs, 1)))
-    rate = space.deviation_rates(x[:, None], rates)[:, 0]
-    speed = float(result.state[0] @ rate + result.inputs[0, 0])
+    def jump(states: Array, entering: Array) -> Array:
+        return maps.happen(number, states, time + entering[-1], entering[:-1])
+
+    def rates(states: Array) -> Array:
+        inputs = maps.structure.white.size + maps.structure.markov.size
+        rate = maps.derivative(states[:, None], np.array([time]), np.zeros((inputs, 1)))
+        return space.deviation_rates(states[:, None], rate)[:, 0]
+
+    psi = differentiate_map(function, x, steps, second, space)
+    before = rates(x)
+    speed = float(psi.state[0] @ before + psi.inputs[0, 0])
     if not abs(speed) > 0.0 or not np.isfinite(speed):
-        raise ScenarioError("type", "end: the trigger's function is at rest where it is zero; there is no linear model")
-    of_time = -result.state[0] / speed
-    saltation = np.eye(len(x)) + np.outer(rate, of_time)
-    saltation[maps.structure.clock.whole] = of_time
-    return saltation
+        told = "the trigger's function is at rest where it is zero; there is no linear model"
+        raise ScenarioError("type", f"{event.name}: {told}")
+    of_time = -psi.state[0] / speed
+    if event.kind == "end" and not maps.continuous:
+        after = Derivatives(jump(x[:, None], np.zeros((1, 1)))[:, 0], np.eye(len(x)), np.zeros((len(x), 1)), NO_KINK)
+    else:
+        after = differentiate_map(jump, x, steps, np.concatenate([noise, second]), space, space)
+    rest = 0.0 if event.kind == "end" else rates(after.value)
+    saltation = after.state + np.outer(after.state @ before + after.inputs[:, -1] - rest, of_time)
+    saltation[maps.structure.clock.begin + number] = of_time
+    return Saltation(after.value, saltation, after.state, after.inputs[:, :-1])

@@ -5,6 +5,7 @@ The linear outcome of a sample is the plan's linear system with the same draws.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,13 +14,20 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.systems.closed_loop.differences import Map, differentiate_own
-from mcnav.systems.closed_loop.event import find_crossings
 from mcnav.systems.closed_loop.filter import FilterStates, propagated, updated
+from mcnav.systems.closed_loop.maps import Event
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, SENSORS, Noise, NoNoise
+from mcnav.systems.closed_loop.passage import Step, find_passages, meet, pass_through
 from mcnav.systems.closed_loop.plan import Transition
 from mcnav.systems.closed_loop.records import Recorder
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.timeline import Instant
+
+
+def late_failure(event: Event, time: float) -> Failure:
+    """Return why a sample has failed that has not met an event by a time."""
+    prefix = "" if event.kind == "end" else f"{event.name}: "
+    return Failure(Reason.STATED, f"{prefix}meets no trigger by {time:g} s")
 
 
 @dataclass
@@ -34,6 +42,12 @@ class Flight:
         Each filter's own, or the planned one.
     deviation : ndarray, shape (size, n)
         Of all samples by the linear system.
+    signs : ndarray, shape (events,)
+        Of the triggers' functions before they are met.
+    pending : ndarray of bool, shape (events, k)
+        Which events have not happened.
+    impulses : mapping of int to ndarray, shape (axes, n)
+        Execution errors of corrections by trigger, by number.
     final : ndarray, shape (size, n)
         X at the end of those that have ended; NaN for those that failed.
     """
@@ -46,7 +60,9 @@ class Flight:
     deviation: Array
     final: Array
     final_covariance: Array
-    sign: Array
+    signs: Array
+    pending: NDArray[np.bool_]
+    impulses: Mapping[int, Array]
     recorder: Recorder | None
     history: Array
     number: int = 0
@@ -60,13 +76,18 @@ class Flight:
 
     def keep(self, kept: NDArray[np.bool_]) -> None:
         """Drop samples that have ended."""
-        self.rows, self.x, self.sign = self.rows[kept], self.x[:, kept], self.sign[kept]
+        self.rows, self.x, self.pending = self.rows[kept], self.x[:, kept], self.pending[:, kept]
         if self.own:
             self.covariance = self.covariance[kept]
 
     def end(self, ended: NDArray[np.bool_], x: Array) -> None:
-        """Keep the final X, shape (size, k), of samples that have ended."""
-        self.final[:, self.rows[ended]] = x[:, ended]
+        """Keep the final X, shape (size, k), of samples that have ended; if they have missed an event they failed."""
+        for number, event in enumerate(self.setup.maps.events):
+            for column in np.flatnonzero(ended & self.pending[number]).tolist():
+                time = float(x[self.setup.maps.structure.clock.whole, column][-1])
+                self.failures.setdefault(int(self.rows[column]), late_failure(event, min(event.latest, time)))
+        missed = np.any(self.pending[:, ended], axis=0)
+        self.final[:, self.rows[ended]] = np.where(missed, np.nan, x[:, ended])
         if self.own:
             self.final_covariance[self.rows[ended]] = self.covariance[ended]
         self.keep(~ended)
@@ -129,61 +150,111 @@ class Flight:
 
         white = drawn[:, self.rows]
         after = function(self.x, white)
-        if maps.end is not None:
-            value = maps.triggered(maps.end, after, np.full(len(self.rows), time + length))
-            met = np.sign(value) != self.sign
-            if met.any():
-                met &= np.isfinite(value)
-                after, white = self._end_within(instant, time, white, after, value, met)
+        pending, signs = self.pending, self.signs
+        met = np.any(meet(maps, after, np.full(len(self.rows), time + length), signs, pending), axis=0)
         believed = np.tile(setup.believed.inputs, 2)
-        self.covariance = self.propagated_own(function, believed, self.x, self.covariance)
-        self.x = after
+        if not met.any():
+            self.covariance = self.propagated_own(function, believed, self.x, self.covariance)
+            self.x = after
+        else:
+            smooth = ~met
+            if self.own:
+                self.covariance[smooth] = self.propagated_own(
+                    function, believed, self.x[:, smooth], self.covariance[smooth]
+                )
+            self._pass(Step(time, length), white.reshape(2, inputs, len(self.rows)), met, after)
         self.drop_failed(time + length)
 
-    def _end_within(
-        self, instant: Instant, time: float, white: Array, after: Array, value: Array, met: NDArray[np.bool_]
-    ) -> tuple[Array, Array]:
-        """End the samples that have met the trigger within a step; return X after it and the noise of the others."""
-        maps, length = self.setup.maps, instant.length
-        assert maps.end is not None
-        inputs = maps.structure.white.size + maps.structure.markov.size
-        x, begin = self.x[:, met], np.full(int(met.sum()), time)
-        of_step = white[:, met].reshape(2, inputs, len(begin))
-        before = maps.triggered(maps.end, x, begin)
-        fraction = find_crossings(maps, x, begin, length, of_step, before, value[met])
-        moment = begin + fraction * length
-        there = maps.step(x, begin, length, of_step, fraction)
-        there[maps.structure.clock.whole] = moment
-        if maps.continuous:
-            there = maps.after_guidance(there, moment)
-        ended = after.copy()
-        ended[:, met] = there
-        if self.own:
+    def _pass(self, step: Step, white: Array, met: NDArray[np.bool_], after: Array) -> None:
+        """Let the samples that meet events pass through them; those that end leave.
 
-            def part(states: Array, entering: Array) -> Array:
-                repeated = np.tile(fraction, states.shape[1] // len(fraction))
-                drawn = entering.reshape(2, inputs, states.shape[1])
-                return maps.step(states, np.full(states.shape[1], time), length, drawn, repeated)
+        Parameters
+        ----------
+        after : ndarray, shape (size, k)
+            X of the other samples after the step.
+        """
+        setup, maps, columns = self.setup, self.setup.maps, np.flatnonzero(met)
+        noises = [self.execution_errors(number)[:, self.rows] for number in range(len(maps.events))]
+        of_x, of_white = self.x[:, met], white[:, :, met]
+        of_noise = [each[:, met] for each in noises]
+        passages = find_passages(maps, step, of_x, of_white, self.signs, self.pending[:, met], of_noise)
+        ended = np.zeros(len(self.rows), dtype=bool)
+        after = after.copy()
+        for events, chosen in passages.groups():
+            here, fractions = columns[chosen], passages.fractions[: len(events), chosen]
+            of_step = white[:, :, here].reshape(2 * white.shape[1], len(here))
+            entering = np.concatenate([of_step, *(noises[each][:, here] for each in events)])
+            own = [setup.believed.corrections[maps.events[e].number] for e in events if self._corrects(e)]
+            function = self._passing(step, events, fractions)
+            after[:, here] = function(self.x[:, here], entering)
+            if self.own:
+                believed = np.concatenate([np.tile(setup.believed.inputs, 2), *own])
+                self.covariance[here] = self.propagated_own(function, believed, self.x[:, here], self.covariance[here])
+            self.pending[np.array(events, dtype=np.intp)[:, None], here] = False
+            ended[here] = bool(events) and maps.events[events[-1]].kind == "end"
+        self.x = after
+        self.end(ended, after)
 
-            believed = np.tile(self.setup.believed.inputs, 2)
-            self.covariance[met] = self.propagated_own(part, believed, x, self.covariance[met])
-        self.end(met, ended)
-        return after[:, ~met], white[:, ~met]
+    def _corrects(self, number: int) -> bool:
+        return self.setup.maps.events[number].kind == "correction"
+
+    def _passing(self, step: Step, events: tuple[int, ...], fractions: Array) -> Map:
+        """Return the map of a step with events at each sample's own instants, of white noise and execution errors."""
+        maps, inputs = self.setup.maps, self.setup.maps.structure.white.size + self.setup.maps.structure.markov.size
+        sizes = [len(self.execution_errors(number)) for number in events]
+        splits = np.cumsum([2 * inputs, *sizes])[:-1]
+
+        def function(x: Array, entering: Array) -> Array:
+            count = x.shape[1]
+            white, *noises = np.split(entering, splits) if events else [entering]
+            at = np.tile(fractions, (1, count // max(fractions.shape[1], 1)))
+            return pass_through(maps, step, x, white.reshape(2, inputs, count), events, at, noises)
+
+        return function
+
+    def execution_errors(self, number: int) -> Array:
+        """Return the execution errors of an event that is a correction, shape (axes, n); of others none."""
+        event = self.setup.maps.events[number]
+        return self.impulses[event.number] if event.kind == "correction" else np.zeros((0, self.final.shape[1]))
 
     def end_jumped(self, time: float) -> None:
-        """End the samples that an update has carried over the trigger."""
+        """Let the events happen over whose trigger an update has carried samples."""
         maps = self.setup.maps
-        if maps.end is not None and len(self.rows):
-            met = np.sign(maps.triggered(maps.end, self.x, np.full(len(self.rows), time))) != self.sign
-            if met.any():
-                self.x[self.setup.maps.structure.clock.whole] = np.where(met, time, 0.0)
+        for number in range(len(maps.events)):
+            times = np.full(len(self.rows), time)
+            met = meet(maps, self.x, times, self.signs, self.pending)[number]
+            if not met.any():
+                continue
+            noise = self.execution_errors(number)[:, self.rows]
+
+            def function(x: Array, entering: Array, number: int = number) -> Array:
+                return maps.happen(number, x, np.full(x.shape[1], time), entering)
+
+            if self.own and self._corrects(number):
+                believed = self.setup.believed.corrections[maps.events[number].number]
+                self.covariance[met] = self.propagated_own(function, believed, self.x[:, met], self.covariance[met])
+            self.x = self.x.copy()
+            self.x[:, met] = function(self.x[:, met], noise[:, met])
+            self.pending[number, met] = False
+            if maps.events[number].kind == "end":
                 self.end(met, self.x)
+
+    def expire(self, time: float, over: bool = False) -> None:
+        """Fail the samples that have not met an event by a time, or by the end of the flight."""
+        for number, event in enumerate(self.setup.maps.events):
+            late = self.pending[number] & (over or event.latest <= time)
+            if late.any():
+                for row in self.rows[late].tolist():
+                    self.failures[row] = late_failure(event, min(event.latest, time))
+                self.keep(~late)
 
     def follow(self, transition: Transition, drawn: Array | None = None) -> None:
         """Apply a transition of the linear system to all samples' deviations."""
         self.deviation = transition.state @ self.deviation
         if drawn is not None and len(drawn):
             self.deviation += transition.inputs @ drawn
+        for number, inputs in transition.corrections.items():
+            self.deviation += inputs @ self.impulses[number]
 
     def measure(self, number: int, time: float, planned: Transition | None) -> None:
         """Update every sample's navigator by a sensor."""
@@ -242,11 +313,8 @@ class Flight:
         """Measure, correct, guide and read out at an instant."""
         setup, plan = self.setup, self.setup.plan
         known = list(plan.instants[self.number].updates) if self.number <= plan.end else []
-        event = bool(known) and known[0].kind == "event"
-        if event:  # the nominal has ended within the steps before
-            for transition in known:
-                self.follow(transition)
-            known = []
+        if known and known[0].kind == "event":  # the nominal has ended within the steps before
+            self.follow(known.pop())
 
         def planned() -> Transition | None:
             return known.pop(0) if known else None

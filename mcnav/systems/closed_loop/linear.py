@@ -49,6 +49,8 @@ def _entering(maps: Maps, true: Sizes, transition: Transition) -> Iterator[tuple
             columns = np.arange(begin, begin + quantity.size)
             yield quantity.name, sized[:, np.concatenate([columns, inputs + columns])]
             begin += quantity.size
+        for number, inputs_of in transition.corrections.items():
+            yield structure.corrections.quantities[number].name, inputs_of * true.corrections[number]
     elif transition.kind == "measure":
         yield maps.sensors[transition.number].declared.name, transition.inputs * true.measurements[transition.number]
     elif transition.kind == "correct":

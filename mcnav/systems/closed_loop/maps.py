@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -39,11 +39,34 @@ class Impulse:
 
 
 @dataclass(frozen=True)
+class Event:
+    """What a trigger begins.
+
+    Attributes
+    ----------
+    kind : str
+        ``correction`` or ``end``.
+    number : int
+        Of the correction.
+    latest : float
+        Time by which a sample must have met it, s.
+    """
+
+    name: str
+    kind: Literal["correction", "end"]
+    number: int
+    trigger: Method
+    latest: float
+
+
+@dataclass(frozen=True)
 class Maps:
     """The loop as functions of X.
 
     Attributes
     ----------
+    events : tuple of Event
+        Those by trigger, an end last; as many as there are numbers of the structure's clock.
     decay : ndarray, shape (markov.size, 1)
         One over the correlation time of each Gauss-Markov process, 1/s.
     believed_decay : ndarray, shape (markov.size, 1)
@@ -57,10 +80,15 @@ class Maps:
     guide: Method | None
     sensors: tuple[Sensor, ...]
     impulses: tuple[Impulse, ...]
-    end: Method | None
+    events: tuple[Event, ...]
     continuous: bool
     decay: Array
     believed_decay: Array
+
+    @property
+    def ends(self) -> bool:
+        """Whether a trigger ends flights."""
+        return bool(self.events) and self.events[-1].kind == "end"
 
     def truth_frame(self, x: Array, time: Array, white: Array | None = None, command: Array | None = None) -> Frame:
         """Return what methods of the truth may name; without ``white`` noise has its processes' values alone."""
@@ -104,13 +132,18 @@ class Maps:
             "noise": noise,
         }
 
-    def step(self, x: Array, time: Array, length: float, white: Array, fraction: Array | float = 1.0) -> Array:
-        """Propagate by a step of Runge-Kutta's classical method, or by a fraction of it, shape (n,).
+    def step(
+        self, x: Array, time: Array, length: float, white: Array, fraction: Array | float = 1.0,
+        since: Array | float = 0.0,
+    ) -> Array:  # fmt: skip
+        """Propagate by a step of Runge-Kutta's classical method, or from one fraction of it to another, shape (n,).
 
         Attitudes are integrated as rotation vectors from the begin of the step (Munthe-Kaas).
 
         Parameters
         ----------
+        time : ndarray, shape (n,)
+            At the begin of the whole step, s.
         white : ndarray, shape (2, inputs, n)
             The first two Legendre modes, over the whole step, of white noise and of what drives Gauss-Markov processes,
             each with the variance of the density: ``w(s) = (white[0] + sqrt(3) (2 s - 1) white[1]) / sqrt(length)``,
@@ -118,8 +151,9 @@ class Maps:
         """
         scale = 1.0 / np.sqrt(length)
         mean, slope = white[0] * scale, white[1] * (_ROOT_3 * scale)
-        covered = fraction * length
-        begin, middle, end = mean - slope, mean + slope * (fraction - 1.0), mean + slope * (2.0 * fraction - 1.0)
+        covered, time = (fraction - since) * length, time + since * length
+        begin, end = mean + slope * (2.0 * since - 1.0), mean + slope * (2.0 * fraction - 1.0)
+        middle = mean + slope * (since + fraction - 1.0)
         space = self.structure.space
 
         def rates(change: Array, after: Array | float, white: Array) -> Array:
@@ -241,6 +275,13 @@ class Maps:
             if block is self.structure.estimate and isinstance(changed, Mapping):
                 changed = {name: each for name, each in changed.items() if name in block.names}
         return spread(block, changed, x.shape[1], f"apply of {impulse.declared.name}", x[block.whole])
+
+    def happen(self, number: int, x: Array, time: Array, noise: Array) -> Array:
+        """Return X after an event at a time, shape (n,); a correction has its execution error, shape (axes, n)."""
+        event = self.events[number]
+        result = self.corrected(event.number, x, time, noise) if event.kind == "correction" else x.copy()
+        result[self.structure.clock.begin + number] = time
+        return self.after_guidance(result, time) if event.kind == "end" and self.continuous else result
 
     def triggered(self, method: Method, x: Array, time: Array) -> Array:
         """Compute a trigger's function, shape (n,)."""

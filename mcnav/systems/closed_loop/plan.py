@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.differences import Derivatives, Map, differentiate_map
-from mcnav.systems.closed_loop.event import crossing_within, event_map
+from mcnav.systems.closed_loop.event import Saltation, event_map, find_crossings
 from mcnav.systems.closed_loop.filter import FilterStates, propagated, updated
 from mcnav.systems.closed_loop.maps import Maps
+from mcnav.systems.closed_loop.passage import meet, start_signs
 from mcnav.systems.closed_loop.sizes import SMALL, Sizes, difference_steps
 from mcnav.systems.closed_loop.structure import Structure
 from mcnav.systems.closed_loop.timeline import Instant
@@ -27,12 +30,14 @@ class Transition:
     inputs : ndarray, shape (size, k)
         For inputs in their SI units; those of a step are its two Legendre modes, one after the other.
     kind : str
-        ``step``, ``measure``, ``correct``, ``guide`` or ``event``.
+        ``step``, ``measure``, ``correct``, ``guide`` or ``event``, the end.
     number : int
         Of the measurement or correction.
     gain : ndarray, shape (filter's states, k), optional
     innovation : ndarray, shape (k, k), optional
         Covariance that the filter expects of the innovation.
+    corrections : mapping of int to ndarray, shape (size, axes)
+        For the execution errors of corrections by trigger within a step, by number.
     """
 
     state: Array
@@ -41,6 +46,49 @@ class Transition:
     number: int = 0
     gain: Array | None = None
     innovation: Array | None = None
+    corrections: Mapping[int, Array] = field(default_factory=dict)
+
+
+@dataclass
+class Composed:
+    """Maps one after the other, all with the same noise.
+
+    Attributes
+    ----------
+    state, inputs : ndarray, shapes (size, size) and (size, k)
+        With events at every sample's own instant.
+    fixed, inputs_fixed : ndarray, the same shapes
+        With events at the nominal instants, as a filter sees them.
+    corrections : dict of int to ndarray
+        As those of a `Transition`.
+    """
+
+    state: Array
+    inputs: Array
+    fixed: Array
+    inputs_fixed: Array
+    corrections: dict[int, Array]
+
+    @classmethod
+    def of(cls, state: Array, inputs: Array) -> Composed:
+        """Return a map alone."""
+        return cls(state, inputs, state, inputs, {})
+
+    def add(self, state: Array, inputs: Array) -> None:
+        """Add a map."""
+        self._change(state, state)
+        self.inputs, self.inputs_fixed = self.inputs + inputs, self.inputs_fixed + inputs
+
+    def jump(self, saltation: Saltation, correction: int | None) -> None:
+        """Add an event, with the number of the correction that it is."""
+        self._change(saltation.state, saltation.fixed)
+        if correction is not None:
+            self.corrections[correction] = saltation.inputs
+
+    def _change(self, state: Array, fixed: Array) -> None:
+        self.state, self.inputs = state @ self.state, state @ self.inputs
+        self.fixed, self.inputs_fixed = fixed @ self.fixed, fixed @ self.inputs_fixed
+        self.corrections = {number: state @ each for number, each in self.corrections.items()}
 
 
 @dataclass(frozen=True)
@@ -66,7 +114,6 @@ class PlannedInstant:
     nominal: Array
     before: Array
     covariance: Array
-    fraction: float = 1.0
 
 
 @dataclass
@@ -79,6 +126,8 @@ class Plan:
     end : int
         Number of the instant of the nominal end.
     end_time : float
+    event_times : dict of str to float
+        Of corrections and ends by trigger, by name.
     steps : ndarray, shape (size,)
         Sizes of X, from which steps of differences follow.
     innovations : mapping of str to float
@@ -90,6 +139,7 @@ class Plan:
     instants: list[PlannedInstant] = field(default_factory=list)
     end: int = -1
     end_time: float = 0.0
+    event_times: dict[str, float] = field(default_factory=dict)
     steps: Array = field(default_factory=lambda: np.zeros(0))
     innovations: dict[str, float] = field(default_factory=dict)
     kinks: set[str] = field(default_factory=set)
@@ -122,6 +172,15 @@ class Planner:
     steps: Array
     covariance: Array
     plan: Plan
+    signs: Array
+    pending: NDArray[np.bool_]
+
+    def check_pending(self, time: float, over: bool = False) -> None:
+        """Raise `ScenarioError` when an event should have happened by a time, or by the end of the flight."""
+        for event in (each for each, waits in zip(self.maps.events, self.pending, strict=True) if waits):
+            if over or event.latest <= time:
+                told = f"its flight without any error meets no trigger by {min(event.latest, time):g} s"
+                raise ScenarioError("type", f"{event.name}: {told}")
 
     def derivatives(self, function: Map, inputs: Array, where: str, to_x: bool = True) -> Derivatives:
         """Differentiate a map about the nominal, to X or to innovations; its kinks are noted."""
@@ -133,19 +192,76 @@ class Planner:
             self.plan.kinks.add(where.split(" at ")[0])
         return result
 
-    def step(self, time: float, length: float, fraction: float = 1.0) -> Transition:
-        """Propagate by a step, or by a fraction of it."""
+    def step(self, time: float, length: float) -> tuple[Transition, tuple[float, Transition] | None]:
+        """Propagate by a step and the events within it; of an end return the time, and what it does."""
+        composed, since, end = None, 0.0, None
+        while True:
+            meeting = self._meet(time, length, since)
+            fraction = 1.0 if meeting is None else meeting[1]
+            part = self._part(time, length, since, fraction)
+            self.x = part.value
+            if composed is None:
+                composed = Composed.of(part.state, part.inputs)
+            else:
+                composed.add(part.state, part.inputs)
+            if meeting is None:
+                break
+            event, moment = self.maps.events[meeting[0]], time + fraction * length
+            saltation = self._happen(meeting[0], moment)
+            if event.kind == "end":
+                end = moment, Transition(saltation.state, saltation.inputs, "event")
+                break
+            composed.jump(saltation, event.number if event.kind == "correction" else None)
+            since = fraction
+        self.propagate(composed.fixed, composed.inputs_fixed, np.tile(self.believed.inputs, 2))
+        for number, inputs in composed.corrections.items():
+            self.propagate(np.eye(len(self.x)), inputs, self.believed.corrections[number])
+        return Transition(composed.state, composed.inputs, "step", corrections=composed.corrections), end
+
+    def _part(self, time: float, length: float, since: float, fraction: float) -> Derivatives:
+        """Differentiate the part of a step from one fraction of it to another."""
         inputs = self.maps.structure.white.size + self.maps.structure.markov.size
 
         def function(x: Array, entering: Array) -> Array:
             white = entering.reshape(2, inputs, x.shape[1])
-            return self.maps.step(x, np.full(x.shape[1], time), length, white, fraction)
+            return self.maps.step(x, np.full(x.shape[1], time), length, white, fraction, since)
 
         sizes = np.tile(filled(np.maximum(self.true.inputs, self.believed.inputs)), 2)
-        result = self.derivatives(function, sizes, f"rates at {time:g} s")
-        self.x = result.value
-        self.propagate(result.state, result.inputs, np.tile(self.believed.inputs, 2))
-        return Transition(result.state, result.inputs, "step")
+        return self.derivatives(function, sizes, f"rates at {time:g} s")
+
+    def _meet(self, time: float, length: float, since: float) -> tuple[int, float] | None:
+        """Find the next event of a step: its number, and the fraction of the step at which it happens."""
+        maps, signs = self.maps, self.signs
+        if not self.pending.any():
+            return None
+        inputs = maps.structure.white.size + maps.structure.markov.size
+        white, begin, low = np.zeros((2, inputs, 1)), np.array([time]), np.array([since])
+        after = maps.step(self.x[:, None], begin, length, white, 1.0, since)
+        met = meet(maps, after, begin + length, signs, self.pending[:, None])[:, 0]
+        crossings = []
+        for number in np.flatnonzero(met).tolist():
+            event = maps.events[number]
+            before = maps.triggered(event.trigger, self.x[:, None], begin + low * length)
+            if np.sign(before[0]) != signs[number]:
+                told = f"an update at {time:g} s jumps over the trigger in the flight without errors"
+                raise ScenarioError("type", f"{event.name}: {told}")
+            value = maps.triggered(event.trigger, after, begin + length)
+            at_begin, bracket = (self.x[:, None], begin), (low, before, value)
+            crossings.append((float(find_crossings(maps, event.trigger, at_begin, length, white, bracket)[0]), number))
+        fraction, number = min(crossings, default=(1.0, -1))
+        return None if number < 0 else (number, fraction)
+
+    def _happen(self, number: int, time: float) -> Saltation:
+        """Linearize an event at a time, and go on after it."""
+        event = self.maps.events[number]
+        sizes = np.zeros(0)
+        if event.kind == "correction":
+            sizes = filled(np.maximum(self.true.corrections[event.number], self.believed.corrections[event.number]))
+        saltation = event_map(self.maps, number, self.x, time, self.steps, sizes)
+        self.x = saltation.value
+        self.pending[number] = False
+        self.plan.event_times[event.name] = time
+        return saltation
 
     def propagate(self, state: Array, inputs: Array, believed: Array) -> None:
         """Propagate the filter's covariance by ``F = T A S`` and ``G = T G``."""
@@ -225,48 +341,44 @@ def make_plan(
     """
     covariance = np.zeros((0, 0)) if states is None else states.start_covariance(maps.structure, believed)
     steps = difference_steps(maps, start, true)
-    planner = Planner(maps, states, true, believed, start, steps, covariance, Plan(steps=steps))
+    signs = start_signs(maps, start)
+    pending = np.ones(len(signs), dtype=bool)
+    planner = Planner(maps, states, true, believed, start, steps, covariance, Plan(steps=steps), signs, pending)
     plan, last = planner.plan, len(timeline) - 1
-    sign = 0.0 if maps.end is None else np.sign(maps.triggered(maps.end, start[:, None], np.zeros(1))[0])
-    if maps.end is not None and sign == 0.0:
-        raise ScenarioError("type", "end: the trigger's function is zero at the start; it must be to one side of it")
     for number, instant in enumerate(timeline):
         before: list[Array] = [planner.x]
         done: list[Transition] = []
         for time in instant.step_times().tolist():
-            if maps.end is not None:
-                fraction = crossing_within(maps, planner.x, time, instant.length, sign)
-                if fraction is not None:
-                    return _ended(planner, number, instant, before, done, (time, fraction))
-            done.append(planner.step(time, instant.length))
+            transition, end = planner.step(time, instant.length)
+            done.append(transition)
+            if end is not None:
+                return _ended(planner, number, instant, before, done, end)
             before.append(planner.x)
-        if number == last and maps.end is not None:
+        planner.check_pending(instant.time)
+        if number == last and maps.ends:
             break
         updates = planner.updates(instant)
         plan.instants.append(
             PlannedInstant(instant, tuple(done), tuple(updates), planner.x, np.array(before), planner.covariance)
         )
-    if maps.end is not None:
-        raise ScenarioError("type", f"end: its flight without any error meets no trigger by {timeline[-1].time:g} s")
+    planner.check_pending(timeline[-1].time, over=True)
     plan.end, plan.end_time = last, timeline[-1].time
     return plan
 
 
 def _ended(
-    planner: Planner, number: int, instant: Instant, before: list[Array], steps: list[Transition],
-    within: tuple[float, float],
-) -> Plan:  # fmt: skip
-    """Finish a plan with the event within a step, at a fraction of it."""
-    plan, (time, fraction) = planner.plan, within
-    steps.append(planner.step(time, instant.length, fraction))
-    plan.end, plan.end_time = number, time + fraction * instant.length
-    saltation = event_map(planner.maps, planner.x, plan.end_time, planner.steps)
-    planner.x = planner.x.copy()
-    planner.x[planner.maps.structure.clock.whole] = plan.end_time
-    updates = [Transition(saltation, np.zeros((len(saltation), 0)), "event")]
-    if planner.maps.continuous and planner.maps.guide is not None:
-        updates.append(planner.guide(plan.end_time))
+    planner: Planner,
+    number: int,
+    instant: Instant,
+    before: list[Array],
+    steps: list[Transition],
+    end: tuple[float, Transition],
+) -> Plan:
+    """Finish a plan with an end by trigger within the last of the steps."""
+    plan, (time, event) = planner.plan, end
+    planner.check_pending(time, over=True)
+    plan.end, plan.end_time = number, time
     plan.instants.append(
-        PlannedInstant(instant, tuple(steps), tuple(updates), planner.x, np.array(before), planner.covariance, fraction)
+        PlannedInstant(instant, tuple(steps), (event,), planner.x, np.array(before), planner.covariance)
     )
     return plan

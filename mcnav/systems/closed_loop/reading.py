@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.declarations import Trigger
-from mcnav.systems.closed_loop.maps import Impulse, Maps, Sensor, named
+from mcnav.systems.closed_loop.maps import Event, Impulse, Maps, Sensor, named
 from mcnav.systems.closed_loop.methods import Frame, Method, read_method
 from mcnav.systems.closed_loop.quantities import Values, spread
 from mcnav.systems.closed_loop.structure import Structure, measurements_of, read_structure
@@ -49,7 +49,6 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
         )
         for each in instance.corrections
     )  # fmt: skip
-    end = instance.end
     none = np.zeros((structure.markov.size, 1))
     maps = Maps(
         structure,
@@ -59,12 +58,26 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
         method("guide", ("time", "estimate", "memory")),
         sensors,
         impulses,
-        read_method(end.function, "end", ("time", "truth", "estimate")) if isinstance(end, Trigger) else None,
+        _read_events(instance),
         instance.cycle is None,
         none if decay is None else decay,
         none if believed_decay is None else believed_decay,
     )
     return _sized(maps, read_start(instance, name, structure))
+
+
+def _read_events(instance: Any) -> tuple[Event, ...]:
+    """Return the corrections and the end that triggers begin."""
+    triggers: list[tuple[str, Literal["correction", "end"], int, Any]] = [
+        (each.name, "correction", number, each.at) for number, each in enumerate(instance.corrections)
+    ]
+    triggers.append(("end", "end", 0, instance.end))
+    known = ("time", "truth", "estimate")
+    return tuple(
+        Event(name, kind, number, read_method(at.function, f"trigger of {name}", known), at.latest)
+        for name, kind, number, at in triggers
+        if isinstance(at, Trigger)
+    )
 
 
 def read_start(instance: Any, name: str, structure: Structure) -> Array:

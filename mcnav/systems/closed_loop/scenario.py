@@ -136,7 +136,7 @@ class ClosedLoopScenario:
     @cached_property
     def _chosen(self) -> tuple[int, ...]:
         """Instants that are epochs, by number: cycle instants, evenly thinned, and the end."""
-        triggered = self.maps.end is not None
+        triggered = self.maps.ends
         end = self.plan.end if triggered else len(self.timeline) - 1
         latest = EARLY * self.plan.end_time if triggered else np.inf
         possible = [
@@ -158,7 +158,7 @@ class ClosedLoopScenario:
     @property
     def reading_times(self) -> Array:
         """The epochs, s."""
-        end = self.plan.end_time if self.maps.end is not None else self.timeline[-1].time
+        end = self.plan.end_time if self.maps.ends else self.timeline[-1].time
         return np.array([*(self.timeline[number].time for number in self._chosen[:-1]), end])
 
     @property
@@ -169,6 +169,7 @@ class ClosedLoopScenario:
             for instant in self.timeline
             for number in instant.corrections
         }
+        events |= {name: time for name, time in self.plan.event_times.items() if name != "end"}
         return Epochs(LABEL, self.reading_times, events)
 
     def linear(self, times: Array | None = None) -> LinearSystem:
@@ -231,7 +232,7 @@ class ClosedLoopScenario:
         with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
             try:
                 check_repeatable(setup)
-                return tuple(remarks_on(setup, self._sigma_of_time))
+                return tuple(remarks_on(setup, self._sigmas_of_times))
             except ScenarioError:
                 raise
             except (Exception, SystemExit) as failure:
@@ -239,11 +240,16 @@ class ClosedLoopScenario:
                 raise ScenarioError("type", message) from failure
 
     @property
-    def _sigma_of_time(self) -> float:
-        if not self.maps.structure.clock.size:
-            return 0.0
-        system = self.linear()
-        return float(np.sqrt(system.covariance(self.sizes.true.start)[0, -1, -1]))
+    def _sigmas_of_times(self) -> dict[str, float]:
+        """Linear sigmas of the times of events by trigger, by name."""
+        if not self.maps.events:
+            return {}
+        variances = np.diag(self.linear().covariance(self.sizes.true.start)[0])
+        names = [output.name for output in self.outputs]
+        places = [names.index(quantity.name) for quantity in self.maps.structure.clock.quantities]
+        return {
+            event.name: float(np.sqrt(variances[place])) for event, place in zip(self.maps.events, places, strict=True)
+        }
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Return the only engine; `ScenarioError` when the nominal flight fails."""

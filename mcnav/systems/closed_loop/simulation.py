@@ -7,7 +7,8 @@ import numpy as np
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.closed_loop.flight import Flight
-from mcnav.systems.closed_loop.noise import PROCESSES, Noise, NoNoise
+from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, Noise, NoNoise
+from mcnav.systems.closed_loop.passage import start_signs
 from mcnav.systems.closed_loop.records import Recorder
 from mcnav.systems.closed_loop.setup import Setup
 
@@ -24,15 +25,13 @@ def simulate(setup: Setup, batch: Batch, noise: bool, over_time: bool = True) ->
             if number <= plan.end:
                 flight.reach(plan.instants[number].covariance)
             flight.update(instant)
+            if number < last:
+                flight.expire(instant.time)
             if over_time and number in setup.epochs and number != plan.end:
                 flight.read(setup.epochs[number])
             if number >= plan.end and not len(flight.rows):
                 break
-        if setup.maps.end is not None:
-            for row in flight.rows.tolist():
-                failure = f"meets no trigger by {setup.timeline[last].time:g} s"
-                flight.failures[row] = Failure(Reason.STATED, failure)
-            flight.keep(np.zeros(len(flight.rows), dtype=bool))
+        flight.expire(setup.timeline[last].time, over=True)
         flight.number = plan.end
         end = setup.epochs[plan.end]
         flight.read(end)
@@ -72,11 +71,14 @@ def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
     recorder = None
     if setup.schema is not None and setup.states is not None and over_time:
         recorder = Recorder.of(setup.schema, maps, setup.states, count, len(setup.epochs))
-    sign = np.zeros(count)
-    if maps.end is not None:
-        sign[:] = np.sign(maps.triggered(maps.end, setup.start[:, None], np.zeros(1))[0])
-    epochs = len(setup.epochs)
+    events = [event.number for event in maps.events if event.kind == "correction"]
+    impulses = {}
+    for number in events:
+        sizes = setup.true.corrections[number]
+        impulses[number] = draws.draw(CORRECTIONS + number, len(sizes)) * sizes[:, None]
+    history = np.full((count, len(setup.epochs), len(setup.readout.outputs)), np.nan)
     return Flight(
         setup, draws, np.arange(count), x, covariance, deviation, np.full_like(x, np.nan),
-        np.full_like(covariance, np.nan), sign, recorder, np.full((count, epochs, len(setup.readout.outputs)), np.nan),
+        np.full_like(covariance, np.nan), start_signs(maps, setup.start),
+        np.ones((len(maps.events), count), dtype=bool), impulses, recorder, history,
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError
+from mcnav.systems.closed_loop.maps import Event
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.simulation import simulate
 
@@ -56,13 +58,13 @@ def check_repeatable(setup: Setup) -> None:
         )
 
 
-def remarks_on(setup: Setup, final_time: float) -> list[str]:
+def remarks_on(setup: Setup, sigmas: Mapping[str, float]) -> list[str]:
     """Return what is to be said of a loop, a clause each.
 
     Parameters
     ----------
-    final_time : float
-        Linear sigma of the final time, s; zero without a trigger.
+    sigmas : mapping of str to float
+        Linear sigmas of the times of events by trigger, s, by name.
     """
     plan, remarks = setup.plan, []
     for name, share in plan.innovations.items():
@@ -79,28 +81,35 @@ def remarks_on(setup: Setup, final_time: float) -> list[str]:
                 f"the nominal {quantity.name} is zero: its size has no derivative there, and mean plus three sigma "
                 "is no bound of it"
             )
-    remarks += _near_updates(setup, final_time)
+    for event in setup.maps.events:
+        remarks += _near_updates(setup, event, sigmas[event.name])
     remarks += _step_error(setup)
-    if final_time > GRAZING * plan.end_time:
-        remarks.append(
-            f"the trigger grazes: one sigma of the final time is {final_time:.3g} s of {plan.end_time:.4g} s, for "
-            "which there is no linear model"
-        )
+    for event in setup.maps.events:
+        time, sigma = plan.event_times[event.name], sigmas[event.name]
+        if sigma > GRAZING * time:
+            remarks.append(
+                f"{_trigger_of(event)} grazes: one sigma of {'the final' if event.kind == 'end' else 'its'} time is "
+                f"{sigma:.3g} s of {time:.4g} s, for which there is no linear model"
+            )
     return remarks
 
 
-def _near_updates(setup: Setup, final_time: float) -> list[str]:
-    """Find measurements within one sigma of the nominal event."""
-    plan = setup.plan
-    if setup.maps.end is None:
-        return []
-    near = max(final_time, SAME * plan.end_time)
-    instants = [setup.timeline[max(plan.end - 1, 0)], plan.instants[plan.end].instant]
+def _trigger_of(event: Event) -> str:
+    return "the trigger" if event.kind == "end" else f"the trigger of {event.name}"
+
+
+def _near_updates(setup: Setup, event: Event, sigma: float) -> list[str]:
+    """Find measurements within one sigma of an event of the nominal."""
+    time = setup.plan.event_times[event.name]
+    near = max(sigma, SAME * setup.plan.end_time)
+    after = next(number for number, instant in enumerate(setup.timeline) if instant.time >= time - near)
+    instants = [setup.timeline[max(after - 1, 0)], *setup.timeline[after : after + 2]]
+    told = "samples end before or after it" if event.kind == "end" else "it comes before or after it"
     return [
-        f"the trigger is met at {plan.end_time:.6g} s, within one sigma of the measurement at {instant.time:.6g} s: "
-        "samples end before or after it, and an update may jump over the trigger"
+        f"{_trigger_of(event)} is met at {time:.6g} s, within one sigma of the measurement at {instant.time:.6g} s: "
+        f"{told}, and an update may jump over the trigger"
         for instant in instants
-        if instant.measurements and abs(instant.time - plan.end_time) <= near
+        if instant.measurements and abs(instant.time - time) <= near
     ]
 
 

@@ -34,7 +34,7 @@ class LoopSource:
 
 @dataclass(frozen=True)
 class Structure:
-    """Blocks of X, in their order, the clock of an end by trigger last, and the white noise that enters."""
+    """Blocks of X, in their order, the clock of events by trigger last, and the white noise that enters."""
 
     truth: Block
     parameters: Block
@@ -181,7 +181,9 @@ def read_structure(instance: Any, name: str) -> Structure:
     if instance.navigator_start not in ("truth", "nominal"):
         raise ScenarioError("type", f"{name}.navigator_start is 'truth' or 'nominal'; got {instance.navigator_start!r}")
     blocks: list[Block] = []
-    clock = (Quantity("final_time", "s"),) if isinstance(instance.end, Trigger) else ()
+    clock = tuple(
+        Quantity(f"{each.name}_time", "s") for each in instance.corrections if isinstance(each.at, Trigger)
+    ) + ((Quantity("final_time", "s"),) if isinstance(instance.end, Trigger) else ())
     kinds = ("state of the truth", "parameter", "process", "estimated state", "command", "memory", "correction", "time")
     all_blocks = (truth, parameters, markov, estimate, (command,), (), impulses, clock)
     for what, quantities in zip(kinds, all_blocks, strict=True):
@@ -233,7 +235,7 @@ def measurements_of(instance: Any, name: str) -> tuple[Measurement, ...]:
 def _check_names(name: str, instance: Any, *groups: tuple[Quantity, ...]) -> None:
     names = [quantity.name for group in groups for quantity in group]
     names += [each.name for each in measurements_of(instance, name)]
-    taken = {"command", "final_time", "memory"}
+    taken = {"command", "final_time", "memory", *(f"{each.name}_time" for each in instance.corrections)}
     for each in names:
         if each in taken or each.startswith(("true_", "navigated_")):
             raise ScenarioError("type", f"{name}: the name {each!r} is taken, or begins with true_ or navigated_")

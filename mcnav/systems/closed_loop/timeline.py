@@ -68,9 +68,9 @@ def read_timeline(instance: Any, name: str, measurements: tuple[Measurement, ...
             raise ScenarioError("type", f"{name}.measurements: instants of {each.name} must be times from zero on")
         at[f"measure {each.name}"] = _multiples(each.interval, last, each.name) if listed is None else np.sort(listed)
     for each in instance.corrections:
-        if isinstance(each.at, Trigger):
-            raise ScenarioError("type", f"{name}.corrections: {each.name} needs a time; triggers end flights only")
-        at[f"correct {each.name}"] = np.array([_time(each.at, each.name, "a time", least=0.0)])
+        by_trigger = isinstance(each.at, Trigger)
+        time = _time(each.at.latest if by_trigger else each.at, each.name, "a time, or Trigger(function, latest)", 0.0)
+        at[f"{'latest' if by_trigger else 'correct'} {each.name}"] = np.array([time])
     same = SAME * last
     merged = np.unique(np.concatenate([*at.values(), [0.0, last]]))
     merged = merged[np.append(True, np.diff(merged) > same) & (merged <= last + same)]
@@ -79,7 +79,7 @@ def read_timeline(instance: Any, name: str, measurements: tuple[Measurement, ...
         raise ScenarioError("type", f"{name} would have {len(merged):,} instants; at most {MOST_INSTANTS:,}")
 
     def falls(key: str, time: float) -> bool:
-        times = at[key]
+        times = at.get(key, np.zeros(0))
         place = int(np.searchsorted(times, time - same))
         return place < len(times) and bool(times[place] <= time + same)
 

@@ -16,7 +16,10 @@ from mcnav.systems.closed_loop.noise import Noise
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from tests.closed_loops import FILE, tables
 
-LOOPS = ("DoubleIntegrator", "Nominal", "Continuous", "Pendulum", "Rendezvous", "Descent", "Landing", "Satellite")
+LOOPS = (
+    "DoubleIntegrator", "Nominal", "Continuous", "Pendulum", "Rendezvous", "Descent", "Landing", "Satellite", "Kicked",
+    "Braking",
+)  # fmt: skip
 
 
 def campaign(name: str, **changes: Any) -> Campaign:
@@ -131,6 +134,47 @@ def test_a_sample_that_meets_no_trigger_fails_with_that_reason() -> None:
     result = described.scenario.engine("vectorised", errors).simulate(Batch(np.arange(2), errors, 5))
     assert {row: str(failure) for row, failure in result.failures.items()} == {1: "meets no trigger by 100 s"}
     assert np.isfinite(result.values[0]).all()
+
+
+def test_corrections_by_trigger_happen_at_each_samples_own_instant() -> None:
+    """The kick is commanded where 400 m are left; the rest is a straight line."""
+    described = campaign("Kicked")
+    errors = described.errors.draw("random", 5, 50, 0, 50)
+    outcome = described.scenario.engine("vectorised", errors).simulate(Batch(np.arange(50), errors, 5), noise=False)
+    of = {output.name: outcome.values[:, number] for number, output in enumerate(described.scenario.outputs)}
+    started = {source.name: errors[:, number] for number, source in enumerate(described.scenario.sources)}
+    down, along = 20.0 + started["true_vz"], 60.0 + started["true_vx"]
+    np.testing.assert_allclose(of["kick_time"], (600.0 + started["true_altitude"]) / down, rtol=1e-12)
+    np.testing.assert_allclose(of["kick"], 0.5 * (along + started["vx"]), rtol=1e-12)
+    falls = (1_000.0 + started["true_altitude"]) / down
+    x = started["true_x"] + along * falls + of["kick"] * 400.0 / down - (3_000.0 + 600.0)
+    np.testing.assert_allclose(of["true_x"], x, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "told"),
+    [("Kicked", -13.0, "kick: meets no trigger by 80 s"), ("Kicked", -10.5, "meets no trigger by 100 s")],
+)
+def test_a_sample_that_misses_an_event_says_which(name: str, error: float, told: str) -> None:
+    """At 7 and at 9.5 metres a second: 440 m are left after 80 s, and 50 m after 100 s."""
+    described = campaign(name)
+    errors = np.zeros((2, len(described.scenario.sources)))
+    errors[1, 3] = error  # true_vz
+    result = described.scenario.engine("vectorised", errors).simulate(Batch(np.arange(2), errors, 5))
+    assert {row: str(failure) for row, failure in result.failures.items()} == {1: told}
+    assert np.isfinite(result.values[0]).all()
+    assert np.isnan(result.values[1]).all()
+
+
+def test_a_trigger_that_is_passed_at_the_start_happens_at_once() -> None:
+    """Started at 390 m, the sample has passed the trigger: it is kicked at once."""
+    described = campaign("Kicked")
+    errors = np.zeros((1, len(described.scenario.sources)))
+    errors[0, 1] = -610.0  # true_altitude
+    result = described.scenario.engine("vectorised", errors).simulate(Batch(np.arange(1), errors, 5))
+    names = [output.name for output in described.scenario.outputs]
+    assert result.values[0, names.index("kick_time")] == 0.0
+    assert result.values[0, names.index("kick")] == 30.0
 
 
 def test_noise_is_drawn_by_sample_and_stream() -> None:

@@ -30,6 +30,8 @@ class Loop(ClosedLoop):
         return -0.2 * estimate.x - 0.6 * estimate.v
 """
 
+PUSH = "    corrections = (Correction('push', {}, lambda estimate: -0.1 * estimate.v, 'v'),)\n"
+
 TURNING = """
     truth = {"turn": Attitude()}
     processes, measurements, filter = {}, (), Filter()
@@ -86,6 +88,13 @@ def test_a_sound_loop_has_no_remarks(tmp_path: Path) -> None:
         ("    def rates(self, truth):\n        return {'x': truth.v / 0.0 + truth.v}\n", "not finite"),
         ("    end = Trigger(lambda truth: truth.x + 100.0, latest=20.0)\n", "meets no trigger by 20 s"),
         ("    end = Trigger(lambda truth: truth.x, latest=20.0)\n", "zero at the start"),
+        (PUSH.format("Trigger(lambda truth: truth.x + 500.0, latest=9.0)"), "push: its flight without any error meets no"),
+        (PUSH.format("Trigger(lambda truth: 0.0 * truth.x - 1.0, 20.0)"), "meets no trigger by 10 s"),
+        (PUSH.format("Trigger(lambda truth: truth.x, latest=9.0)"), "push: the trigger's function is zero at the start"),
+        (PUSH.format("Trigger(lambda command: command, latest=9.0)"), "trigger of push asks for command; it may name"),
+        (PUSH.format("Trigger(lambda truth: truth.y, latest=9.0)"), "truth has no 'y'"),
+        (PUSH.format("Trigger(lambda time: time - 4.25, latest='soon')"), "push must be a time, or Trigger"),
+        (PUSH.format("'noon'"), "push must be a time, or Trigger"),
         ("    filter = None\n", "has measurements and no filter"),
         ("    estimate = {'x': 'm', 'z': 'm'}\n", "'z' has no counterpart"),
         ("    cycle, end = None, -1.0\n", "end must be a time"),
@@ -124,6 +133,10 @@ def test_mistakes_get_one_line(tmp_path: Path, changes: str, told: str) -> None:
          " lambda truth, impulse: {'v': truth.v + impulse[:, 0]}),)\n", "the nominal push is zero"),
         ("    end = Trigger(lambda truth, time: 1e-3 * (time - 8.0) + 1e-2 * truth.x, latest=50.0)\n",
          "the trigger grazes"),
+        (PUSH.format("Trigger(lambda time, truth: time - 4.5 + 0.5 * truth.x, latest=9.0)"),
+         "the trigger of push is met at 4.5 s, within one sigma of the measurement at 4 s"),
+        (PUSH.format("Trigger(lambda time, truth: 1e-2 * (time - 4.5) + truth.x, latest=9.0)"),
+         "the trigger of push grazes: one sigma of its time is"),
         ("    end = Trigger(lambda time: time - 8.0, latest=50.0)\n", "within one sigma of the measurement at 8 s"),
     ],
 )  # fmt: skip
