@@ -11,7 +11,7 @@ import pytest
 
 from mcnav._types import Array
 from mcnav.config.read import parse_campaign
-from mcnav.contract.linear import LinearModel
+from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.systems.closed_loop.sizes import LoopSizes
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY
@@ -43,7 +43,7 @@ def of_ins(aided: bool) -> Any:
 
 
 def end_of(scenario: Any) -> LinearModel:
-    system = scenario.linear()
+    system: LinearSystem = scenario.linear()
     return system.at(np.arange(len(system.times)) == len(system.times) - 1).end
 
 

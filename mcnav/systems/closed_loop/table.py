@@ -23,7 +23,7 @@ from mcnav.systems.closed_loop.quantities import Quantity
 from mcnav.systems.closed_loop.scenario import ClosedLoopScenario, without_errors
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.closed_loop.strapdown.merged import navigator_of
-from mcnav.systems.closed_loop.strapdown.table import believes_of, read_instruments
+from mcnav.systems.closed_loop.strapdown.table import read_instruments
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
 from mcnav.systems.ins.tables.imu import IMU, BelievedImuTable
 from mcnav.systems.user import table as user
@@ -102,12 +102,10 @@ def read_scenario(table: user.UserTable, entries: Mapping[str, Any], context: Fi
         return user.scenario_spec(described)
     sizes = without_errors(described.spec)
     scenario = ClosedLoopScenario(described.spec, sizes)
-    strapdown = navigator_of(loop) is not None
-    instruments = read_instruments(context) if strapdown else None
-    if not strapdown and ("imu" in context.content or "imu" in believes_of(context.content)):
-        context.problem("imu", f"sizes a Strapdown; give {described.spec.name} one as navigator, or leave it out")
+    before = len(context.problems)
+    instruments = read_instruments(navigator_of(loop), described.spec.name, context)
     read = _read_sizes(scenario.maps, context)
-    if read is None or (strapdown and instruments is None):
+    if read is None or len(context.problems) > before:
         return None
     sizes, beliefs = read
     sigmas: Mapping[str, float] = {}

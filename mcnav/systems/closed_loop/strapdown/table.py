@@ -7,9 +7,9 @@ from typing import Any, Final
 
 from mcnav.entries.context import FileContext
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
-from mcnav.systems.closed_loop.strapdown.navigator import INSTABILITY, PROCESSES, WALKS
+from mcnav.systems.closed_loop.strapdown.navigator import ERRORS, INSTABILITY, PROCESSES, WALKS, Strapdown
 from mcnav.systems.closed_loop.structure import Structure
-from mcnav.systems.ins.imu.instruments import Imu
+from mcnav.systems.ins.imu.instruments import AXES, Imu
 from mcnav.systems.ins.tables.imu import ImuSizes, read_imu
 
 NOT_MODELLED: Final = ("rate_random_walk", "quantization")
@@ -31,8 +31,17 @@ class Instruments:
         )
 
 
-def read_instruments(context: FileContext) -> Instruments | None:
-    """Read ``[imu]`` and ``[filter.believes.imu]``; mistakes are added to the context, and none is returned."""
+def read_instruments(navigator: Strapdown | None, name: str, context: FileContext) -> Instruments | None:
+    """Read ``[imu]`` and ``[filter.believes.imu]`` of a class; mistakes are added to the context.
+
+    Without a navigator, or after a mistake, none is returned.
+    """
+    if navigator is None:
+        for place, content in (("imu", context.content), ("filter.believes.imu", believes_of(context.content))):
+            if "imu" in content:
+                message = "has no inertial measurement unit; give it navigator = Strapdown(...), or leave this out"
+                context.problem(place, f"{name} {message}")
+        return None
     before = len(context.problems)
     true = read_imu(context.content.get("imu", {}), context)
     if true is None:
@@ -45,7 +54,27 @@ def read_instruments(context: FileContext) -> Instruments | None:
         given = content.get("processes")
         for name in PROCESSES.keys() & given.keys() if isinstance(given, dict) else ():
             context.problem(f"{prefix}processes.{name}", f"is sized by [{prefix}imu]; leave it out here")
-    return None if believed is None or len(context.problems) > before else Instruments(true, believed)
+    if believed is None or len(context.problems) > before:
+        return None
+    _check_estimated(navigator, true, believed, context)
+    return None if len(context.problems) > before else Instruments(true, believed)
+
+
+def _check_estimated(navigator: Strapdown, true: ImuSizes, believed: ImuSizes, context: FileContext) -> None:
+    """Add a mistake for each error that is estimated and has no size along an axis: the covariance is singular."""
+    stated = [context.content.get("errors"), believes_of(context.content).get("errors")]
+    elsewhere = {name for entries in stated if isinstance(entries, dict) for name in entries}
+    for kind in navigator.estimates:
+        instrument, _, key = kind.partition("_")
+        if key == INSTABILITY:
+            sizes = dict(zip(AXES, getattr(believed.processes, instrument).instability, strict=True))
+        else:
+            known = {**true.sigmas, **believed.sigmas}
+            sizes = {axis: known.get(f"{kind}_{axis}", 0.0) for axis in ERRORS[kind][1]}
+        without = [axis for axis, size in sizes.items() if not size > 0.0 and f"{kind}_{axis}" not in elsewhere]
+        if without and kind not in elsewhere:
+            message = f"the navigator estimates {kind}, which needs a size along {', '.join(without)}"
+            context.problem(f"imu.{instrument}.{key}", message)
 
 
 def _check_modelled(place: str, imu: Imu, context: FileContext) -> None:
