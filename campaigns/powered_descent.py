@@ -9,6 +9,7 @@ BRAKED, GATE = 480.0, 525.0  # s: end of braking, and the time for which it aims
 APPROACHED, OVER = 626.0, 645.0  # s: the same of the approach
 GATE_AT, GATE_BY = np.array([0.0, -4800.0, -2430.0]), np.array([0.0, 120.0, 40.0])  # m, m/s: north, east, down
 OVER_AT, OVER_BY = np.array([0.0, 0.0, -150.0]), np.array([0.0, 0.0, 8.5])  # over the site
+SINKING = 670.0  # s, from which on the rate of descent is the slowest
 SLOWEST, FLARE = 1.0, 27.0  # m/s, s: rate of the last descent at the ground, and altitude over what is added above it
 EXHAUST = 311.0 * 9.80665  # m/s
 LEAST, MOST = 0.8, 6.0  # m/s^2, of the thrust per mass
@@ -77,7 +78,8 @@ class Lander(ClosedLoop):
         time, altitude = time[:, None], self.navigator.altitude(position)[:, None]
         braking = aimed(GATE - time, GATE_AT - position, velocity, GATE_BY)
         approach = aimed_at_rest(OVER - time, OVER_AT - position, velocity, OVER_BY)
-        sinking = -SLOWING * (velocity + (SLOWEST + altitude / FLARE) * UP)
+        rate = SLOWEST + np.where(time < SINKING, altitude / FLARE, 0.0)
+        sinking = -SLOWING * (velocity + rate * UP)
         wanted = np.where(time < BRAKED, braking, np.where(time < APPROACHED, approach, sinking))
         return wanted - self.navigator.fall(position, velocity)
 

@@ -108,4 +108,10 @@ def _without_rounding(
     variance = np.einsum("ij,jk,ik->i", partials, start, partials)
     variance += sum((np.diag(each) for each in processes.values()), np.zeros(len(floor)))
     kept = np.asarray(variance > floor**2, dtype=float)
-    return time, partials * kept[:, None], nominal, {k: each * np.outer(kept, kept) for k, each in processes.items()}
+    return time, partials * kept[:, None], nominal, {name: _kept(each, kept) for name, each in processes.items()}
+
+
+def _kept(covariance: Array, kept: Array) -> Array:
+    """Return a process's covariance of the outputs that are kept, without variances that rounding makes negative."""
+    own = (kept > 0.0) & (np.diag(covariance) > 0.0)
+    return np.where(np.outer(own, own), covariance, 0.0)
