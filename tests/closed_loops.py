@@ -52,6 +52,54 @@ class DoubleIntegrator(ClosedLoop):
         return -self.law[0] * estimate.position - self.law[1] * estimate.velocity
 
 
+class Remembering(DoubleIntegrator):
+    """The filter written out: P = F P F^T + W since the last second, K = P H^T / (H P H^T + R)."""
+
+    filter = None
+    memory = {"p": ("1", ("rr", "rv", "vv"))}
+
+    def start(self):
+        return {"p": np.array([9.0, 0.0, 0.0])}
+
+    def update(self, innovation, estimate, memory):
+        rr, rv, vv = memory.p.T
+        rr, rv, vv = rr + 2.0 * rv + vv + 0.01 / 3.0, rv + vv + 0.01 / 2.0, vv + 0.01
+        of_position, of_velocity = rr / (rr + 4.0), rv / (rr + 4.0)
+        after = np.stack([rr - of_position * rr, rv - of_position * rv, vv - of_velocity * rv], axis=1)
+        position, velocity = estimate.position + of_position * innovation, estimate.velocity + of_velocity * innovation
+        return {"position": position, "velocity": velocity, "p": after}
+
+    def covariance(self, memory):
+        return memory.p[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+    def outputs(self, truth):
+        return {"energy": (0.5 * truth.velocity**2 + truth.position, "m")}
+
+
+class ConstantGain(Remembering):
+    """The same with the gains of the steady state, of what is measured in place of the innovation."""
+
+    memory = {}
+
+    def start(self):
+        return {}
+
+    def update(self, measured, estimate, name):
+        innovation = (measured - estimate.position) * (name == "ranging")
+        return {
+            "position": estimate.position + 0.271106383 * innovation,
+            "velocity": estimate.velocity + 0.042687633 * innovation,
+        }
+
+    def covariance(self):
+        steady = 4.0 * np.array([0.271106383, 0.042687633])  # K R = P H^T
+        return np.array([[steady[0], steady[1]], [steady[1], 0.241887060**2]])
+
+    def outputs(self, truth, estimate):
+        moved = np.stack([estimate.position - truth.position, truth.velocity], axis=1)
+        return {"moved": (moved, "m"), "fuel": (np.abs(truth.velocity + 3.0), "m/s", "control")}
+
+
 class Continuous(DoubleIntegrator):
     cycle, step, end = None, 0.5, 60.0
 
@@ -247,7 +295,9 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
         "measurements": {"altimeter": "1 m"},
     },
     "Kicked": {
-        "errors": {"true_x": "30 m", "true_altitude": "25 m", "true_vx": "0.5 m/s", "true_vz": "0.4 m/s", "vx": "1 m/s"},
+        "errors": {
+            "true_x": "30 m", "true_altitude": "25 m", "true_vx": "0.5 m/s", "true_vz": "0.4 m/s", "vx": "1 m/s",
+        },
         "processes": {"kick": "0.2 m/s"},
     },
     "Braking": {
@@ -275,7 +325,10 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
 """Sizes of the loops' errors, and of those that inherit from them."""
 
 FILE = Path(__file__)
-OF = {"Continuous": "DoubleIntegrator", "Nominal": "DoubleIntegrator", "FixedDescent": "Descent"}
+OF = {
+    "Continuous": "DoubleIntegrator", "Remembering": "DoubleIntegrator", "ConstantGain": "DoubleIntegrator",
+    "Nominal": "DoubleIntegrator", "FixedDescent": "Descent",
+}  # fmt: skip
 
 
 def tables(name: str, **changes: Any) -> dict[str, Any]:

@@ -158,6 +158,12 @@ class ClosedLoop:
     measurements : sequence of Measurement
     corrections : sequence of Correction
     filter : Filter, optional
+        Or methods ``update`` and ``covariance`` in its place: ``update`` returns new values of estimate and memory, of
+        the arguments that it names: time, name (of the measurement), measured, innovation, estimate, memory; and
+        ``covariance``, of time, estimate, memory, what it says of all navigation errors, shape (n, k, k).
+    memory : mapping of str to str or tuple
+        What the navigator remembers besides its estimates, by name; ``start`` may give its values, ``navigate`` its
+        rates, ``update`` and ``guide`` (beside the command) new values.
     cycle : float, optional
         Time between commands, s; none for guidance that is continuous.
     step : float, optional
@@ -169,6 +175,10 @@ class ClosedLoop:
         Unit, and axes, of what ``guide`` returns.
     navigator : Strapdown, optional
         An inertial navigator, which brings states, errors and methods of its own.
+
+    A method ``outputs`` returns further outputs with their units, ``{"miss": (values, "m")}``, of the arguments that it
+    names: time, truth, estimate, command, parameters, memory. Of truth or estimate alone they are dispersions, of both
+    navigation errors; ``(values, "m", of)`` says otherwise.
     """
 
     truth: ClassVar[Mapping[str, Unit]] = {}
@@ -178,6 +188,7 @@ class ClosedLoop:
     measurements: ClassVar[Sequence[Measurement]] = ()
     corrections: ClassVar[Sequence[Correction]] = ()
     filter: ClassVar[Filter | None] = None
+    memory: ClassVar[Mapping[str, Unit]] = {}
     cycle: ClassVar[float | None] = None
     step: ClassVar[float | None] = None
     end: ClassVar[float | Trigger | None] = None

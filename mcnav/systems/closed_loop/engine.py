@@ -9,9 +9,10 @@ from typing import Any
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.systems.closed_loop.filter import read_filter
+from mcnav.systems.closed_loop.declarations import Filter
+from mcnav.systems.closed_loop.filter import FilterStates, read_filter
 from mcnav.systems.closed_loop.maps import Maps
-from mcnav.systems.closed_loop.plan import Plan, largest_values
+from mcnav.systems.closed_loop.plan import Plan
 from mcnav.systems.closed_loop.reading import read_maps, read_start
 from mcnav.systems.closed_loop.readout import Readout
 from mcnav.systems.closed_loop.setup import Setup
@@ -31,9 +32,16 @@ def maps_of(instance: Any, name: str, sizes: LoopSizes | None = None) -> Maps:
     return read_maps(instance, name, sizes.true.decay[:, None], sizes.believed.decay[:, None])
 
 
+def judged_states(instance: Any, name: str, maps: Maps) -> FilterStates | None:
+    """Return the states of which a filter, or an update of the user's own, states a covariance; none without."""
+    if maps.covariance is not None:
+        return read_filter(Filter(gains="nominal"), name, maps.structure)
+    return read_filter(instance.filter, name, maps.structure)
+
+
 def readout_of(maps: Maps) -> Readout:
     """Return what is read out of a loop."""
-    return Readout(maps.structure, maps.guide is not None)
+    return Readout(maps)
 
 
 def set_up(
@@ -45,8 +53,8 @@ def set_up(
     steps = difference_steps(maps, start, sizes.true)
     return Setup(
         maps, read_timeline(instance, name, tuple(sensor.declared for sensor in maps.sensors)), plan,
-        read_filter(instance.filter, name, maps.structure), sizes.true, sizes.believed, start,
-        steps, epochs, readout, schema, readout.floor(largest_values(plan, maps.structure, steps)),
+        read_filter(instance.filter, name, maps.structure), judged_states(instance, name, maps), sizes.true,
+        sizes.believed, start, steps, epochs, readout, schema, readout.floor(plan),
     )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ The linear outcome of a sample is the plan's linear system with the same draws.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason
-from mcnav.systems.closed_loop.differences import Map, differentiate_own
-from mcnav.systems.closed_loop.filter import FilterStates, propagated, updated
+from mcnav.systems.closed_loop.algebra import combine, propagate, update
+from mcnav.systems.closed_loop.differences import differentiate_own
+from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Event
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, SENSORS, Noise, NoNoise
+from mcnav.systems.closed_loop.own_update import stated_covariance, updated
 from mcnav.systems.closed_loop.passage import Step, find_passages, meet, pass_through
 from mcnav.systems.closed_loop.plan import Transition
 from mcnav.systems.closed_loop.records import Recorder
@@ -30,6 +32,33 @@ def late_failure(event: Event, time: float) -> Failure:
     return Failure(Reason.STATED, f"{prefix}meets no trigger by {time:g} s")
 
 
+@dataclass(frozen=True)
+class OwnMap:
+    """A map of samples in flight with what enters it.
+
+    Attributes
+    ----------
+    function : callable
+        Of X, shape (size, n), and what enters, shape (inputs, n); and of ``share``, where there is one.
+    x, entering : ndarray, shapes (size, n) and (inputs, n)
+    believed : ndarray, shape (inputs,)
+        Believed sizes of what enters.
+    share : ndarray, shape (..., n), optional
+        Fractions of a step for each sample.
+    """
+
+    function: Callable[..., Array]
+    x: Array
+    entering: Array
+    believed: Array
+    share: Array | None = None
+
+    def some(self, chosen: NDArray[np.bool_]) -> OwnMap:
+        """Return the map of some samples."""
+        share = None if self.share is None else self.share[..., chosen]
+        return OwnMap(self.function, self.x[:, chosen], self.entering[:, chosen], self.believed, share)
+
+
 @dataclass
 class Flight:
     """Samples in flight: those that have not ended, by their rows, and what was read out of all.
@@ -38,8 +67,10 @@ class Flight:
     ----------
     x : ndarray, shape (size, k)
         Of the samples in flight.
-    covariance : ndarray, shape (k, states, states) or (states, states)
+    covariance : ndarray, shape (states, states, k) or (states, states, 1)
         Each filter's own, or the planned one.
+    own : bool
+        Whether each sample has its own covariance.
     deviation : ndarray, shape (size, n)
         Of all samples by the linear system.
     signs : ndarray, shape (events,)
@@ -65,20 +96,16 @@ class Flight:
     impulses: Mapping[int, Array]
     recorder: Recorder | None
     history: Array
+    own: bool = False
     number: int = 0
     failures: dict[int, Failure] = field(default_factory=dict)
     gains: dict[int, Transition] = field(default_factory=dict)
-
-    @property
-    def own(self) -> bool:
-        """Whether each sample has its own covariance."""
-        return self.covariance.ndim == 3
 
     def keep(self, kept: NDArray[np.bool_]) -> None:
         """Drop samples that have ended."""
         self.rows, self.x, self.pending = self.rows[kept], self.x[:, kept], self.pending[:, kept]
         if self.own:
-            self.covariance = self.covariance[kept]
+            self.covariance = self.covariance[:, :, kept]
 
     def end(self, ended: NDArray[np.bool_], x: Array) -> None:
         """Keep the final X, shape (size, k), of samples that have ended; if they have missed an event they failed."""
@@ -89,7 +116,7 @@ class Flight:
         missed = np.any(self.pending[:, ended], axis=0)
         self.final[:, self.rows[ended]] = np.where(missed, np.nan, x[:, ended])
         if self.own:
-            self.final_covariance[self.rows[ended]] = self.covariance[ended]
+            self.final_covariance[:, :, self.rows[ended]] = self.covariance[:, :, ended]
         self.keep(~ended)
 
     def drop_failed(self, time: float) -> None:
@@ -103,17 +130,38 @@ class Flight:
     def reach(self, planned_covariance: Array | None) -> None:
         """Take over the planned covariance where samples have none of their own."""
         if planned_covariance is not None and not self.own:
-            self.covariance = planned_covariance
+            self.covariance = planned_covariance[:, :, None]
 
-    def propagated_own(self, function: Map, believed: Array, x: Array, covariance: Array) -> Array:
-        """Propagate samples' own covariances by a map's derivatives about their own estimates."""
+    def propagated_own(
+        self, map_: OwnMap, covariance: Array, planned: Transition | None = None, outcome: Array | None = None
+    ) -> Array:
+        """Propagate samples' own covariances by a map's derivatives about their own estimates.
+
+        Those of a linear map are the planned ones, for every sample whose outcome, shape (m, n), is that of linearity.
+        """
         states = self.setup.states
-        if states is None or not self.own or not x.shape[1]:
+        if states is None or not self.own or not map_.x.shape[1]:
             return covariance
-        space = self.setup.maps.structure.space
-        changes = differentiate_own(function, self.seen(x, states), self.directions(states), believed, space, space)
-        moved = states.reading @ changes
-        return propagated(covariance, moved[:, :, : states.count] / self.scale(states), moved[:, :, states.count :])
+        straight = None if planned is None else planned.straight
+        if straight is None or outcome is None:
+            return propagate(covariance, *self.own_derivatives(map_, states))
+        f, entering = states.of_errors(straight.state, straight.inputs * map_.believed)
+        bent = straight.departures(map_.x, map_.entering, outcome)
+        if not bent.any():
+            return propagate(covariance, f, entering)
+        result = np.empty_like(covariance)
+        result[:, :, ~bent] = propagate(covariance[:, :, ~bent], f, entering)
+        result[:, :, bent] = propagate(covariance[:, :, bent], *self.own_derivatives(map_.some(bent), states))
+        return result
+
+    def own_derivatives(self, map_: OwnMap, states: FilterStates) -> tuple[Array, Array]:
+        """Compute F, shape (states, states, n), and what enters in believed sizes, shape (states, inputs, n)."""
+        seen, space = self.seen(map_.x, states), self.setup.maps.structure.space
+        directions = self.directions(states)
+        changes = differentiate_own(map_.function, seen, directions, map_.believed, space, space, map_.share)
+        moved = changes[states.estimates] - changes[states.counterparts]
+        moved = np.concatenate([moved, -changes[states.considered]])
+        return moved[:, : states.count] / self.scale(states)[:, None], moved[:, states.count :]
 
     def scale(self, states: FilterStates) -> Array:
         """Return the steps of differences of the filter's states, shape (count,)."""
@@ -139,8 +187,10 @@ class Flight:
         inputs = maps.structure.white.size + maps.structure.markov.size
         drawn = self.noise.draw(PROCESSES, 2 * inputs) * np.tile(setup.true.inputs, 2)[:, None]
         plan, length = setup.plan, instant.length
+        planned = None
         if self.number <= plan.end and number < len(plan.instants[self.number].steps):
-            self.follow(plan.instants[self.number].steps[number], drawn)
+            planned = plan.instants[self.number].steps[number]
+            self.follow(planned, drawn)
         if not len(self.rows):
             return
 
@@ -152,15 +202,15 @@ class Flight:
         after = function(self.x, white)
         pending, signs = self.pending, self.signs
         met = np.any(meet(maps, after, np.full(len(self.rows), time + length), signs, pending), axis=0)
-        believed = np.tile(setup.believed.inputs, 2)
+        own = OwnMap(function, self.x, white, np.tile(setup.believed.inputs, 2))
         if not met.any():
-            self.covariance = self.propagated_own(function, believed, self.x, self.covariance)
+            self.covariance = self.propagated_own(own, self.covariance, planned, after)
             self.x = after
         else:
             smooth = ~met
             if self.own:
-                self.covariance[smooth] = self.propagated_own(
-                    function, believed, self.x[:, smooth], self.covariance[smooth]
+                self.covariance[:, :, smooth] = self.propagated_own(
+                    own.some(smooth), self.covariance[:, :, smooth], planned, after[:, smooth]
                 )
             self._pass(Step(time, length), white.reshape(2, inputs, len(self.rows)), met, after)
         self.drop_failed(time + length)
@@ -185,11 +235,12 @@ class Flight:
             of_step = white[:, :, here].reshape(2 * white.shape[1], len(here))
             entering = np.concatenate([of_step, *(noises[each][:, here] for each in events)])
             own = [setup.believed.corrections[maps.events[e].number] for e in events if self._corrects(e)]
-            function = self._passing(step, events, fractions)
-            after[:, here] = function(self.x[:, here], entering)
+            function = self._passing(step, events)
+            after[:, here] = function(self.x[:, here], entering, fractions)
             if self.own:
                 believed = np.concatenate([np.tile(setup.believed.inputs, 2), *own])
-                self.covariance[here] = self.propagated_own(function, believed, self.x[:, here], self.covariance[here])
+                passing = OwnMap(function, self.x[:, here], entering, believed, fractions)
+                self.covariance[:, :, here] = self.propagated_own(passing, self.covariance[:, :, here])
             self.pending[np.array(events, dtype=np.intp)[:, None], here] = False
             ended[here] = bool(events) and maps.events[events[-1]].kind == "end"
         self.x = after
@@ -198,17 +249,16 @@ class Flight:
     def _corrects(self, number: int) -> bool:
         return self.setup.maps.events[number].kind == "correction"
 
-    def _passing(self, step: Step, events: tuple[int, ...], fractions: Array) -> Map:
-        """Return the map of a step with events at each sample's own instants, of white noise and execution errors."""
+    def _passing(self, step: Step, events: tuple[int, ...]) -> Callable[..., Array]:
+        """Return the map of a step with events: of X, of noise, and of the fractions at which they happen."""
         maps, inputs = self.setup.maps, self.setup.maps.structure.white.size + self.setup.maps.structure.markov.size
         sizes = [len(self.execution_errors(number)) for number in events]
         splits = np.cumsum([2 * inputs, *sizes])[:-1]
 
-        def function(x: Array, entering: Array) -> Array:
+        def function(x: Array, entering: Array, fractions: Array) -> Array:
             count = x.shape[1]
             white, *noises = np.split(entering, splits) if events else [entering]
-            at = np.tile(fractions, (1, count // max(fractions.shape[1], 1)))
-            return pass_through(maps, step, x, white.reshape(2, inputs, count), events, at, noises)
+            return pass_through(maps, step, x, white.reshape(2, inputs, count), events, fractions, noises)
 
         return function
 
@@ -232,7 +282,8 @@ class Flight:
 
             if self.own and self._corrects(number):
                 believed = self.setup.believed.corrections[maps.events[number].number]
-                self.covariance[met] = self.propagated_own(function, believed, self.x[:, met], self.covariance[met])
+                own = OwnMap(function, self.x[:, met], noise[:, met], believed)
+                self.covariance[:, :, met] = self.propagated_own(own, self.covariance[:, :, met])
             self.x = self.x.copy()
             self.x[:, met] = function(self.x[:, met], noise[:, met])
             self.pending[number, met] = False
@@ -250,17 +301,15 @@ class Flight:
 
     def follow(self, transition: Transition, drawn: Array | None = None) -> None:
         """Apply a transition of the linear system to all samples' deviations."""
-        self.deviation = transition.state @ self.deviation
+        self.deviation = combine(transition.state, self.deviation)
         if drawn is not None and len(drawn):
-            self.deviation += transition.inputs @ drawn
+            self.deviation += combine(transition.inputs, drawn)
         for number, inputs in transition.corrections.items():
-            self.deviation += inputs @ self.impulses[number]
+            self.deviation += combine(inputs, self.impulses[number])
 
     def measure(self, number: int, time: float, planned: Transition | None) -> None:
         """Update every sample's navigator by a sensor."""
         setup, maps, states = self.setup, self.setup.maps, self.setup.states
-        if states is None:
-            return
         sigma = setup.believed.measurements[number]
         drawn = self.noise.draw(SENSORS + number, len(sigma)) * setup.true.measurements[number][:, None]
         if planned is not None:
@@ -268,28 +317,59 @@ class Flight:
             self.gains[number] = planned
         if not len(self.rows):
             return
+        if states is None:
+            self.x = updated(maps, number, self.x, np.full(len(self.rows), time), drawn[:, self.rows])
+            return
 
         def function(x: Array, entering: Array) -> Array:
             return maps.innovation(number, x, np.full(x.shape[1], time))
 
-        innovation = function(self.x, drawn) + drawn[:, self.rows]
+        exact = function(self.x, drawn)
+        innovation = exact + drawn[:, self.rows]
         if self.own:
-            seen, directions = self.seen(self.x, states), self.directions(states)
-            changes = differentiate_own(function, seen, directions, np.zeros(0), maps.structure.space)
-            h = -changes / self.scale(states)
-            update = updated(self.covariance, h, sigma, states.estimated)
-            gain, expected, self.covariance = update.gain, update.innovation, update.covariance
-            added = np.einsum("nkm,mn->kn", gain[:, : states.estimated], innovation)
+            gain, factor, self.covariance = self.own_update(
+                OwnMap(function, self.x, drawn[:, self.rows], sigma), exact, planned
+            )
+            added = combine(gain, innovation)
         else:
             last = self.gains[number]
             assert last.gain is not None
-            assert last.innovation is not None
-            expected, added = last.innovation, last.gain[: states.estimated] @ innovation
+            assert last.factor is not None
+            factor, added = last.factor, combine(last.gain, innovation)
         change = np.zeros_like(self.x)
         change[states.estimates] = added
         self.x = maps.structure.space.plus(self.x, change)
         if self.recorder is not None:
-            self.recorder.sensors[number].add(self.rows, innovation, expected)
+            self.recorder.sensors[number].add(self.rows, innovation, factor)
+
+    def own_update(self, map_: OwnMap, exact: Array, planned: Transition | None) -> tuple[Array, Array, Array]:
+        """Compute samples' own gains, factors of their innovations' covariances, and covariances after an update."""
+        states = self.setup.states
+        assert states is not None
+        straight = None if planned is None else planned.straight
+        count, size = exact.shape[1], len(map_.believed)
+        bent = np.ones(count, dtype=bool)
+        if straight is not None:
+            bent = straight.departures(map_.x, np.zeros_like(exact), exact)
+        shared = np.zeros((0, 0, 1)) if straight is None else -(straight.state @ states.moving)[:, :, None]
+        if not bent.any() or bent.all():
+            h = self.own_sensitivities(map_, states) if bent.any() else shared
+            gains, factor, after = update(self.covariance, h, map_.believed, states.estimated)
+            return gains[: states.estimated], factor, after
+        gain, factor = np.empty((states.estimated, size, count)), np.empty((size, size, count))
+        after = np.empty_like(self.covariance)
+        for chosen, own in ((~bent, False), (bent, True)):
+            if chosen.any():
+                h = self.own_sensitivities(map_.some(chosen), states) if own else shared
+                some = update(self.covariance[:, :, chosen], h, map_.believed, states.estimated)
+                gain[:, :, chosen], factor[:, :, chosen], after[:, :, chosen] = some[0][: states.estimated], *some[1:]
+        return gain, factor, after
+
+    def own_sensitivities(self, map_: OwnMap, states: FilterStates) -> Array:
+        """Compute H, shape (m, states, n)."""
+        seen, space = self.seen(map_.x, states), self.setup.maps.structure.space
+        changes = differentiate_own(map_.function, seen, self.directions(states), np.zeros(0), space)
+        return np.asarray(-changes / self.scale(states)[:, None])
 
     def correct(self, number: int, time: float, planned: Transition | None) -> None:
         """Apply every sample's correction."""
@@ -305,8 +385,8 @@ class Flight:
             return maps.corrected(number, x, np.full(x.shape[1], time), entering)
 
         after = function(self.x, drawn[:, self.rows])
-        believed = setup.believed.corrections[number]
-        self.covariance = self.propagated_own(function, believed, self.x, self.covariance)
+        own = OwnMap(function, self.x, drawn[:, self.rows], setup.believed.corrections[number])
+        self.covariance = self.propagated_own(own, self.covariance, planned, after)
         self.x = after
 
     def update(self, instant: Instant) -> None:
@@ -319,7 +399,7 @@ class Flight:
         def planned() -> Transition | None:
             return known.pop(0) if known else None
 
-        if setup.states is not None:
+        if setup.states is not None or setup.maps.update is not None:
             for number in instant.measurements:
                 self.measure(number, instant.time, planned())
                 self.end_jumped(instant.time)
@@ -334,15 +414,22 @@ class Flight:
                 self.x = setup.maps.after_guidance(self.x, np.full(len(self.rows), instant.time))
         self.drop_failed(instant.time)
 
-    def read(self, epoch: int) -> None:
-        """Read all samples out at an epoch, those that have ended as they were at their end."""
+    def read(self, epoch: int, time: float) -> None:
+        """Read all samples out at an epoch and its time, those that have ended as they were at their end."""
         setup = self.setup
         x, covariance = self.final.copy(), self.final_covariance.copy() if self.own else self.covariance
         x[:, self.rows] = self.x
         if self.own:
-            covariance[self.rows] = self.covariance
-        values = setup.readout.read(x, self.nominal).T
-        nominal = setup.readout.read(self.nominal[:, None], self.nominal)[:, 0]
+            covariance[:, :, self.rows] = self.covariance
+        times = np.full(x.shape[1], time)
+        if setup.maps.ends:
+            ended = np.ones(x.shape[1], dtype=bool)
+            ended[self.rows] = False
+            times[ended] = x[setup.maps.structure.clock.whole, ended][-1]
+        values = setup.readout.read(x, self.nominal, times).T
+        nominal = setup.readout.read_nominal(self.nominal, time)
         self.history[:, epoch] = np.where(np.abs(values - nominal) <= setup.floor, nominal, values)
         if self.recorder is not None:
+            if setup.maps.covariance is not None:
+                covariance = stated_covariance(setup.maps, x, times)
             self.recorder.record(epoch, x, covariance)

@@ -9,7 +9,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.systems.closed_loop.maps import Maps
-from mcnav.systems.closed_loop.plan import Plan, Transition, largest_values
+from mcnav.systems.closed_loop.plan import Plan, Transition
 from mcnav.systems.closed_loop.readout import Readout
 from mcnav.systems.closed_loop.sizes import Sizes
 
@@ -83,13 +83,12 @@ def read_plan(plan: Plan, maps: Maps, true: Sizes, readout: Readout, epochs: Seq
                     covariances[name] = covariances[name] + entering @ entering.T
         if number in wanted:
             time = plan.end_time if number == plan.end else planned.instant.time
-            matrix = readout.partials(planned.nominal)
-            nominal = readout.read(planned.nominal[:, None], planned.nominal)[:, 0]
+            matrix = readout.partials(planned.nominal, plan.steps, time)
+            nominal = readout.read_nominal(planned.nominal, time)
             added = {name: matrix @ each @ matrix.T for name, each in covariances.items() if present[name]}
             rows.append((time, matrix @ partials, nominal, added))
-    rows = [
-        _without_rounding(row, true.start, readout.floor(largest_values(plan, structure, plan.steps))) for row in rows
-    ]
+    floor = readout.floor(plan)
+    rows = [_without_rounding(row, true.start, floor) for row in rows]
     none = np.zeros((len(readout.outputs),) * 2)
     names = rows[-1][3]
     return LinearReadings(

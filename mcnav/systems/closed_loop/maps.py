@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.systems.closed_loop.declarations import Correction, Measurement
 from mcnav.systems.closed_loop.methods import Frame, Method
+from mcnav.systems.closed_loop.own_outputs import OwnOutputs
 from mcnav.systems.closed_loop.quantities import Block, Quantity, Values, as_kept, as_seen, attitude_kept, spread
 from mcnav.systems.closed_loop.rotations import turn_between
 from mcnav.systems.closed_loop.structure import Structure
@@ -84,6 +85,9 @@ class Maps:
     continuous: bool
     decay: Array
     believed_decay: Array
+    own_outputs: OwnOutputs | None = None
+    update: Method | None = None
+    covariance: Method | None = None
 
     @property
     def ends(self) -> bool:
@@ -107,6 +111,7 @@ class Maps:
             "estimate": lambda: Values("estimate", named(structure.estimate, x)),
             "command": lambda: self._seen_command(x if command is None else command, command is None),
             "noise": noise,
+            "memory": lambda: self._seen_memory(x),
         }
 
     def navigator_frame(self, x: Array, time: Array, sensed: Any, with_white: bool = False) -> Frame:
@@ -114,8 +119,11 @@ class Maps:
         structure = self.structure
 
         def estimated(block: Block) -> dict[str, Array]:
-            values = named(replace(block, begin=0), np.zeros((block.size, x.shape[1])))
-            values |= {name: each for name, each in named(structure.estimate, x).items() if name in block.names}
+            values = {}
+            for quantity in block.quantities:
+                at = structure.estimate.of(quantity.name)
+                numbers = np.zeros((quantity.size, x.shape[1])) if at is None else x[at]
+                values[quantity.name] = as_seen(numbers, bool(quantity.axes))
             return values
 
         def noise() -> Values:
@@ -130,6 +138,7 @@ class Maps:
             "command": lambda: sensed,
             "sensed": lambda: sensed,
             "noise": noise,
+            "memory": lambda: self._seen_memory(x),
         }
 
     def step(
@@ -163,7 +172,13 @@ class Maps:
         second = rates(0.5 * covered * first, 0.5 * covered, middle)
         third = rates(0.5 * covered * second, 0.5 * covered, middle)
         fourth = rates(covered * third, covered, end)
-        return space.advanced(x, covered / 6.0 * (first + 2.0 * (second + third) + fourth))
+        total = second  # covered / 6 (first + 2 (second + third) + fourth)
+        total += third
+        total *= 2.0
+        total += first
+        total += fourth
+        total *= covered / 6.0
+        return space.advanced(x, total)
 
     def derivative(self, x: Array, time: Array, white: Array) -> Array:
         """Compute dX/dt, shape (size, n), an attitude's its angular rate in body axes; commands and the like rest."""
@@ -171,28 +186,32 @@ class Maps:
         command = self.guided(x, time)[0] if self.continuous and self.guide is not None else None
         frame = self.truth_frame(x, time, white, command)
         result = np.zeros_like(x)
-        result[structure.truth.whole] = spread(structure.truth, self.rates(frame), count, "rates")
+        spread(structure.truth, self.rates(frame), count, "rates", into=result[structure.truth.whole])
         markov = structure.markov.whole
         if structure.markov.size:
             result[markov] = -self.decay * x[markov] + white[structure.white.size :]
         sensed = frame["command"]() if self.sense is None else self._sensed(self.sense(frame))
-        result[structure.estimate.whole] = self._navigated(x, time, sensed)
+        self._navigate(x, time, sensed, result)
         return result
 
-    def _navigated(self, x: Array, time: Array, sensed: Any) -> Array:
+    def _navigate(self, x: Array, time: Array, sensed: Any, result: Array) -> None:
+        """Set the derivatives of the estimate and of what is remembered in that of X, where they are zero before."""
         structure = self.structure
-        estimate = structure.estimate
+        estimate, memory = structure.estimate, structure.memory
         method = self.rates if self.navigate is None else self.navigate
         returned = method(self.navigator_frame(x, time, sensed, with_white=self.navigate is None))
         if self.navigate is None and isinstance(returned, Mapping):  # rates of the truth, of which some are estimated
             returned = {name: each for name, each in returned.items() if name in estimate.names}
-        result = spread(estimate, returned, x.shape[1], "navigate")
+        if structure.remembers and isinstance(returned, Mapping):
+            remembered = {name: each for name, each in returned.items() if name in memory.names}
+            returned = {name: each for name, each in returned.items() if name not in remembered}
+            spread(memory, remembered, x.shape[1], "navigate", into=result[memory.whole])
+        spread(estimate, returned, x.shape[1], "navigate", into=result[estimate.whole])
         for quantity, place in structure.markov.places():
             at = estimate.of(quantity.name)
             if at is not None and quantity.name not in returned:
                 local = slice(place.start - structure.markov.begin, place.stop - structure.markov.begin)
-                result[at.start - estimate.begin : at.stop - estimate.begin] = -self.believed_decay[local] * x[at]
-        return result
+                result[at] = -self.believed_decay[local] * x[at]
 
     def _sensed(self, returned: Any) -> Any:
         if isinstance(returned, Mapping):
@@ -217,13 +236,18 @@ class Maps:
         commanded = np.broadcast_to(
             as_kept(command, structure.command.quantities[0], count, "guide"), (structure.command.size, count)
         )
+        if structure.remembers:
+            before = x[structure.memory.whole]
+            return commanded, spread(structure.memory, {} if memory is None else memory, count, "guide", before)
         kept = np.zeros((structure.memory.size, count))
         if structure.memory.size:
             kept[:] = as_kept(memory, structure.memory.quantities[0], count, "memory of guide")
         return commanded, kept
 
-    def _seen_memory(self, x: Array) -> Array:
+    def _seen_memory(self, x: Array) -> Any:
         memory = self.structure.memory
+        if self.structure.remembers:
+            return Values("memory", named(memory, x))
         return as_seen(x[memory.whole], len(memory.quantities[0].axes) > 1) if memory.size else np.zeros(x.shape[1])
 
     def after_guidance(self, x: Array, time: Array) -> Array:
@@ -282,6 +306,11 @@ class Maps:
         result = self.corrected(event.number, x, time, noise) if event.kind == "correction" else x.copy()
         result[self.structure.clock.begin + number] = time
         return self.after_guidance(result, time) if event.kind == "end" and self.continuous else result
+
+    def own_values(self, x: Array, time: Array) -> Array:
+        """Compute the outputs of the user's own, shape (outputs, n)."""
+        assert self.own_outputs is not None
+        return self.own_outputs.values(self.truth_frame(x, time), x.shape[1])
 
     def triggered(self, method: Method, x: Array, time: Array) -> Array:
         """Compute a trigger's function, shape (n,)."""

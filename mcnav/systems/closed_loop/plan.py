@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
-from mcnav.systems.closed_loop.differences import Derivatives, Map, differentiate_map
+from mcnav.systems.closed_loop.algebra import propagate, update
+from mcnav.systems.closed_loop.differences import Derivatives, Map, Straight, differentiate_map
 from mcnav.systems.closed_loop.event import Saltation, event_map, find_crossings
-from mcnav.systems.closed_loop.filter import FilterStates, propagated, updated
+from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Maps
+from mcnav.systems.closed_loop.own_update import updated
 from mcnav.systems.closed_loop.passage import meet, start_signs
 from mcnav.systems.closed_loop.sizes import SMALL, Sizes, difference_steps
 from mcnav.systems.closed_loop.structure import Structure
@@ -33,9 +35,11 @@ class Transition:
         ``step``, ``measure``, ``correct``, ``guide`` or ``event``, the end.
     number : int
         Of the measurement or correction.
-    gain : ndarray, shape (filter's states, k), optional
-    innovation : ndarray, shape (k, k), optional
-        Covariance that the filter expects of the innovation.
+    gain : ndarray, shape (estimated states, k), optional
+    factor : ndarray, shape (k, k, 1), optional
+        Cholesky's factor of the covariance that the filter expects of the innovation.
+    straight : Straight, optional
+        The map of X, or of the innovation, where it is linear.
     corrections : mapping of int to ndarray, shape (size, axes)
         For the execution errors of corrections by trigger within a step, by number.
     """
@@ -45,7 +49,8 @@ class Transition:
     kind: str
     number: int = 0
     gain: Array | None = None
-    innovation: Array | None = None
+    factor: Array | None = None
+    straight: Straight | None = None
     corrections: Mapping[int, Array] = field(default_factory=dict)
 
 
@@ -216,7 +221,9 @@ class Planner:
         self.propagate(composed.fixed, composed.inputs_fixed, np.tile(self.believed.inputs, 2))
         for number, inputs in composed.corrections.items():
             self.propagate(np.eye(len(self.x)), inputs, self.believed.corrections[number])
-        return Transition(composed.state, composed.inputs, "step", corrections=composed.corrections), end
+        straight = part.straight if since == 0.0 and meeting is None else None
+        corrections = composed.corrections
+        return Transition(composed.state, composed.inputs, "step", corrections=corrections, straight=straight), end
 
     def _part(self, time: float, length: float, since: float, fraction: float) -> Derivatives:
         """Differentiate the part of a step from one fraction of it to another."""
@@ -266,15 +273,14 @@ class Planner:
     def propagate(self, state: Array, inputs: Array, believed: Array) -> None:
         """Propagate the filter's covariance by ``F = T A S`` and ``G = T G``."""
         if self.states is not None:
-            reading = self.states.reading
-            self.covariance = propagated(
-                self.covariance, reading @ state @ self.states.moving, reading @ inputs * believed
-            )
+            f, entering = self.states.of_errors(state, inputs * believed)
+            self.covariance = propagate(self.covariance[:, :, None], f, entering)[:, :, 0]
 
     def measure(self, number: int, time: float) -> Transition:
         """Update by a sensor."""
         states, sensor = self.states, self.maps.sensors[number]
-        assert states is not None
+        if states is None:
+            return self.update_own(number, time)
 
         def function(x: Array, entering: Array) -> Array:
             return self.maps.innovation(number, x, np.full(x.shape[1], time)) + entering
@@ -286,16 +292,30 @@ class Planner:
             raise ScenarioError("type", f"measurement {name} needs a size in [measurements], or a believed one")
         share = float(np.abs(result.value / sigma).max())
         self.plan.innovations[name] = max(share, self.plan.innovations.get(name, 0.0))
-        update = updated(self.covariance, -result.state @ states.moving, sigma, states.estimated)
-        gain = update.gain[: states.estimated]
+        h = -result.state @ states.moving
+        gains, factor, after = update(self.covariance[:, :, None], h[:, :, None], sigma, states.estimated)
+        gain = gains[: states.estimated, :, 0]
         state, inputs = np.eye(len(self.x)), np.zeros((len(self.x), sensor.size))
         state[states.estimates] += gain @ result.state
         inputs[states.estimates] = gain
-        self.covariance = update.covariance
+        self.covariance = after[:, :, 0]
         change = np.zeros_like(self.x)
         change[states.estimates] = gain @ result.value
         self.x = self.maps.structure.space.plus(self.x[:, None], change[:, None])[:, 0]
-        return Transition(state, inputs, "measure", number, update.gain, update.innovation)
+        return Transition(state, inputs, "measure", number, gain, factor, result.straight)
+
+    def update_own(self, number: int, time: float) -> Transition:
+        """Update by a sensor as the user does."""
+
+        def function(x: Array, entering: Array) -> Array:
+            return updated(self.maps, number, x, np.full(x.shape[1], time), entering)
+
+        sizes, name = filled(self.true.measurements[number]), self.maps.sensors[number].declared.name
+        expected = self.maps.innovation(number, self.x[:, None], np.array([time]))[:, 0]
+        self.plan.innovations[name] = max(float(np.abs(expected / sizes).max()), self.plan.innovations.get(name, 0.0))
+        result = self.derivatives(function, sizes, f"update at {time:g} s")
+        self.x = result.value
+        return Transition(result.state, result.inputs, "measure", number)
 
     def correct(self, number: int, time: float) -> Transition:
         """Apply a correction."""
@@ -309,7 +329,7 @@ class Planner:
         result = self.derivatives(function, sizes, f"correction {name} at {time:g} s")
         self.x = result.value
         self.propagate(result.state, result.inputs, believed)
-        return Transition(result.state, result.inputs, "correct", number)
+        return Transition(result.state, result.inputs, "correct", number, straight=result.straight)
 
     def guide(self, time: float) -> Transition:
         """Command."""
@@ -324,7 +344,7 @@ class Planner:
     def updates(self, instant: Instant) -> list[Transition]:
         """Measure, correct and guide at an instant."""
         done = []
-        if self.states is not None:
+        if self.states is not None or self.maps.update is not None:
             done += [self.measure(number, instant.time) for number in instant.measurements]
         done += [self.correct(number, instant.time) for number in instant.corrections]
         if instant.guide and self.maps.guide is not None:

@@ -191,14 +191,19 @@ def attitude_kept(returned: Any, count: int, where: str) -> Array:
     return from_matrix(matrices)
 
 
-def spread(block: Block, returned: Any, count: int, where: str, before: Array | None = None) -> Array:
+def spread(
+    block: Block, returned: Any, count: int, where: str, before: Array | None = None, into: Array | None = None
+) -> Array:
     """Return a mapping of names to values as numbers of a block, shape (size, n).
 
     The values are states where ``before`` gives those of what is left out; else rates, and what is left out is zero.
+    They are written into an array of zeros, where one is given.
 
     Raises `ValueError` when a name is unknown, or a shape is wrong.
     """
-    result = np.zeros((block.size, count)) if before is None else before.copy()
+    result = np.zeros((block.size, count)) if into is None else into
+    if before is not None:
+        result[:] = before
     if not isinstance(returned, Mapping):
         raise ValueError(f"{where} must return a mapping of names to values; got {type(returned).__name__}")
     taken = 0

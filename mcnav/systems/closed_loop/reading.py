@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final, Literal
 
@@ -12,10 +13,16 @@ from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.declarations import Trigger
 from mcnav.systems.closed_loop.maps import Event, Impulse, Maps, Sensor, named
 from mcnav.systems.closed_loop.methods import Frame, Method, read_method
-from mcnav.systems.closed_loop.quantities import Values, spread
+from mcnav.systems.closed_loop.own_outputs import ARGUMENTS, read_own_outputs
+from mcnav.systems.closed_loop.own_update import COVARIANCE, UPDATE
+from mcnav.systems.closed_loop.quantities import Block, Values, spread
+from mcnav.systems.closed_loop.readout import standard_outputs
 from mcnav.systems.closed_loop.structure import Structure, measurements_of, read_structure
 
 _OF_TRUTH: Final = ("time", "truth", "command", "parameters", "noise")
+
+TRIED: Final = 3
+"""Samples with which methods are tried out."""
 
 
 def read_maps(instance: Any, name: str, decay: Array | None = None, believed_decay: Array | None = None) -> Maps:
@@ -54,7 +61,7 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
         structure,
         rates,
         method("sense", _OF_TRUTH),
-        method("navigate", ("time", "estimate", "sensed", "parameters", "command")),
+        method("navigate", ("time", "estimate", "sensed", "parameters", "command", "memory")),
         method("guide", ("time", "estimate", "memory")),
         sensors,
         impulses,
@@ -62,8 +69,17 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
         instance.cycle is None,
         none if decay is None else decay,
         none if believed_decay is None else believed_decay,
+        update=method("update", UPDATE),
+        covariance=method("covariance", COVARIANCE),
     )
-    return _sized(maps, read_start(instance, name, structure))
+    maps = _sized(maps, read_start(instance, name, structure))
+    outputs = method("outputs", ARGUMENTS)
+    if outputs is None:
+        return maps
+    x = np.repeat(read_start(instance, name, maps.structure)[:, None], TRIED, axis=1)
+    taken = [output.name for output in standard_outputs(maps.structure, maps.guide is not None)]
+    frame = maps.truth_frame(x, np.zeros(TRIED))
+    return replace(maps, own_outputs=read_own_outputs(outputs, frame, TRIED, taken))
 
 
 def _read_events(instance: Any) -> tuple[Event, ...]:
@@ -88,9 +104,14 @@ def read_start(instance: Any, name: str, structure: Structure) -> Array:
     x = np.zeros(structure.size)
     if hasattr(instance, "start"):
         try:
-            x[structure.truth.whole] = spread(
-                structure.truth, instance.start(), 1, "start", np.zeros((structure.truth.size, 1))
-            )[:, 0]
+            started = instance.start()
+            remembered = structure.memory if structure.remembers else Block("what is remembered", ())
+            if isinstance(started, Mapping):
+                memory = {name: started[name] for name in remembered.names if name in started}
+                started = {name: each for name, each in started.items() if name not in memory}
+                x[remembered.whole] = spread(remembered, memory, 1, "start")[:, 0]
+            before = np.zeros((structure.truth.size, 1))
+            x[structure.truth.whole] = spread(structure.truth, started, 1, "start", before)[:, 0]
         except Exception as failure:
             raise ScenarioError("type", f"{name}.start: {failure}") from failure
     places, counterparts = structure.pairs
@@ -100,7 +121,7 @@ def read_start(instance: Any, name: str, structure: Structure) -> Array:
 
 def _sized(maps: Maps, start: Array) -> Maps:
     """Find the axes of command, memory, impulses and measurements from what methods return at the start."""
-    count, time = 3, np.zeros(3)
+    count, time = TRIED, np.zeros(TRIED)
     x = np.repeat(start[:, None], count, axis=1)
     structure = maps.structure
     estimate = Values("estimate", named(structure.estimate, x))
@@ -123,11 +144,11 @@ def _sized(maps: Maps, start: Array) -> Maps:
 
     command, memory = None, 0
     if maps.guide is not None:
-        frame = {"time": lambda: time, "estimate": lambda: estimate, "memory": lambda: np.zeros(count)}
+        frame = {"time": lambda: time, "estimate": lambda: estimate, "memory": maps.truth_frame(x, time)["memory"]}
         returned = tried(maps.guide, frame)
         if isinstance(returned, tuple):
             returned, kept = returned
-            memory = size_of(kept, "memory of guide") or 1
+            memory = 0 if structure.remembers else size_of(kept, "memory of guide") or 1
         command = size_of(returned, "guide")
     frame = {"time": lambda: time, "estimate": lambda: estimate}
     axes = {each.declared.name: size_of(tried(each.target, frame), each.target.where) for each in maps.impulses}

@@ -16,9 +16,10 @@ from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.systems.closed_loop.beliefs import believed_shares
-from mcnav.systems.closed_loop.engine import ClosedLoopEngine, maps_of, readout_of, set_up
+from mcnav.systems.closed_loop.engine import ClosedLoopEngine, judged_states, maps_of, readout_of, set_up
 from mcnav.systems.closed_loop.filter import read_filter
 from mcnav.systems.closed_loop.linear import LinearReadings, process_names, read_plan
+from mcnav.systems.closed_loop.own_update import stated_covariance
 from mcnav.systems.closed_loop.plan import Plan, make_plan
 from mcnav.systems.closed_loop.reading import read_start
 from mcnav.systems.closed_loop.records import schema_of
@@ -72,10 +73,20 @@ class ClosedLoopScenario:
         self._start = read_start(self._instance, spec.name, self.maps.structure)
         self.timeline = read_timeline(self._instance, spec.name, tuple(sensor.declared for sensor in self.maps.sensors))
         self.states = read_filter(self._instance.filter, spec.name, self.maps.structure)
-        if self.maps.sensors and self.states is None:
-            raise ScenarioError("type", f"{spec.name} has measurements and no filter that uses them")
+        self._check_navigator(spec.name)
+        self.judged = judged_states(self._instance, spec.name, self.maps)
         self.readout = readout_of(self.maps)
         self.outputs: tuple[Output, ...] = self.readout.outputs
+
+    def _check_navigator(self, name: str) -> None:
+        """Raise `ScenarioError` when nothing uses the measurements, or two would."""
+        maps, update = self.maps, self.maps.update
+        if maps.sensors and self.states is None and update is None:
+            raise ScenarioError("type", f"{name} has measurements and no filter that uses them")
+        if self.states is not None and (update is not None or maps.covariance is not None):
+            raise ScenarioError("type", f"{name} has a Filter and an update or covariance of its own; leave one out")
+        if maps.covariance is not None and update is None:
+            raise ScenarioError("type", f"{name} has a covariance and no update of its own; write update, too")
 
     @cached_property
     def sources(self) -> tuple[Source, ...]:
@@ -94,7 +105,7 @@ class ClosedLoopScenario:
         """What the scenario can do."""
         always = {Capability.USER_CODE, Capability.LINEAR_OVER_TIME, Capability.EPOCHS}
         noise = {Capability.NOISE} if self.noisy else set()
-        return frozenset(always | noise | ({Capability.FILTER} if self.states is not None else set()))
+        return frozenset(always | noise | ({Capability.FILTER} if self.judged is not None else set()))
 
     @property
     def processes(self) -> tuple[Output, ...]:
@@ -124,6 +135,8 @@ class ClosedLoopScenario:
         """The linear system along the nominal; `ScenarioError` when the flight without errors fails."""
         with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
             try:
+                if self.maps.covariance is not None:
+                    stated_covariance(self.maps, np.repeat(self._start[:, None], 3, axis=1), np.zeros(3))
                 return make_plan(
                     self.maps, self._start, self.timeline, self.states, self.sizes.true, self.sizes.believed
                 )
@@ -187,17 +200,21 @@ class ClosedLoopScenario:
     @cached_property
     def filter_schema(self) -> FilterSchema | None:
         """Columns of a record of the filter; none without one."""
-        return None if self.states is None else schema_of(self.maps, self.states, len(self.outputs))
+        return None if self.judged is None else schema_of(self.maps, self.judged, len(self.outputs))
 
     def filter_prediction(self) -> FilterPrediction | None:
         """Return the covariance that the filter states along the nominal; none without a filter."""
-        states, schema = self.states, self.filter_schema
+        states, schema = self.judged, self.filter_schema
         if states is None or schema is None:
             return None
         known = np.array(schema.known)
         covariance = np.full((len(self._chosen), schema.outputs, schema.outputs), np.nan)
         for epoch, number in enumerate(self._chosen):
-            own = self.plan.instants[number].covariance[: states.estimated, : states.estimated]
+            planned, time = self.plan.instants[number], np.array([self.reading_times[epoch]])
+            if self.maps.covariance is not None:
+                own = stated_covariance(self.maps, planned.nominal[:, None], time)[:, :, 0]
+            else:
+                own = planned.covariance[: states.estimated, : states.estimated]
             covariance[epoch][known[:, None], known] = own
         count = len(self._chosen)
         return FilterPrediction(

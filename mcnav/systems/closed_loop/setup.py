@@ -21,6 +21,8 @@ class Setup:
 
     Attributes
     ----------
+    states, judged : FilterStates, optional
+        Of the filter; and those of which it, or an update of the user's own, states a covariance.
     start : ndarray, shape (size,)
     steps : ndarray, shape (size,)
         Steps of differences.
@@ -35,6 +37,7 @@ class Setup:
     timeline: tuple[Instant, ...]
     plan: Plan
     states: FilterStates | None
+    judged: FilterStates | None
     true: Sizes
     believed: Sizes
     start: Array

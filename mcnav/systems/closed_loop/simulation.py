@@ -28,18 +28,18 @@ def simulate(setup: Setup, batch: Batch, noise: bool, over_time: bool = True) ->
             if number < last:
                 flight.expire(instant.time)
             if over_time and number in setup.epochs and number != plan.end:
-                flight.read(setup.epochs[number])
+                flight.read(setup.epochs[number], instant.time)
             if number >= plan.end and not len(flight.rows):
                 break
         flight.expire(setup.timeline[last].time, over=True)
         flight.number = plan.end
         end = setup.epochs[plan.end]
-        flight.read(end)
-        matrix = setup.readout.partials(plan.instants[plan.end].nominal)
+        flight.read(end, plan.end_time)
+        matrix = setup.readout.partials(plan.instants[plan.end].nominal, plan.steps, plan.end_time)
         nominal = plan.instants[plan.end].nominal
         deviation = matrix @ flight.deviation
         deviation[np.abs(deviation) <= setup.floor[:, None]] = 0.0
-        linear = (setup.readout.read(nominal[:, None], nominal) + deviation).T
+        linear = (setup.readout.read_nominal(nominal, plan.end_time)[:, None] + deviation).T
     values = flight.history[:, end].copy()
     values[list(flight.failures)] = np.nan
     for row in np.flatnonzero(~np.isfinite(values).all(axis=1)).tolist():
@@ -63,14 +63,14 @@ def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
     if structure.markov.size:
         deviation[structure.markov.whole] = draws.draw(PROCESSES, structure.markov.size) * setup.true.markov[:, None]
     x = structure.started(setup.start, batch.errors, deviation)
-    covariance = np.zeros((0, 0))
+    covariance, own = np.zeros((0, 0, 1)), False
     if setup.states is not None:
-        covariance = setup.states.start_covariance(structure, setup.believed)
-        if setup.states.own_gains:
-            covariance = np.repeat(covariance[None], count, axis=0)
+        own = setup.states.own_gains
+        covariance = setup.states.start_covariance(structure, setup.believed)[:, :, None]
+        covariance = np.repeat(covariance, count if own else 1, axis=2)
     recorder = None
-    if setup.schema is not None and setup.states is not None and over_time:
-        recorder = Recorder.of(setup.schema, maps, setup.states, count, len(setup.epochs))
+    if setup.schema is not None and setup.judged is not None and over_time:
+        recorder = Recorder.of(setup.schema, maps, setup.judged, count, len(setup.epochs))
     events = [event.number for event in maps.events if event.kind == "correction"]
     impulses = {}
     for number in events:
@@ -80,5 +80,5 @@ def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
     return Flight(
         setup, draws, np.arange(count), x, covariance, deviation, np.full_like(x, np.nan),
         np.full_like(covariance, np.nan), start_signs(maps, setup.start),
-        np.ones((len(maps.events), count), dtype=bool), impulses, recorder, history,
+        np.ones((len(maps.events), count), dtype=bool), impulses, recorder, history, own,
     )  # fmt: skip

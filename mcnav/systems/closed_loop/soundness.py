@@ -73,8 +73,12 @@ def remarks_on(setup: Setup, sigmas: Mapping[str, float]) -> list[str]:
                 f"the innovation of {name} is {share:.2g} of its sigma without any error: the model differs from "
                 "what is measured, and gains that differ between samples are not linear"
             )
-    if plan.kinks:
-        remarks.append(f"{' and '.join(sorted(plan.kinks))} has a kink at the nominal, where there is no derivative")
+    kinks = set(plan.kinks)
+    if setup.maps.own_outputs is not None:
+        derivatives = setup.readout.own_derivatives(plan.instants[plan.end].nominal, plan.steps, plan.end_time)
+        kinks |= {"outputs"} if derivatives.kinked.any() else set()
+    if kinks:
+        remarks.append(f"{' and '.join(sorted(kinks))} has a kink at the nominal, where there is no derivative")
     for quantity, place in setup.maps.structure.corrections.places():
         if quantity.axes and not plan.instants[plan.end].nominal[place].any():
             remarks.append(

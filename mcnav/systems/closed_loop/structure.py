@@ -87,6 +87,11 @@ class Structure:
         aligned[places] = x[counterparts]
         return self.space.minus(x, aligned)[self.estimate.whole]
 
+    @property
+    def remembers(self) -> bool:
+        """Whether what is remembered has names."""
+        return self.memory.size > 0 and self.memory.names != ("memory",)
+
     def home(self, name: str) -> Block | None:
         """Return the block of the truth, the parameters or the processes that has a name."""
         return next((block for block in (self.truth, self.parameters, self.markov) if name in block.names), None)
@@ -143,7 +148,7 @@ class Structure:
         begin = self.command.begin
         commands = Block("command", (quantity,), begin)
         memories = (Quantity("memory", "1", tuple(str(each) for each in range(memory))),) if memory else ()
-        kept = Block("memory", memories, commands.whole.stop)
+        kept = Block("memory", self.memory.quantities or memories, commands.whole.stop)
         impulses = tuple(
             replace(each, axes=read_axes(each.name, size)) if (size := corrections.get(each.name, 0)) else each
             for each in self.corrections.quantities
@@ -165,8 +170,9 @@ def read_structure(instance: Any, name: str) -> Structure:
     estimate = truth if given is None else read_quantities(f"{name}.estimate", given)
     parameters = read_quantities(f"{name}.parameters", instance.parameters)
     white, markov = _read_processes(f"{name}.processes", instance.processes)
+    memory = read_quantities(f"{name}.memory", instance.memory)
     (command,) = read_quantities(f"{name}.command", {"command": instance.command})
-    for each in (*parameters, *white, *markov, command):
+    for each in (*parameters, *white, *markov, *memory, command):
         if each.turns is not None:
             raise ScenarioError("type", f"{name}: {each.name} is an Attitude, which only states can be; give its axes")
     impulses = tuple(Quantity(each.name, each.noise) for each in _listed(instance, name, "corrections", Correction))
@@ -177,15 +183,18 @@ def read_structure(instance: Any, name: str) -> Structure:
         if correction.apply in attitudes:
             told = f"{name}.corrections: {correction.name} turns {correction.apply}; apply must be a function"
             raise ScenarioError("type", f"{told} that returns the matrices after it")
-    _check_names(name, instance, truth, parameters, white, markov, impulses)
+    _check_names(name, instance, truth, parameters, white, markov, impulses, memory)
     if instance.navigator_start not in ("truth", "nominal"):
         raise ScenarioError("type", f"{name}.navigator_start is 'truth' or 'nominal'; got {instance.navigator_start!r}")
     blocks: list[Block] = []
     clock = tuple(
         Quantity(f"{each.name}_time", "s") for each in instance.corrections if isinstance(each.at, Trigger)
     ) + ((Quantity("final_time", "s"),) if isinstance(instance.end, Trigger) else ())
-    kinds = ("state of the truth", "parameter", "process", "estimated state", "command", "memory", "correction", "time")
-    all_blocks = (truth, parameters, markov, estimate, (command,), (), impulses, clock)
+    kinds = (
+        "state of the truth", "parameter", "process", "estimated state", "command", "what is remembered", "correction",
+        "time",
+    )  # fmt: skip
+    all_blocks = (truth, parameters, markov, estimate, (command,), memory, impulses, clock)
     for what, quantities in zip(kinds, all_blocks, strict=True):
         blocks.append(Block(what, quantities, blocks[-1].whole.stop if blocks else 0))
     of_truth, of_parameters, of_markov, of_estimate, of_command, of_memory, of_impulses, of_clock = blocks

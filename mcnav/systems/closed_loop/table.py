@@ -18,6 +18,7 @@ from mcnav.entries.validation import validate_entry
 from mcnav.errors import suggestion
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.closed_loop.declarations import ClosedLoop
+from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.quantities import Quantity
 from mcnav.systems.closed_loop.scenario import ClosedLoopScenario, without_errors
@@ -104,7 +105,7 @@ def read_scenario(table: user.UserTable, entries: Mapping[str, Any], context: Fi
     scenario = ClosedLoopScenario(described.spec, sizes)
     before = len(context.problems)
     instruments = read_instruments(navigator_of(loop), described.spec.name, context)
-    read = _read_sizes(scenario.maps, context)
+    read = _read_sizes(scenario.maps, context, scenario.states)
     if read is None or len(context.problems) > before:
         return None
     sizes, beliefs = read
@@ -135,9 +136,11 @@ def _with_errors(beliefs: Beliefs, scenario: ClosedLoopScenario, errors: ErrorMo
     return scenario.with_sizes(LoopSizes(replace(sizes.true, start=start), replace(sizes.believed, start=scaled)))
 
 
-def _read_sizes(maps: Maps, context: FileContext) -> tuple[LoopSizes, Beliefs] | None:
+def _read_sizes(maps: Maps, context: FileContext, filtered: FilterStates | None) -> tuple[LoopSizes, Beliefs] | None:
     """Read true and believed sizes; mistakes are added to the context, and none is returned."""
     before, content = len(context.problems), context.content
+    if filtered is None and "filter" in content:
+        context.problem("filter", "this loop has no Filter whose beliefs it could give; leave it out")
     true = _read_noise(maps, Sizes.none(maps), content, "", context)
     table = content.get("filter", {})
     believes = table.get("believes", {}) if isinstance(table, dict) else {}

@@ -32,6 +32,9 @@ class Loop(ClosedLoop):
 
 PUSH = "    corrections = (Correction('push', {}, lambda estimate: -0.1 * estimate.v, 'v'),)\n"
 
+OUTPUTS = "    def outputs(self, {}):\n        return {}\n"
+OWN = "    filter = None\n"
+
 TURNING = """
     truth = {"turn": Attitude()}
     processes, measurements, filter = {}, (), Filter()
@@ -52,6 +55,7 @@ def scenario(folder: Path, changes: str = "", **tables: Any) -> Any:
     if TURNING in changes:
         tables = {"errors": {}, "processes": {}, "measurements": {}, **tables}
     (folder / "loop.py").write_text(HEAD + changes, encoding="utf-8")
+    (folder / "own.py").write_text(HEAD + OWN + "    measurements = ()\n", encoding="utf-8")
     content = {"samples": 10, "scenario": {"type": "loop.py:Loop"}, **TABLES, **tables}
     return parse_campaign(content, str(folder / "x.toml"), "x").scenario
 
@@ -88,9 +92,9 @@ def test_a_sound_loop_has_no_remarks(tmp_path: Path) -> None:
         ("    def rates(self, truth):\n        return {'x': truth.v / 0.0 + truth.v}\n", "not finite"),
         ("    end = Trigger(lambda truth: truth.x + 100.0, latest=20.0)\n", "meets no trigger by 20 s"),
         ("    end = Trigger(lambda truth: truth.x, latest=20.0)\n", "zero at the start"),
-        (PUSH.format("Trigger(lambda truth: truth.x + 500.0, latest=9.0)"), "push: its flight without any error meets no"),
+        (PUSH.format("Trigger(lambda truth: truth.x + 500.0, latest=9.0)"), "its flight without any error meets no"),
         (PUSH.format("Trigger(lambda truth: 0.0 * truth.x - 1.0, 20.0)"), "meets no trigger by 10 s"),
-        (PUSH.format("Trigger(lambda truth: truth.x, latest=9.0)"), "push: the trigger's function is zero at the start"),
+        (PUSH.format("Trigger(lambda truth: truth.x, latest=9.0)"), "push: the trigger's function is zero"),
         (PUSH.format("Trigger(lambda command: command, latest=9.0)"), "trigger of push asks for command; it may name"),
         (PUSH.format("Trigger(lambda truth: truth.y, latest=9.0)"), "truth has no 'y'"),
         (PUSH.format("Trigger(lambda time: time - 4.25, latest='soon')"), "push must be a time, or Trigger"),
@@ -99,13 +103,34 @@ def test_a_sound_loop_has_no_remarks(tmp_path: Path) -> None:
         ("    estimate = {'x': 'm', 'z': 'm'}\n", "'z' has no counterpart"),
         ("    cycle, end = None, -1.0\n", "end must be a time"),
         ("    truth = {'x': 'furlong per fortnight', 'v': 'm/s'}\n", "furlong"),
+        (OUTPUTS.format("truth", "truth.x"), 'outputs must return a mapping such as {"miss": (values, "m")}'),
+        (OUTPUTS.format("truth", "{'miss': truth.x}"), "miss of outputs must be values and a unit"),
+        (OUTPUTS.format("truth", "{'miss': (truth.x, 'parsnip')}"), "parsnip"),
+        (OUTPUTS.format("truth", "{'x': (truth.x, 'm')}"), "the name 'x' is taken by another output"),
+        (OUTPUTS.format("truth", "{'miss': (truth.x[:2], 'm')}"), "miss must have shape (n,) or (n, axes); got (2,)"),
+        (OUTPUTS.format("truth", "{'miss': (truth.x, 'm', 'luck')}"), "miss is of navigation, truth, control, time"),
+        (OUTPUTS.format("sky", "{'miss': (sky, 'm')}"), "outputs asks for sky; it may name time, truth, estimate"),
+        (OUTPUTS.format("truth", "{'miss': (1 / 0, 'm')}"), "Loop.outputs: division by zero"),
+        (OWN + "    def update(self, innovation):\n        return innovation\n", "update must return a mapping"),
+        (OWN + "    def update(self, innovation):\n        return {'y': innovation}\n", "update returned 'y'"),
+        (OWN + "    def update(self, truth):\n        return {}\n", "update asks for truth; it may name time, name"),
+        (OWN + "    def update(self, innovation):\n        return {'x': innovation * np.nan}\n", "finite: update at 1 s"),
+        (OWN + "    def update(self):\n        return {}\n    def covariance(self):\n        return np.eye(3)\n",
+         "covariance must have shape"),
+        (OWN + "    def update(self):\n        return {}\n    def covariance(self):\n"
+         "        return np.array([[1.0, 2.0], [0.0, 1.0]])\n", "covariance must return symmetric matrices"),
+        ("    def update(self):\n        return {}\n", "has a Filter and an update or covariance of its own"),
+        (OWN, "has measurements and no filter"),
+        (OWN + "    measurements = ()\n    def covariance(self):\n        return np.eye(2)\n", "no update of its own"),
+        ("    memory = {'x': 'm'}\n", "the name 'x' is taken"),
+        ("    memory = {'kept': 'm'}\n    def guide(self, estimate, memory):\n        return memory.lost\n", "'lost'"),
         ("    truth = {'x': Attitude('north'), 'v': 'm/s'}\n", "errors are in 'reference' or 'body' axes; got 'north'"),
         ("    truth = {'x': Attitude(axes='xz'), 'v': 'm/s'}\n", "an attitude has three axes; got 'xz'"),
         ("    parameters = {'tilt': Attitude()}\n", "tilt is an Attitude, which only states can be"),
         (TURNING + "    estimate = {'turn': ('rad', 3)}\n", "'turn' has no counterpart of its size and kind"),
         (TURNING + "    def start(self):\n        return {'turn': np.ones((3, 3))}\n", "must be rotation matrices"),
         (TURNING + "    def start(self):\n        return {'turn': np.zeros(3)}\n", "must have shape (1, 3, 3)"),
-        (TURNING + "    def rates(self, truth):\n        return {'turn': truth.turn}\n", "must have shape (29, 3)"),
+        (TURNING + "    def rates(self, truth):\n        return {'turn': truth.turn}\n", "must have shape (32, 3)"),
         (TURNING + "    measurements = (Measurement('tracker', 'rad', lambda truth: 2 * truth.turn, interval=1.0),)\n",
          "must be rotation matrices"),
         (TURNING + "    corrections = (Correction('slew', 5.0, lambda estimate: np.zeros(3), 'turn', 'rad'),)\n",
@@ -131,6 +156,7 @@ def test_mistakes_get_one_line(tmp_path: Path, changes: str, told: str) -> None:
          "halved steps change"),
         ("    corrections = (Correction('push', 5.0, lambda estimate: np.stack([-estimate.v, 0 * estimate.v], axis=1),"
          " lambda truth, impulse: {'v': truth.v + impulse[:, 0]}),)\n", "the nominal push is zero"),
+        (OUTPUTS.format("truth", "{'miss': (np.abs(truth.x), 'm')}"), "outputs has a kink at the nominal"),
         ("    end = Trigger(lambda truth, time: 1e-3 * (time - 8.0) + 1e-2 * truth.x, latest=50.0)\n",
          "the trigger grazes"),
         (PUSH.format("Trigger(lambda time, truth: time - 4.5 + 0.5 * truth.x, latest=9.0)"),
@@ -157,6 +183,7 @@ def test_remarks(tmp_path: Path, changes: str, told: str) -> None:
         ({"filter": {"believes": {"errors": {"y": "1 m"}}}}, "unknown error source"),
         ({"filter": {"estimates": []}}, "unknown key of a closed loop's filter"),
         ({"measurements": {}}, "measurement ranging needs a size"),
+        ({"scenario": {"type": "own.py:Loop"}, "filter": {"believes": {}}}, "this loop has no Filter whose beliefs"),
         ({"imu": {}}, "has no inertial measurement unit"),
     ],
 )

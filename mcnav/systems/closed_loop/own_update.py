@@ -1,0 +1,67 @@
+"""Update of the user's own in place of a filter, with memory, and the covariance that it states."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.systems.closed_loop.maps import Maps
+from mcnav.systems.closed_loop.quantities import as_seen, spread
+from mcnav.systems.closed_loop.rotations import to_matrix
+
+UPDATE: Final = ("time", "name", "measured", "innovation", "estimate", "memory")
+"""What ``update`` may name."""
+
+COVARIANCE: Final = ("time", "estimate", "memory")
+"""What ``covariance`` may name."""
+
+SYMMETRIC: Final = 1e-6
+"""Difference of a covariance and its transpose, as a share of its largest element, up to which it is one."""
+
+
+def updated(maps: Maps, number: int, x: Array, time: Array, noise: Array) -> Array:
+    """Return X after ``update`` has used a measurement with its noise, shape (size of the measurement, n)."""
+    assert maps.update is not None
+    structure, sensor, count = maps.structure, maps.sensors[number], x.shape[1]
+    innovation = maps.innovation(number, x, time) + noise
+
+    def measured() -> Any:
+        true = np.asarray(sensor.truth(maps.truth_frame(x, time)), dtype=float)
+        if sensor.attitude:
+            return true @ to_matrix(noise)
+        return true + as_seen(noise, true.ndim == 2)
+
+    frame = dict(maps.navigator_frame(x, time, None))
+    frame |= {
+        "name": lambda: sensor.declared.name,
+        "measured": measured,
+        "innovation": lambda: as_seen(innovation.copy(), sensor.size > 1),
+    }
+    returned = maps.update(frame)
+    if not isinstance(returned, dict):
+        raise ValueError(f"update must return a mapping of names to values; got {type(returned).__name__}")
+    result = x.copy()
+    of_memory = {name: value for name, value in returned.items() if name in structure.memory.names}
+    of_estimate = {name: value for name, value in returned.items() if name not in of_memory}
+    for block, values in ((structure.estimate, of_estimate), (structure.memory, of_memory)):
+        result[block.whole] = spread(block, values, count, "update", x[block.whole])
+    return result
+
+
+def stated_covariance(maps: Maps, x: Array, time: Array) -> Array:
+    """Return the covariance of the navigation errors that ``covariance`` states, shape (k, k, n).
+
+    Raises `ValueError` when its shape is wrong, or it is not symmetric.
+    """
+    assert maps.covariance is not None
+    size, count = maps.structure.estimate.size, x.shape[1]
+    returned = np.asarray(maps.covariance(maps.navigator_frame(x, time, None)), dtype=float)
+    if returned.shape not in ((count, size, size), (size, size)):
+        wanted = f"({count}, {size}, {size}), for {count} samples"
+        raise ValueError(f"covariance must have shape {wanted}; got {returned.shape}")
+    gaps, largest = np.abs(returned - np.swapaxes(returned, -1, -2)), np.abs(returned).max(axis=(-2, -1), keepdims=True)
+    if np.any(gaps > SYMMETRIC * largest):
+        raise ValueError("covariance must return symmetric matrices; an element and its mirror image differ")
+    return np.ascontiguousarray(np.broadcast_to(returned, (count, size, size)).transpose(1, 2, 0))
