@@ -11,7 +11,7 @@ GATE_AT, GATE_BY = np.array([0.0, -4800.0, -2430.0]), np.array([0.0, 120.0, 40.0
 OVER_AT, OVER_BY = np.array([0.0, 0.0, -150.0]), np.array([0.0, 0.0, 8.5])  # over the site
 SINKING = 670.0  # s, from which on the rate of descent is the slowest
 SLOWEST, FLARE = 1.0, 27.0  # m/s, s: rate of the last descent at the ground, and altitude over what is added above it
-EXHAUST = 311.0 * 9.80665  # m/s
+LOADED, EXHAUST = 15_000.0, 311.0 * 9.80665  # kg, m/s
 LEAST, MOST = 0.8, 6.0  # m/s^2, of the thrust per mass
 TURNING = 0.35  # 1/s, of the attitude towards the direction of the thrust
 SLOWING = np.array([0.1, 0.1, 0.3])  # 1/s, of what a velocity is too large
@@ -69,7 +69,7 @@ class Lander(ClosedLoop):
         up, along = push / np.linalg.norm(push), np.array([1.0, 0.0, 0.0])
         right = np.cross(-up, along) / np.linalg.norm(np.cross(-up, along))
         return {
-            "position": position, "velocity": velocity, "mass": 15_000.0,
+            "position": position, "velocity": velocity, "mass": LOADED,
             "attitude": np.stack([np.cross(right, -up), right, -up], axis=1),
         }  # fmt: skip
 
@@ -99,3 +99,10 @@ class Lander(ClosedLoop):
     def rates(self, truth, command, parameters):
         """Return the derivative of the mass."""
         return {"mass": -truth.mass * (1.0 + parameters.throttle) * command[:, 0] / EXHAUST}
+
+    def outputs(self, truth):
+        """Return the propellant, and the rate of descent; neither is an error."""
+        return {
+            "propellant": (LOADED - truth.mass, "kg", "control"),
+            "sink_rate": (truth.velocity[:, 2], "m/s", "control"),
+        }
