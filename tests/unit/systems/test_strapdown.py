@@ -190,3 +190,22 @@ class Plain(ClosedLoop):
     tables: dict[str, Any] = {"scenario": {"type": "hopper.py:Plain"}, "errors": {"x": "1 m"}}
     with pytest.raises(CampaignError, match=told):
         read(tmp_path, plain, **tables, measurements={})
+
+
+def test_errors_are_shown_in_their_usual_units(tmp_path: Path) -> None:
+    scenario = read(tmp_path).scenario
+    shown = {each.name: each.shown_in for each in (*scenario.sources, *scenario.outputs)}
+    assert shown["gyro_bias_x"] == "deg/h"
+    assert shown["accelerometer_misalignment_xy"] == "arcsec"
+    assert shown["position_north"] == "m"
+
+
+def test_sources_without_a_size_have_derivatives(tmp_path: Path) -> None:
+    """Nothing disperses the true velocity here, and an error of it at the start would."""
+    scenario = read(tmp_path).scenario
+    outputs, sources = ([each.name for each in listed] for listed in (scenario.outputs, scenario.sources))
+    partials, start = scenario.linear().end.partials, scenario.sizes.true.start
+    row, column = outputs.index("true_position_north"), sources.index("true_velocity_north")
+    assert start[column, column] == 0.0
+    assert partials[row, column] == pytest.approx(10.0, rel=1e-6)
+    assert not partials[row, sources.index("position_north")]
