@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         Filter,
         GaussMarkov,
         Measurement,
+        Phase,
         Trigger,
         White,
     )
@@ -56,6 +57,7 @@ _HOMES = {
     "Filter": "mcnav.systems.closed_loop.declarations",
     "GaussMarkov": "mcnav.systems.closed_loop.declarations",
     "Measurement": "mcnav.systems.closed_loop.declarations",
+    "Phase": "mcnav.systems.closed_loop.declarations",
     "Trigger": "mcnav.systems.closed_loop.declarations",
     "Strapdown": "mcnav.systems.closed_loop.strapdown.navigator",
     "White": "mcnav.systems.closed_loop.declarations",
@@ -107,6 +109,7 @@ __all__ = [
     "Measurement",
     "Output",
     "Panel",
+    "Phase",
     "RunComparison",
     "RunFolderError",
     "SimulationResult",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mcnav import Attitude, ClosedLoop, Correction, Filter, GaussMarkov, Measurement, Trigger, White
+from mcnav import Attitude, ClosedLoop, Correction, Filter, GaussMarkov, Measurement, Phase, Trigger, White
 
 RATE = 0.00114
 TARGET, ARRIVAL, BURN = np.array([500.0, 0.0, 0.0]), 1056.7, 156.7
@@ -201,6 +201,41 @@ class Braking(Landing):
         return -0.3 * (estimate.rate + 0.03 * estimate.altitude + 5.0)
 
 
+class Lander(ClosedLoop):
+    """A fall of 100 s that is braked from 900 m on, where the navigator indicates it, and held from 90 s on."""
+
+    truth = {"altitude": "m", "rate": "m/s"}
+    phases = (
+        Phase("fall"),
+        Phase("brake", begins=Trigger(lambda estimate: estimate.altitude - 900.0, latest=80.0)),
+        Phase("hold", begins=90.0),
+    )
+    step, end = 1.0, 100.0
+
+    def start(self):
+        return {"altitude": 2_000.0, "rate": -5.0}
+
+    def rates(self, truth, phase):
+        if phase == "fall":
+            return {"altitude": truth.rate, "rate": -1.62}
+        if phase == "brake":
+            return {"altitude": truth.rate, "rate": 0.9 + 0.0 * truth.rate}
+        return {"altitude": 0.5 * truth.rate}
+
+
+class GuidedLander(Landing):
+    """The landing with a stiffer law and more gusts below 193 m, as the truth has it."""
+
+    phases = (Phase("high"), Phase("low", begins=Trigger(lambda truth: truth.altitude - 193.0, latest=40.0)))
+
+    def rates(self, truth, command, noise, phase):
+        gusts = noise.gusts if phase == "high" else 2.0 * noise.gusts - 0.1 * (truth.rate + 15.0)
+        return {"altitude": truth.rate, "rate": command + gusts}
+
+    def guide(self, estimate, phase):
+        return (-0.3 if phase == "high" else -0.6) * (estimate.rate + 15.0)
+
+
 class Pendulum(ClosedLoop):
     """A bent truth with a bias of the sensor that is estimated, a drag that is considered, and held guidance."""
 
@@ -294,6 +329,7 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
         "processes": {"gusts": "0.1 m/s^2/sqrt(Hz)"},
         "measurements": {"altimeter": "1 m"},
     },
+    "Lander": {"errors": {"true_altitude": "20 m", "true_rate": "0.5 m/s", "altitude": "10 m", "rate": "0.2 m/s"}},
     "Kicked": {
         "errors": {
             "true_x": "30 m", "true_altitude": "25 m", "true_vx": "0.5 m/s", "true_vz": "0.4 m/s", "vx": "1 m/s",
@@ -326,6 +362,7 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
 
 FILE = Path(__file__)
 OF = {
+    "GuidedLander": "Landing",
     "Continuous": "DoubleIntegrator", "Remembering": "DoubleIntegrator", "ConstantGain": "DoubleIntegrator",
     "Nominal": "DoubleIntegrator", "FixedDescent": "Descent",
 }  # fmt: skip

@@ -37,6 +37,9 @@ class Capability(StrEnum):
     EPOCHS = "epochs"
     """Errors are known at epochs in time, so that a requirement may name a time."""
 
+    UPDATES = "updates"
+    """Its linear system is known before and after updates at its epochs."""
+
     REPLAY = "replay"
     """It can show one sample from beginning to end."""
 
@@ -125,6 +128,13 @@ class EpochScenario(LinearOverTime, Protocol):
         """Intervals in which a sensor is silent: begin, included, and end, s."""
 
 
+class ScenarioWithUpdates(EpochScenario, Protocol):
+    """A scenario with `UPDATES`."""
+
+    def linear_around_updates(self) -> LinearSystem:
+        """Linearize at all epochs, before and after updates and corrections, with what a filter states."""
+
+
 class LinearAtAnyTime(EpochScenario, Protocol):
     """A scenario that is `LINEAR_AT_ANY_TIME`."""
 
@@ -210,6 +220,11 @@ def has_noisy_start_times(scenario: Scenario) -> TypeGuard[NoisyStart]:
 def has_epochs(scenario: Scenario) -> TypeGuard[EpochScenario]:
     """Return whether errors are known at epochs in time."""
     return Capability.EPOCHS in scenario.can
+
+
+def has_updates(scenario: Scenario) -> TypeGuard[ScenarioWithUpdates]:
+    """Return whether its linear system is known before and after updates at its epochs."""
+    return Capability.UPDATES in scenario.can
 
 
 def can_replay(scenario: Scenario) -> TypeGuard[Replayable]:

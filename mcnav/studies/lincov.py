@@ -26,6 +26,7 @@ from mcnav.contract.scenario import (
     ScenarioError,
     can_have_filter,
     has_epochs,
+    has_updates,
     is_linear_at_any_time,
     is_linear_over_time,
 )
@@ -105,13 +106,21 @@ def _judge_filter(answer: LinearAnswer, scenario: Scenario, campaign: Campaign) 
         return None
     known = [each for each in (answer.history, answer.asked) if each is not None]
     return judge_filter(
-        [picked(each, ~answer.readings_beyond(each)) for each in known],
+        [picked(each, ~answer.readings_beyond(each) & _stated(each)) for each in known],
         [output.name for output in answer.outputs],
         list(schema.groups),
         [source.name for source in answer.sources],
         campaign.errors.covariance,
         campaign.tolerance,
     )
+
+
+def _stated(covariance: LinearCovariance) -> NDArray[np.bool_]:
+    """Tell at which readings, shape (r,), the navigator states a covariance of anything."""
+    own = covariance.readings.own
+    if own is None:
+        return np.ones(len(covariance.readings.times), dtype=bool)
+    return np.asarray(np.isfinite(np.diagonal(own, axis1=1, axis2=2)).any(axis=1))
 
 
 @contextmanager
@@ -150,6 +159,9 @@ def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearSystem | None]:
     """Linearize a scenario at its end and, where it is known, over time: at the epochs of its requirements, if any."""
     if is_linear_at_any_time(scenario):
         system = scenario.linear(scenario.reading_times)
+        return system.end, system
+    if has_updates(scenario):
+        system = scenario.linear_around_updates()
         return system.end, system
     end = scenario.linear().end
     if not is_linear_over_time(scenario):

@@ -11,7 +11,8 @@ from scipy import linalg
 from mcnav._types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
-from tests.closed_loops import FILE, tables
+from mcnav.studies.lincov import linear_covariance
+from tests.closed_loops import ARRIVAL, BURN, FILE, tables, transition
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
@@ -156,6 +157,65 @@ def test_a_correction_by_trigger() -> None:
     model = described.scenario.linear().end
     rows = [output.name for output in described.scenario.outputs]
     assert np.sqrt(model.processes["kick"][rows.index("true_x"), rows.index("true_x")]) == pytest.approx(4.0, rel=1e-9)
+
+
+def around(described: Campaign) -> list[tuple[float, str | None, dict[str, float]]]:
+    """Sigmas of the outputs before and after updates and corrections."""
+    history = linear_covariance(described).history
+    assert history is not None
+    names = [output.name for output in described.scenario.outputs]
+    readings = history.readings
+    rows = zip(readings.times.tolist(), readings.updates, history.sigma.tolist(), strict=True)
+    return [(time, label, dict(zip(names, sigma, strict=True))) for time, label, sigma in rows]
+
+
+def test_readings_before_and_after_updates() -> None:
+    """In the steady state P- = F P F^T + W; what the filter states is the same."""
+    history = linear_covariance(campaign("DoubleIntegrator")).history
+    assert history is not None
+    assert history.sigma_filter is not None
+    assert history.readings.updates[-2:] == ("before", "after")
+    step, after = np.array([[1.0, 1.0], [0.0, 1.0]]), history.covariance[-1, :2, :2]
+    before = step @ after @ step.T + 0.01 * np.array([[1.0 / 3.0, 0.5], [0.5, 1.0]])
+    np.testing.assert_allclose(history.covariance[-2, :2, :2], before, rtol=1e-8)
+    np.testing.assert_allclose(history.sigma_filter[-2, :2] ** 2, np.diag(before), rtol=1e-8)
+    np.testing.assert_allclose(history.sigma[-2, 2:4], history.sigma[-1, 2:4], rtol=1e-12)  # of the truth: no jump
+
+
+def test_readings_around_corrections() -> None:
+    """The kick changes the velocity, and the position by what 30 m/s more have done at the nominal instant."""
+    (_, first, before), (time, second, after) = [each for each in around(campaign("Kicked")) if each[0] == 30.0]
+    assert (first, time, second) == ("before", 30.0, "after")
+    assert before["true_vx"] == pytest.approx(0.5, rel=1e-9)
+    assert after["true_vx"] == pytest.approx(np.linalg.norm([1.5 * 0.5, 0.5 * 1.0, 0.2]), rel=1e-9)
+    assert before["true_x"] == pytest.approx(np.hypot(30.0, 15.0), rel=1e-9)
+    moved = 30.0 * np.hypot(25.0, 0.4 * 30.0) / 20.0
+    assert after["true_x"] == pytest.approx(np.linalg.norm([30.0, 15.0, moved]), rel=1e-9)
+    assert before["kick"] == 0.0
+
+
+def test_readings_around_a_burn() -> None:
+    """What the burn does to the velocity of Clohessy and Wiltshire, from the covariance before it."""
+    described = campaign("Rendezvous")
+    answer = linear_covariance(described).history
+    assert answer is not None
+    at = answer.readings.updates.index("before")
+    assert answer.readings.times[at] == answer.readings.times[at + 1] == BURN
+    names = [output.name for output in described.scenario.outputs]
+    of = {kind: [names.index(f"{kind}{part}_{axis}") for part in ("position", "velocity") for axis in "xyz"]
+          for kind in ("true_", "navigated_")}  # fmt: skip
+    whole = transition(ARRIVAL - BURN)
+    targeting = np.hstack([-np.linalg.solve(whole[:3, 3:], whole[:3, :3]), -np.eye(3)])
+    state = np.eye(12)
+    state[3:6, 6:] += targeting
+    state[9:, 6:] += targeting
+    chosen = np.ix_(of["true_"] + of["navigated_"], of["true_"] + of["navigated_"])
+    expected = state @ answer.covariance[at][chosen] @ state.T
+    expected[3:6, 3:6] += 2.5e-7 * np.eye(3)
+    scale = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(
+        answer.covariance[at + 1][chosen] / scale / scale[:, None], expected / scale / scale[:, None], atol=1e-7
+    )
 
 
 def test_descent_to_a_trigger() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mcnav.contract.samples import Batch
+from mcnav.studies.lincov import linear_covariance
 from tests.cross.test_closed_loop import MATCHED, campaign, covariance, sigmas
 
 
@@ -29,6 +30,15 @@ def test_an_update_that_is_the_filter() -> None:
     np.testing.assert_allclose(results[0].values[:, rows], results[1].values[:, rows], atol=1e-11)
     nees = [result.filter_values[:, :, 0] for result in results]  # type: ignore[index]
     np.testing.assert_allclose(*nees, rtol=1e-7, atol=1e-9)
+
+
+def test_a_stated_covariance_is_judged_after_updates() -> None:
+    """It is that of the filter; between updates nothing is stated."""
+    verdicts = [linear_covariance(campaign(name)).filter for name in ("Remembering", "DoubleIntegrator")]
+    own, other = (verdict for verdict in verdicts if verdict is not None)
+    assert (own.verdict, other.verdict) == ("consistent", "consistent")
+    np.testing.assert_allclose(own.ratios[:, :2], other.ratios[1::2, :2], rtol=1e-9)
+    assert other.times[1::2].tolist() == own.times.tolist()
 
 
 def test_constant_gains() -> None:

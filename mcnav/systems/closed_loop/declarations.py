@@ -95,6 +95,22 @@ class Trigger:
 
 
 @dataclass(frozen=True)
+class Phase:
+    """A phase of the flight; methods that name ``phase`` get its name, and are called for one phase at a time.
+
+    Attributes
+    ----------
+    name : str
+    begins : float or Trigger, optional
+        Time, s, or where each sample meets a trigger; none of the first. Phases follow each other in their order. A
+        sample that has not met the trigger by its latest time has failed.
+    """
+
+    name: str
+    begins: float | Trigger | None = None
+
+
+@dataclass(frozen=True)
 class Correction:
     """An impulsive correction that the navigator commands.
 
@@ -157,10 +173,12 @@ class ClosedLoop:
     processes : mapping of str to White or GaussMarkov
     measurements : sequence of Measurement
     corrections : sequence of Correction
+    phases : sequence of Phase
+        At a phase's begin rates may jump; a command is held until the next one.
     filter : Filter, optional
         Or methods ``update`` and ``covariance`` in its place: ``update`` returns new values of estimate and memory, of
         the arguments that it names: time, name (of the measurement), measured, innovation, estimate, memory; and
-        ``covariance``, of time, estimate, memory, what it says of all navigation errors, shape (n, k, k).
+        ``covariance``, of time, estimate, memory, what it says of all navigation errors after updates, shape (n, k, k).
     memory : mapping of str to str or tuple
         What the navigator remembers besides its estimates, by name; ``start`` may give its values, ``navigate`` its
         rates, ``update`` and ``guide`` (beside the command) new values.
@@ -187,6 +205,7 @@ class ClosedLoop:
     processes: ClassVar[Mapping[str, White | GaussMarkov]] = {}
     measurements: ClassVar[Sequence[Measurement]] = ()
     corrections: ClassVar[Sequence[Correction]] = ()
+    phases: ClassVar[Sequence[Phase]] = ()
     filter: ClassVar[Filter | None] = None
     memory: ClassVar[Mapping[str, Unit]] = {}
     cycle: ClassVar[float | None] = None

@@ -399,6 +399,8 @@ class Flight:
         def planned() -> Transition | None:
             return known.pop(0) if known else None
 
+        if instant.phase is not None and len(self.rows):
+            self.x = setup.maps.begin_phase(instant.phase, self.x)
         if setup.states is not None or setup.maps.update is not None:
             for number in instant.measurements:
                 self.measure(number, instant.time, planned())

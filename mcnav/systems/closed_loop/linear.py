@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
+from mcnav.contract.linear import Update
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.plan import Plan, Transition
 from mcnav.systems.closed_loop.readout import Readout
@@ -24,12 +25,18 @@ class LinearReadings:
     partials : ndarray, shape (m, outputs, sources)
     nominal : ndarray, shape (m, outputs)
     processes : mapping of str to ndarray, shape (m, outputs, outputs)
+    updates : tuple of str or None
+        As those of a `LinearSystem`.
+    seen : tuple of (ndarray, ndarray)
+        X of the nominal, shape (size,), and the filter's covariance, shape (k, k).
     """
 
     times: Array
     partials: Array
     nominal: Array
     processes: Mapping[str, Array]
+    updates: tuple[Update, ...] = ()
+    seen: tuple[tuple[Array, Array], ...] = ()
 
 
 def process_names(maps: Maps) -> tuple[str, ...]:
@@ -59,51 +66,98 @@ def _entering(maps: Maps, true: Sizes, transition: Transition) -> Iterator[tuple
         yield name, transition.inputs * true.corrections[transition.number]
 
 
-def read_plan(plan: Plan, maps: Maps, true: Sizes, readout: Readout, epochs: Sequence[int]) -> LinearReadings:
-    """Propagate partial derivatives and covariances along a plan and read them out at instants by number."""
-    structure = maps.structure
-    partials = structure.start_partials.copy()
-    covariances = {name: np.zeros((structure.size, structure.size)) for name in process_names(maps)}
-    begin = structure.markov.begin
-    for quantity, place in structure.markov.places():
-        local = slice(place.start - begin, place.stop - begin)
-        covariances[quantity.name][place, place] = np.diag(true.markov[local] ** 2)
-    present = {name: bool(matrix.any()) for name, matrix in covariances.items()}
-    rows: list[tuple[float, Array, Array, dict[str, Array]]] = []
-    wanted = set(epochs)
+@dataclass
+class LinearState:
+    """Deviations of X: partial derivatives, shape (size, sources), and covariances by process, shape (size, size)."""
+
+    partials: Array
+    covariances: dict[str, Array]
+    present: dict[str, bool]
+
+    @classmethod
+    def at_start(cls, maps: Maps, true: Sizes) -> LinearState:
+        """Return those at the start."""
+        structure = maps.structure
+        covariances = {name: np.zeros((structure.size, structure.size)) for name in process_names(maps)}
+        begin = structure.markov.begin
+        for quantity, place in structure.markov.places():
+            local = slice(place.start - begin, place.stop - begin)
+            covariances[quantity.name][place, place] = np.diag(true.markov[local] ** 2)
+        present = {name: bool(matrix.any()) for name, matrix in covariances.items()}
+        return cls(structure.start_partials.copy(), covariances, present)
+
+    def after(self, maps: Maps, true: Sizes, transition: Transition) -> LinearState:
+        """Return those after a transition."""
+        state, present, covariances = transition.state, dict(self.present), dict(self.covariances)
+        for name, covariance in covariances.items():
+            if present[name]:
+                covariances[name] = state @ covariance @ state.T
+        for name, entering in _entering(maps, true, transition):
+            if entering.any():
+                present[name] = True
+                covariances[name] = covariances[name] + entering @ entering.T
+        return LinearState(state @ self.partials, covariances, present)
+
+
+Row = tuple[float, Array, Array, dict[str, Array]]
+"""A reading: time, partial derivatives and nominal of the outputs, and their covariance by process."""
+
+
+def read_plan(
+    plan: Plan, maps: Maps, true: Sizes, readout: Readout, epochs: Sequence[int], around: bool = False
+) -> LinearReadings:
+    """Propagate partial derivatives and covariances along a plan and read them out at instants by number.
+
+    Parameters
+    ----------
+    around : bool
+        Whether to read out before and after updates at the epochs, and before and after all corrections.
+    """
+    linear, wanted = LinearState.at_start(maps, true), set(epochs)
+    rows: list[Row] = []
+    labels: list[Update] = []
+    seen: list[tuple[Array, Array]] = []
+
+    def read(time: float, x: Array, state: LinearState, label: Update, own: Array) -> None:
+        matrix = readout.partials(x, plan.steps, time)
+        added = {name: matrix @ each @ matrix.T for name, each in state.covariances.items() if state.present[name]}
+        rows.append((time, matrix @ state.partials, readout.read_nominal(x, time), added))
+        labels.append(label)
+        seen.append((x, own))
+
     for number, planned in enumerate(plan.instants[: plan.end + 1]):
-        for transition in (*planned.steps, *planned.updates):
-            state = transition.state
-            partials = state @ partials
-            for name, covariance in covariances.items():
-                if present[name]:
-                    covariances[name] = state @ covariance @ state.T
-            for name, entering in _entering(maps, true, transition):
-                if entering.any():
-                    present[name] = True
-                    covariances[name] = covariances[name] + entering @ entering.T
-        if number in wanted:
-            time = plan.end_time if number == plan.end else planned.instant.time
-            matrix = readout.partials(planned.nominal, plan.steps, time)
-            nominal = readout.read_nominal(planned.nominal, time)
-            added = {name: matrix @ each @ matrix.T for name, each in covariances.items() if present[name]}
-            rows.append((time, matrix @ partials, nominal, added))
+        for transition in planned.steps:
+            for moment in transition.moments if around else ():
+                read(
+                    moment.time, moment.x, linear.after(maps, true, moment.transition), moment.label, moment.covariance
+                )
+            linear = linear.after(maps, true, transition)
+        corrects = around and any(each.kind == "correct" for each in planned.updates)
+        changes = around and (number in wanted or corrects) and planned.changed
+        time = plan.end_time if number == plan.end else planned.instant.time
+        if changes:
+            read(time, planned.before[-1], linear, "before", planned.covariance_before)
+        for transition in planned.updates:
+            linear = linear.after(maps, true, transition)
+        known = around and bool(rows) and rows[-1][0] == time and not changes  # after a correction at the same time
+        if (number in wanted or changes) and not known:
+            read(time, planned.nominal, linear, "after" if changes else None, planned.covariance)
     floor = readout.floor(plan)
-    steps = np.array([plan.steps[source.moves[0]] for source in structure.sources])
+    steps = np.array([plan.steps[source.moves[0]] for source in maps.structure.sources])
     rows = [_without_rounding(row, true.start, floor, steps) for row in rows]
     none = np.zeros((len(readout.outputs),) * 2)
-    names = rows[-1][3]
+    names = list(dict.fromkeys(name for row in reversed(rows) for name in row[3]))
     return LinearReadings(
         np.array([row[0] for row in rows]),
         np.array([row[1] for row in rows]),
         np.array([row[2] for row in rows]),
         {name: np.array([row[3].get(name, none) for row in rows]) for name in names},
+        tuple(labels),
+        tuple(seen),
     )
 
 
-def _without_rounding(
-    row: tuple[float, Array, Array, dict[str, Array]], start: Array, floor: Array, steps: Array
-) -> tuple[float, Array, Array, dict[str, Array]]:
+def _without_rounding(row: Row, start: Array, floor: Array, steps: Array) -> Row:
     """Return a reading in which outputs that are rounding alone are not dispersed at all.
 
     Partial derivatives by sources without a size are kept where the step of a difference moves the output.

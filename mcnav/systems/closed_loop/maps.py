@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.systems.closed_loop.declarations import Correction, Measurement
@@ -46,15 +48,15 @@ class Event:
     Attributes
     ----------
     kind : str
-        ``correction`` or ``end``.
+        ``correction``, ``phase`` or ``end``.
     number : int
-        Of the correction.
+        Of the correction or phase.
     latest : float
         Time by which a sample must have met it, s.
     """
 
     name: str
-    kind: Literal["correction", "end"]
+    kind: Literal["correction", "phase", "end"]
     number: int
     trigger: Method
     latest: float
@@ -88,11 +90,36 @@ class Maps:
     own_outputs: OwnOutputs | None = None
     update: Method | None = None
     covariance: Method | None = None
+    phases: tuple[str, ...] = ()
 
     @property
     def ends(self) -> bool:
         """Whether a trigger ends flights."""
         return bool(self.events) and self.events[-1].kind == "end"
+
+    def phase_of(self, x: Array) -> str:
+        """Return the phase of samples that are all in the same."""
+        return self.phases[int(self.phase_numbers(x)[0])]
+
+    def phase_numbers(self, x: Array) -> NDArray[np.intp]:
+        """Return the number of the phase of each sample, shape (n,)."""
+        numbers = np.nan_to_num(x[self.structure.phase.begin])
+        return np.asarray(np.clip(np.rint(numbers), 0, len(self.phases) - 1), dtype=np.intp)
+
+    def by_phase(self, function: Callable[..., Array], x: Array, *arrays: Array) -> Array:
+        """Call a function of X and other arrays, shape (..., n), for the samples of each phase by itself."""
+        numbers = self.phase_numbers(x) if self.phases else np.zeros(0)
+        present = np.unique(numbers)
+        if len(present) < 2:
+            return function(x, *arrays)
+        result = np.zeros((0, x.shape[1]))
+        for number in present:
+            chosen = numbers == number
+            part = function(x[:, chosen], *(each[..., chosen] for each in arrays))
+            if not len(result):
+                result = np.empty((*part.shape[:-1], x.shape[1]))
+            result[..., chosen] = part
+        return result
 
     def truth_frame(self, x: Array, time: Array, white: Array | None = None, command: Array | None = None) -> Frame:
         """Return what methods of the truth may name; without ``white`` noise has its processes' values alone."""
@@ -112,6 +139,7 @@ class Maps:
             "command": lambda: self._seen_command(x if command is None else command, command is None),
             "noise": noise,
             "memory": lambda: self._seen_memory(x),
+            "phase": lambda: self.phase_of(x),
         }
 
     def navigator_frame(self, x: Array, time: Array, sensed: Any, with_white: bool = False) -> Frame:
@@ -139,6 +167,7 @@ class Maps:
             "sensed": lambda: sensed,
             "noise": noise,
             "memory": lambda: self._seen_memory(x),
+            "phase": lambda: self.phase_of(x),
         }
 
     def step(
@@ -181,9 +210,15 @@ class Maps:
         return space.advanced(x, total)
 
     def derivative(self, x: Array, time: Array, white: Array) -> Array:
+        """Compute dX/dt, shape (size, n), of samples in any phase."""
+        return self.by_phase(self._derivative, x, time, white)
+
+    def _derivative(self, x: Array, time: Array, white: Array) -> Array:
         """Compute dX/dt, shape (size, n), an attitude's its angular rate in body axes; commands and the like rest."""
         structure, count = self.structure, x.shape[1]
-        command = self.guided(x, time)[0] if self.continuous and self.guide is not None else None
+        command = (
+            self._guided(x, time)[: structure.command.size] if self.continuous and self.guide is not None else None
+        )
         frame = self.truth_frame(x, time, white, command)
         result = np.zeros_like(x)
         spread(structure.truth, self.rates(frame), count, "rates", into=result[structure.truth.whole])
@@ -222,14 +257,15 @@ class Maps:
         (quantity,) = self.structure.command.quantities
         return as_seen(values[self.structure.command.whole] if within_x else values, bool(quantity.axes))
 
-    def guided(self, x: Array, time: Array) -> tuple[Array, Array]:
-        """Compute command and memory, shapes (command.size, n) and (memory.size, n)."""
+    def _guided(self, x: Array, time: Array) -> Array:
+        """Compute command and, below it, memory, shape (command.size + memory.size, n)."""
         structure, count = self.structure, x.shape[1]
         assert self.guide is not None
         frame = {
             "time": lambda: time,
             "estimate": lambda: Values("estimate", named(structure.estimate, x)),
             "memory": lambda: self._seen_memory(x),
+            "phase": lambda: self.phase_of(x),
         }
         returned = self.guide(frame)
         command, memory = returned if isinstance(returned, tuple) else (returned, None)
@@ -238,11 +274,12 @@ class Maps:
         )
         if structure.remembers:
             before = x[structure.memory.whole]
-            return commanded, spread(structure.memory, {} if memory is None else memory, count, "guide", before)
+            kept = spread(structure.memory, {} if memory is None else memory, count, "guide", before)
+            return np.concatenate([commanded, kept])
         kept = np.zeros((structure.memory.size, count))
         if structure.memory.size:
             kept[:] = as_kept(memory, structure.memory.quantities[0], count, "memory of guide")
-        return commanded, kept
+        return np.concatenate([commanded, kept])
 
     def _seen_memory(self, x: Array) -> Any:
         memory = self.structure.memory
@@ -255,10 +292,14 @@ class Maps:
         if self.guide is None:
             return x
         result = x.copy()
-        result[self.structure.command.whole], result[self.structure.memory.whole] = self.guided(x, time)
+        result[self.structure.command.begin : self.structure.memory.whole.stop] = self.by_phase(self._guided, x, time)
         return result
 
     def innovation(self, number: int, x: Array, time: Array) -> Array:
+        """Compute an innovation without noise, shape (size, n), of samples in any phase."""
+        return self.by_phase(partial(self._innovation, number), x, time)
+
+    def _innovation(self, number: int, x: Array, time: Array) -> Array:
         """Compute what a sensor measures without its noise, less what the navigator expects, shape (size, n)."""
         sensor, count = self.sensors[number], x.shape[1]
         quantity = _component(sensor.declared.name, sensor.size)
@@ -274,12 +315,16 @@ class Maps:
         return np.broadcast_to(difference, (sensor.size, count))
 
     def corrected(self, number: int, x: Array, time: Array, noise: Array) -> Array:
+        """Return X after a correction, of samples in any phase."""
+        return self.by_phase(partial(self._corrected, number), x, time, noise)
+
+    def _corrected(self, number: int, x: Array, time: Array, noise: Array) -> Array:
         """Return X after a correction with its execution error, shape (axes, n)."""
         structure, impulse, count = self.structure, self.impulses[number], x.shape[1]
         quantity, place = list(structure.corrections.places())[number]
         where = f"target of {quantity.name}"
         estimate = Values("estimate", named(structure.estimate, x))
-        target = impulse.target({"time": lambda: time, "estimate": lambda: estimate})
+        target = impulse.target({"time": lambda: time, "estimate": lambda: estimate, "phase": lambda: self.phase_of(x)})
         commanded = np.broadcast_to(as_kept(target, quantity, count, where), (quantity.size, count))
         executed = commanded + noise
         known = executed if impulse.declared.known == "executed" else commanded
@@ -305,12 +350,21 @@ class Maps:
         event = self.events[number]
         result = self.corrected(event.number, x, time, noise) if event.kind == "correction" else x.copy()
         result[self.structure.clock.begin + number] = time
+        if event.kind == "phase":
+            return self.begin_phase(event.number, result)
         return self.after_guidance(result, time) if event.kind == "end" and self.continuous else result
+
+    def begin_phase(self, number: int, x: Array) -> Array:
+        """Return X in a phase."""
+        result = x.copy()
+        result[self.structure.phase.begin] = float(number)
+        return result
 
     def own_values(self, x: Array, time: Array) -> Array:
         """Compute the outputs of the user's own, shape (outputs, n)."""
-        assert self.own_outputs is not None
-        return self.own_outputs.values(self.truth_frame(x, time), x.shape[1])
+        own = self.own_outputs
+        assert own is not None
+        return self.by_phase(lambda x, time: own.values(self.truth_frame(x, time), x.shape[1]), x, time)
 
     def triggered(self, method: Method, x: Array, time: Array) -> Array:
         """Compute a trigger's function, shape (n,)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -23,6 +24,10 @@ SYMMETRIC: Final = 1e-6
 
 def updated(maps: Maps, number: int, x: Array, time: Array, noise: Array) -> Array:
     """Return X after ``update`` has used a measurement with its noise, shape (size of the measurement, n)."""
+    return maps.by_phase(partial(_updated, maps, number), x, time, noise)
+
+
+def _updated(maps: Maps, number: int, x: Array, time: Array, noise: Array) -> Array:
     assert maps.update is not None
     structure, sensor, count = maps.structure, maps.sensors[number], x.shape[1]
     innovation = maps.innovation(number, x, time) + noise
@@ -55,6 +60,10 @@ def stated_covariance(maps: Maps, x: Array, time: Array) -> Array:
 
     Raises `ValueError` when its shape is wrong, or it is not symmetric.
     """
+    return maps.by_phase(partial(_stated_covariance, maps), x, time)
+
+
+def _stated_covariance(maps: Maps, x: Array, time: Array) -> Array:
     assert maps.covariance is not None
     size, count = maps.structure.estimate.size, x.shape[1]
     returned = np.asarray(maps.covariance(maps.navigator_frame(x, time, None)), dtype=float)

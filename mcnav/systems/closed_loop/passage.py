@@ -52,17 +52,25 @@ def pass_through(
     return x
 
 
-def start_signs(maps: Maps, start: Array) -> Array:
-    """Return the signs of the triggers' functions at the start of the nominal, shape (events,).
+def set_signs(maps: Maps, signs: Array, x: Array, time: float, began: int | None) -> None:
+    """Set the signs of the triggers' functions that samples look for from a time of the nominal on.
 
     Raises `ScenarioError` where one is zero.
+
+    Parameters
+    ----------
+    signs : ndarray, shape (events,)
+        Changed in place.
+    x : ndarray, shape (size,)
+    began : int or None
+        Phase that begins, whose successor is looked for; none at the start of the flight.
     """
-    values = [maps.triggered(event.trigger, start[:, None], np.zeros(1))[0] for event in maps.events]
-    for event, value in zip(maps.events, values, strict=True):
-        if value == 0.0:
-            told = "the trigger's function is zero at the start; it must be to one side of it"
-            raise ScenarioError("type", f"{event.name}: {told}")
-    return np.asarray(np.sign(np.array(values, dtype=float)))
+    for number, event in enumerate(maps.events):
+        if (event.kind == "phase" and event.number == (began or 0) + 1) or (event.kind != "phase" and began is None):
+            signs[number] = np.sign(maps.triggered(event.trigger, x[:, None], np.array([time]))[0])
+            if signs[number] == 0.0:
+                told = f"the trigger's function is zero at {'the start' if began is None else f'{time:g} s'}"
+                raise ScenarioError("type", f"{event.name}: {told}; it must be to one side of it")
 
 
 def meet(maps: Maps, x: Array, time: Array, signs: Array, pending: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -75,9 +83,12 @@ def meet(maps: Maps, x: Array, time: Array, signs: Array, pending: NDArray[np.bo
     """
     met = np.zeros_like(pending)
     for number, event in enumerate(maps.events):
-        if pending[number].any():
+        waits = pending[number]
+        if event.kind == "phase":  # the one before it has begun
+            waits = waits & (maps.phase_numbers(x) == event.number - 1)
+        if waits.any():
             value = maps.triggered(event.trigger, x, time)
-            met[number] = pending[number] & (np.sign(value) != signs[number]) & np.isfinite(value)
+            met[number] = waits & (np.sign(value) != signs[number]) & np.isfinite(value)
     return met
 
 

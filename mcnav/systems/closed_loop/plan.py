@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
+from mcnav.contract.linear import Update
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.algebra import propagate, update
 from mcnav.systems.closed_loop.differences import Derivatives, Map, Straight, differentiate_map
@@ -16,7 +17,7 @@ from mcnav.systems.closed_loop.event import Saltation, event_map, find_crossings
 from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.own_update import updated
-from mcnav.systems.closed_loop.passage import meet, start_signs
+from mcnav.systems.closed_loop.passage import meet, set_signs
 from mcnav.systems.closed_loop.sizes import SMALL, Sizes, difference_steps
 from mcnav.systems.closed_loop.structure import Structure
 from mcnav.systems.closed_loop.timeline import Instant
@@ -42,6 +43,8 @@ class Transition:
         The map of X, or of the innovation, where it is linear.
     corrections : mapping of int to ndarray, shape (size, axes)
         For the execution errors of corrections by trigger within a step, by number.
+    moments : tuple of Moment
+        Before and after these.
     """
 
     state: Array
@@ -52,6 +55,28 @@ class Transition:
     factor: Array | None = None
     straight: Straight | None = None
     corrections: Mapping[int, Array] = field(default_factory=dict)
+    moments: tuple[Moment, ...] = ()
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The linear system before or after a correction by trigger within a step.
+
+    Attributes
+    ----------
+    x : ndarray, shape (size,)
+        Of the nominal.
+    transition : Transition
+        From the begin of the step.
+    covariance : ndarray, shape (k, k)
+        The filter's.
+    """
+
+    time: float
+    label: Update
+    x: Array
+    transition: Transition
+    covariance: Array
 
 
 @dataclass
@@ -90,6 +115,11 @@ class Composed:
         if correction is not None:
             self.corrections[correction] = saltation.inputs
 
+    @property
+    def transition(self) -> Transition:
+        """The transition of all of them."""
+        return Transition(self.state, self.inputs, "step", corrections=dict(self.corrections))
+
     def _change(self, state: Array, fixed: Array) -> None:
         self.state, self.inputs = state @ self.state, state @ self.inputs
         self.fixed, self.inputs_fixed = fixed @ self.fixed, fixed @ self.inputs_fixed
@@ -111,6 +141,8 @@ class PlannedInstant:
         X before each step, and before the updates.
     covariance : ndarray, shape (k, k)
         The filter's, after them.
+    covariance_before : ndarray, shape (k, k)
+        The filter's, before the updates.
     """
 
     instant: Instant
@@ -119,6 +151,12 @@ class PlannedInstant:
     nominal: Array
     before: Array
     covariance: Array
+    covariance_before: Array
+
+    @property
+    def changed(self) -> bool:
+        """Whether a measurement or a correction changes X at it."""
+        return any(each.kind in ("measure", "correct") for each in self.updates)
 
 
 @dataclass
@@ -132,7 +170,9 @@ class Plan:
         Number of the instant of the nominal end.
     end_time : float
     event_times : dict of str to float
-        Of corrections and ends by trigger, by name.
+        Of corrections, phases and ends by trigger, by name.
+    signs : ndarray, shape (events,)
+        Of the triggers' functions before they are met.
     steps : ndarray, shape (size,)
         Sizes of X, from which steps of differences follow.
     innovations : mapping of str to float
@@ -145,6 +185,7 @@ class Plan:
     end: int = -1
     end_time: float = 0.0
     event_times: dict[str, float] = field(default_factory=dict)
+    signs: Array = field(default_factory=lambda: np.zeros(0))
     steps: Array = field(default_factory=lambda: np.zeros(0))
     innovations: dict[str, float] = field(default_factory=dict)
     kinks: set[str] = field(default_factory=set)
@@ -199,7 +240,7 @@ class Planner:
 
     def step(self, time: float, length: float) -> tuple[Transition, tuple[float, Transition] | None]:
         """Propagate by a step and the events within it; of an end return the time, and what it does."""
-        composed, since, end = None, 0.0, None
+        composed, since, end, moments = None, 0.0, None, list[Moment]()
         while True:
             meeting = self._meet(time, length, since)
             fraction = 1.0 if meeting is None else meeting[1]
@@ -212,18 +253,32 @@ class Planner:
             if meeting is None:
                 break
             event, moment = self.maps.events[meeting[0]], time + fraction * length
+            if event.kind != "end":
+                moments.append(self._moment(moment, "before", composed))
             saltation = self._happen(meeting[0], moment)
             if event.kind == "end":
                 end = moment, Transition(saltation.state, saltation.inputs, "event")
                 break
             composed.jump(saltation, event.number if event.kind == "correction" else None)
+            moments.append(self._moment(moment, "after", composed))
             since = fraction
+        self._propagate_composed(composed)
+        straight = part.straight if since == 0.0 and meeting is None else None
+        transition = replace(composed.transition, straight=straight, moments=tuple(moments))
+        return transition, end
+
+    def _propagate_composed(self, composed: Composed) -> None:
+        """Propagate the filter's covariance by a step with events."""
         self.propagate(composed.fixed, composed.inputs_fixed, np.tile(self.believed.inputs, 2))
         for number, inputs in composed.corrections.items():
             self.propagate(np.eye(len(self.x)), inputs, self.believed.corrections[number])
-        straight = part.straight if since == 0.0 and meeting is None else None
-        corrections = composed.corrections
-        return Transition(composed.state, composed.inputs, "step", corrections=corrections, straight=straight), end
+
+    def _moment(self, time: float, label: Update, composed: Composed) -> Moment:
+        """Return the linear system before or after an event within a step."""
+        covariance = self.covariance
+        self._propagate_composed(composed)
+        there, self.covariance = self.covariance, covariance
+        return Moment(time, label, self.x, composed.transition, there)
 
     def _part(self, time: float, length: float, since: float, fraction: float) -> Derivatives:
         """Differentiate the part of a step from one fraction of it to another."""
@@ -267,6 +322,8 @@ class Planner:
         saltation = event_map(self.maps, number, self.x, time, self.steps, sizes)
         self.x = saltation.value
         self.pending[number] = False
+        if event.kind == "phase":
+            set_signs(self.maps, self.signs, self.x, time, event.number)
         self.plan.event_times[event.name] = time
         return saltation
 
@@ -344,6 +401,9 @@ class Planner:
     def updates(self, instant: Instant) -> list[Transition]:
         """Measure, correct and guide at an instant."""
         done = []
+        if instant.phase is not None:
+            self.x = self.maps.begin_phase(instant.phase, self.x)
+            set_signs(self.maps, self.signs, self.x, instant.time, instant.phase)
         if self.states is not None or self.maps.update is not None:
             done += [self.measure(number, instant.time) for number in instant.measurements]
         done += [self.correct(number, instant.time) for number in instant.corrections]
@@ -361,9 +421,11 @@ def make_plan(
     """
     covariance = np.zeros((0, 0)) if states is None else states.start_covariance(maps.structure, believed)
     steps = difference_steps(maps, start, true)
-    signs = start_signs(maps, start)
+    signs = np.zeros(len(maps.events))
+    set_signs(maps, signs, start, 0.0, None)
     pending = np.ones(len(signs), dtype=bool)
-    planner = Planner(maps, states, true, believed, start, steps, covariance, Plan(steps=steps), signs, pending)
+    plan = Plan(steps=steps, signs=signs)
+    planner = Planner(maps, states, true, believed, start, steps, covariance, plan, signs, pending)
     plan, last = planner.plan, len(timeline) - 1
     for number, instant in enumerate(timeline):
         before: list[Array] = [planner.x]
@@ -377,9 +439,10 @@ def make_plan(
         planner.check_pending(instant.time)
         if number == last and maps.ends:
             break
-        updates = planner.updates(instant)
+        covariance = planner.covariance
+        updates = tuple(planner.updates(instant))
         plan.instants.append(
-            PlannedInstant(instant, tuple(done), tuple(updates), planner.x, np.array(before), planner.covariance)
+            PlannedInstant(instant, tuple(done), updates, planner.x, np.array(before), planner.covariance, covariance)
         )
     planner.check_pending(timeline[-1].time, over=True)
     plan.end, plan.end_time = last, timeline[-1].time
@@ -398,7 +461,8 @@ def _ended(
     plan, (time, event) = planner.plan, end
     planner.check_pending(time, over=True)
     plan.end, plan.end_time = number, time
+    covariance = planner.covariance
     plan.instants.append(
-        PlannedInstant(instant, tuple(steps), (event,), planner.x, np.array(before), planner.covariance)
+        PlannedInstant(instant, tuple(steps), (event,), planner.x, np.array(before), covariance, covariance)
     )
     return plan

@@ -17,7 +17,7 @@ from mcnav.systems.closed_loop.own_outputs import ARGUMENTS, read_own_outputs
 from mcnav.systems.closed_loop.own_update import COVARIANCE, UPDATE
 from mcnav.systems.closed_loop.quantities import Block, Values, spread
 from mcnav.systems.closed_loop.readout import standard_outputs
-from mcnav.systems.closed_loop.structure import Structure, measurements_of, read_structure
+from mcnav.systems.closed_loop.structure import Structure, measurements_of, phases_of, read_structure
 
 _OF_TRUTH: Final = ("time", "truth", "command", "parameters", "noise")
 
@@ -30,11 +30,12 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
 
     Raises `ScenarioError` when a method is missing or asks for what there is not.
     """
-    structure = read_structure(instance, name)
+    structure, phases = read_structure(instance, name), tuple(each.name for each in phases_of(instance, name))
+    also = ("phase",) if phases else ()
 
     def method(attribute: str, known: tuple[str, ...]) -> Method | None:
         given = getattr(instance, attribute, None)
-        return None if given is None else read_method(given, f"{name}.{attribute}", known)
+        return None if given is None else read_method(given, f"{name}.{attribute}", (*known, *also))
 
     rates = method("rates", _OF_TRUTH)
     if rates is None:
@@ -42,15 +43,17 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
     sensors = tuple(
         Sensor(
             each,
-            read_method(each.truth, f"truth of {each.name}", ("time", "truth", "parameters", "noise")),
-            None if each.model is None else read_method(each.model, f"model of {each.name}", ("time", "estimate")),
+            read_method(each.truth, f"truth of {each.name}", ("time", "truth", "parameters", "noise", *also)),
+            None
+            if each.model is None
+            else read_method(each.model, f"model of {each.name}", ("time", "estimate", *also)),
         )
         for each in measurements_of(instance, name)
     )
     impulses = tuple(
         Impulse(
             each,
-            read_method(each.target, f"target of {each.name}", ("time", "estimate")),
+            read_method(each.target, f"target of {each.name}", ("time", "estimate", *also)),
             None if isinstance(each.apply, str)
             else read_method(each.apply, f"apply of {each.name}", ("time", "truth", "impulse"), "impulse"),
         )
@@ -71,6 +74,7 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
         none if believed_decay is None else believed_decay,
         update=method("update", UPDATE),
         covariance=method("covariance", COVARIANCE),
+        phases=phases,
     )
     maps = _sized(maps, read_start(instance, name, structure))
     outputs = method("outputs", ARGUMENTS)
@@ -83,10 +87,11 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
 
 
 def _read_events(instance: Any) -> tuple[Event, ...]:
-    """Return the corrections and the end that triggers begin."""
-    triggers: list[tuple[str, Literal["correction", "end"], int, Any]] = [
+    """Return the corrections, phases and the end that triggers begin."""
+    triggers: list[tuple[str, Literal["correction", "phase", "end"], int, Any]] = [
         (each.name, "correction", number, each.at) for number, each in enumerate(instance.corrections)
     ]
+    triggers += [(each.name, "phase", number, each.begins) for number, each in enumerate(instance.phases)]
     triggers.append(("end", "end", 0, instance.end))
     known = ("time", "truth", "estimate")
     return tuple(
@@ -143,14 +148,20 @@ def _sized(maps: Maps, start: Array) -> Maps:
             raise ScenarioError("type", f"{method.where}: {type(failure).__name__}: {failure}") from failure
 
     command, memory = None, 0
+    phase = {"phase": lambda: maps.phases[0]}
     if maps.guide is not None:
-        frame = {"time": lambda: time, "estimate": lambda: estimate, "memory": maps.truth_frame(x, time)["memory"]}
+        frame = {
+            "time": lambda: time,
+            "estimate": lambda: estimate,
+            "memory": maps.truth_frame(x, time)["memory"],
+            **phase,
+        }
         returned = tried(maps.guide, frame)
         if isinstance(returned, tuple):
             returned, kept = returned
             memory = 0 if structure.remembers else size_of(kept, "memory of guide") or 1
         command = size_of(returned, "guide")
-    frame = {"time": lambda: time, "estimate": lambda: estimate}
+    frame = {"time": lambda: time, "estimate": lambda: estimate, **phase}
     axes = {each.declared.name: size_of(tried(each.target, frame), each.target.where) for each in maps.impulses}
     truth = maps.truth_frame(x, time)
 

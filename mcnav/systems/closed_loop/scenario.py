@@ -107,7 +107,7 @@ class ClosedLoopScenario:
     @property
     def can(self) -> frozenset[Capability]:
         """What the scenario can do."""
-        always = {Capability.USER_CODE, Capability.LINEAR_OVER_TIME, Capability.EPOCHS}
+        always = {Capability.USER_CODE, Capability.LINEAR_OVER_TIME, Capability.EPOCHS, Capability.UPDATES}
         noise = {Capability.NOISE} if self.noisy else set()
         return frozenset(always | noise | ({Capability.FILTER} if self.judged is not None else set()))
 
@@ -201,6 +201,32 @@ class ClosedLoopScenario:
         processes = {name: each[chosen] for name, each in read.processes.items()}
         return LinearSystem(read.times[chosen], read.partials[chosen], read.nominal[chosen], processes, label=LABEL)
 
+    def linear_around_updates(self) -> LinearSystem:
+        """Return the linear system at all epochs, before and after updates, and around all corrections."""
+        with np.errstate(all="ignore"):
+            read = read_plan(self.plan, self.maps, self.sizes.true, self.readout, self._chosen, around=True)
+        system = LinearSystem(read.times, read.partials, read.nominal, read.processes, read.updates, label=LABEL)
+        schema = self.filter_schema
+        if schema is None:
+            return system
+        own = np.array([self._stated(time, *seen) for time, seen in zip(read.times.tolist(), read.seen, strict=True)])
+        if self.maps.covariance is not None:  # what a user states holds after updates
+            own[[number for number, update in enumerate(read.updates) if update == "before"]] = np.nan
+        return replace(system, own=own, own_outputs=schema.known, believed=self.believed)
+
+    def _stated(self, time: float, x: Array, covariance: Array) -> Array:
+        """Return the covariance of the outputs that the navigator states, shape (outputs, outputs)."""
+        states, schema = self.judged, self.filter_schema
+        assert states is not None
+        assert schema is not None
+        known, whole = np.array(schema.known), np.full((schema.outputs, schema.outputs), np.nan)
+        if self.maps.covariance is not None:
+            own = stated_covariance(self.maps, x[:, None], np.array([time]))[:, :, 0]
+        else:
+            own = covariance[: states.estimated, : states.estimated]
+        whole[known[:, None], known] = own
+        return whole
+
     @cached_property
     def filter_schema(self) -> FilterSchema | None:
         """Columns of a record of the filter; none without one."""
@@ -208,21 +234,16 @@ class ClosedLoopScenario:
 
     def filter_prediction(self) -> FilterPrediction | None:
         """Return the covariance that the filter states along the nominal; none without a filter."""
-        states, schema = self.judged, self.filter_schema
-        if states is None or schema is None:
+        if self.filter_schema is None:
             return None
-        known = np.array(schema.known)
-        covariance = np.full((len(self._chosen), schema.outputs, schema.outputs), np.nan)
-        for epoch, number in enumerate(self._chosen):
-            planned, time = self.plan.instants[number], np.array([self.reading_times[epoch]])
-            if self.maps.covariance is not None:
-                own = stated_covariance(self.maps, planned.nominal[:, None], time)[:, :, 0]
-            else:
-                own = planned.covariance[: states.estimated, : states.estimated]
-            covariance[epoch][known[:, None], known] = own
-        count = len(self._chosen)
+        times, count = self.reading_times, len(self._chosen)
+        planned = [self.plan.instants[number] for number in self._chosen]
+        own = [
+            self._stated(time, each.nominal, each.covariance)
+            for time, each in zip(times.tolist(), planned, strict=True)
+        ]
         return FilterPrediction(
-            LABEL, self.reading_times, covariance, np.zeros((count, 0)), np.zeros((count, 0, len(self.sources))),
+            LABEL, times, np.array(own), np.zeros((count, 0)), np.zeros((count, 0, len(self.sources))),
             {process.name: np.zeros((count, 0)) for process in self.processes}, self.believed,
         )  # fmt: skip
 

@@ -8,7 +8,6 @@ from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.closed_loop.flight import Flight
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, Noise, NoNoise
-from mcnav.systems.closed_loop.passage import start_signs
 from mcnav.systems.closed_loop.records import Recorder
 from mcnav.systems.closed_loop.setup import Setup
 
@@ -79,6 +78,6 @@ def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
     history = np.full((count, len(setup.epochs), len(setup.readout.outputs)), np.nan)
     return Flight(
         setup, draws, np.arange(count), x, covariance, deviation, np.full_like(x, np.nan),
-        np.full_like(covariance, np.nan), start_signs(maps, setup.start),
+        np.full_like(covariance, np.nan), setup.plan.signs,
         np.ones((len(maps.events), count), dtype=bool), impulses, recorder, history, own,
     )  # fmt: skip

@@ -14,6 +14,10 @@ SMALL: Final = 1e-3
 """Step of differences where nothing is known of a quantity's size: share of its nominal value, or in SI units."""
 
 
+CLOCK: Final = 10.0
+"""Size of times of events, s: they are copied from map to map, whose differences are the more exact the larger."""
+
+
 @dataclass(frozen=True)
 class Sizes:
     """One sigma of each error.
@@ -82,4 +86,5 @@ def difference_steps(maps: Maps, start: Array, true: Sizes) -> Array:
             nominal = 0.0 if quantity.turns is not None else float(np.linalg.norm(start[place]))
             fallback = size if size > 0.0 else SMALL * nominal if nominal > 0.0 else SMALL
             steps[place] = np.where(steps[place] > 0.0, steps[place], fallback)
+    steps[structure.clock.whole] = CLOCK
     return steps

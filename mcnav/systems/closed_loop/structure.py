@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from mcnav._types import Array
 from mcnav.contract.quantities import Of
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
-from mcnav.systems.closed_loop.declarations import Correction, GaussMarkov, Measurement, Trigger, White
+from mcnav.systems.closed_loop.declarations import Correction, GaussMarkov, Measurement, Phase, Trigger, White
 from mcnav.systems.closed_loop.quantities import Block, Quantity, read_axes, read_quantities
 from mcnav.systems.closed_loop.rotations import Space
 from mcnav.systems.user.settings import NAME, check_unit
@@ -34,7 +35,10 @@ class LoopSource:
 
 @dataclass(frozen=True)
 class Structure:
-    """Blocks of X, in their order, the clock of events by trigger last, and the white noise that enters."""
+    """Blocks of X, in their order, and the white noise that enters.
+
+    The last blocks are the clock, times of events by trigger, and the number of the phase, where there are several.
+    """
 
     truth: Block
     parameters: Block
@@ -44,6 +48,7 @@ class Structure:
     memory: Block
     corrections: Block
     clock: Block
+    phase: Block
     white: Block
     navigator_start: str = "truth"
 
@@ -52,13 +57,13 @@ class Structure:
         """Blocks of X in their order."""
         return (
             self.truth, self.parameters, self.markov, self.estimate, self.command, self.memory, self.corrections,
-            self.clock,
+            self.clock, self.phase,
         )  # fmt: skip
 
     @property
     def size(self) -> int:
         """Numbers of X."""
-        return self.clock.begin + self.clock.size
+        return self.phase.begin + self.phase.size
 
     @cached_property
     def space(self) -> Space:
@@ -155,7 +160,8 @@ class Structure:
         )
         done = Block("correction", impulses, kept.whole.stop)
         clock = replace(self.clock, begin=done.whole.stop)
-        return replace(self, command=commands, memory=kept, corrections=done, clock=clock)
+        phase = replace(self.phase, begin=clock.whole.stop)
+        return replace(self, command=commands, memory=kept, corrections=done, clock=clock, phase=phase)
 
 
 def read_structure(instance: Any, name: str) -> Structure:
@@ -187,20 +193,23 @@ def read_structure(instance: Any, name: str) -> Structure:
     if instance.navigator_start not in ("truth", "nominal"):
         raise ScenarioError("type", f"{name}.navigator_start is 'truth' or 'nominal'; got {instance.navigator_start!r}")
     blocks: list[Block] = []
+    phases = phases_of(instance, name)
+    moments = [*((each.name, each.at) for each in instance.corrections), *((each.name, each.begins) for each in phases)]
     clock = tuple(
-        Quantity(f"{each.name}_time", "s") for each in instance.corrections if isinstance(each.at, Trigger)
-    ) + ((Quantity("final_time", "s"),) if isinstance(instance.end, Trigger) else ())
+        Quantity(f"{each}_time", "s") for each, at in (*moments, ("final", instance.end)) if isinstance(at, Trigger)
+    )
+    phase = (Quantity("phase", "1"),) if phases else ()
     kinds = (
         "state of the truth", "parameter", "process", "estimated state", "command", "what is remembered", "correction",
-        "time",
+        "time", "phase",
     )  # fmt: skip
-    all_blocks = (truth, parameters, markov, estimate, (command,), memory, impulses, clock)
+    all_blocks = (truth, parameters, markov, estimate, (command,), memory, impulses, clock, phase)
     for what, quantities in zip(kinds, all_blocks, strict=True):
         blocks.append(Block(what, quantities, blocks[-1].whole.stop if blocks else 0))
-    of_truth, of_parameters, of_markov, of_estimate, of_command, of_memory, of_impulses, of_clock = blocks
+    of_truth, of_parameters, of_markov, of_estimate, of_command, of_memory, of_impulses, of_clock, of_phase = blocks
     structure = Structure(
         of_truth, of_parameters, of_markov, of_estimate, of_command, of_memory, of_impulses, of_clock,
-        Block("process", white), str(instance.navigator_start),
+        of_phase, Block("process", white), str(instance.navigator_start),
     )  # fmt: skip
     _ = structure.pairs
     return structure
@@ -231,6 +240,29 @@ def _listed(instance: Any, name: str, attribute: str, kind: type) -> tuple[Any, 
     return entries
 
 
+def phases_of(instance: Any, name: str) -> tuple[Phase, ...]:
+    """Return the phases of a user's object; `ScenarioError` when they are none, or begin in another order."""
+    phases: tuple[Phase, ...] = _listed(instance, name, "phases", Phase)
+    last = 0.0
+    for number, each in enumerate(phases):
+        if (each.begins is None) != (number == 0):
+            told = "begins with the flight" if number == 0 else "needs a time or a Trigger at which it begins"
+            raise ScenarioError("type", f"{name}.phases: {each.name} {told}")
+        if [other.name for other in phases].count(each.name) > 1:
+            raise ScenarioError("type", f"{name}.phases: {each.name} is there twice")
+        time = each.begins.latest if isinstance(each.begins, Trigger) else each.begins
+        if number and (not isinstance(time, (int, float)) or isinstance(time, bool) or not last < time < np.inf):
+            told = f"must begin at a time after {last:g} s, or by a Trigger whose latest is; got {time!r:.40}"
+            raise ScenarioError("type", f"{name}.phases: {each.name} {told}")
+        last = last if isinstance(each.begins, Trigger) or time is None else float(time)
+    for before, after in pairwise(phases):
+        latest = before.begins.latest if isinstance(before.begins, Trigger) else 0.0
+        if isinstance(after.begins, (int, float)) and latest > after.begins:
+            told = f"may begin as late as {latest:g} s, and {after.name} begins at {after.begins:g} s"
+            raise ScenarioError("type", f"{name}.phases: {before.name} {told}")
+    return phases
+
+
 def measurements_of(instance: Any, name: str) -> tuple[Measurement, ...]:
     """Return the measurements of a user's object; `ScenarioError` when they are none."""
     entries: tuple[Measurement, ...] = _listed(instance, name, "measurements", Measurement)
@@ -244,7 +276,8 @@ def measurements_of(instance: Any, name: str) -> tuple[Measurement, ...]:
 def _check_names(name: str, instance: Any, *groups: tuple[Quantity, ...]) -> None:
     names = [quantity.name for group in groups for quantity in group]
     names += [each.name for each in measurements_of(instance, name)]
-    taken = {"command", "final_time", "memory", *(f"{each.name}_time" for each in instance.corrections)}
+    taken = {"command", "final_time", "memory", "phase"}
+    taken |= {f"{each.name}_time" for each in (*instance.corrections, *phases_of(instance, name))}
     for each in names:
         if each in taken or each.startswith(("true_", "navigated_")):
             raise ScenarioError("type", f"{name}: the name {each!r} is taken, or begins with true_ or navigated_")

@@ -1,6 +1,7 @@
 """Timeline of a loop: instants, the steps that lead to each, and what happens there.
 
-The order at one instant is: propagate, event, measurements in their order, corrections, guidance, reading.
+The order at one instant is: propagate, event, a phase that begins, measurements in their order, corrections, guidance,
+reading.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.declarations import Measurement, Trigger
+from mcnav.systems.closed_loop.structure import phases_of
 
 MOST_STEPS: Final = 1_000_000
 MOST_INSTANTS: Final = 200_000
@@ -23,7 +25,10 @@ SAME: Final = 1e-9
 
 @dataclass(frozen=True)
 class Instant:
-    """An instant: steps of equal length that lead to it from the one before, and what happens at it."""
+    """An instant: steps of equal length that lead to it from the one before, and what happens at it.
+
+    Its phase is the number of one that begins at it.
+    """
 
     time: float
     begin: float
@@ -32,6 +37,7 @@ class Instant:
     corrections: tuple[int, ...] = ()
     guide: bool = False
     epoch: bool = False
+    phase: int | None = None
 
     @property
     def length(self) -> float:
@@ -71,6 +77,10 @@ def read_timeline(instance: Any, name: str, measurements: tuple[Measurement, ...
         by_trigger = isinstance(each.at, Trigger)
         time = _time(each.at.latest if by_trigger else each.at, each.name, "a time, or Trigger(function, latest)", 0.0)
         at[f"{'latest' if by_trigger else 'correct'} {each.name}"] = np.array([time])
+    for phase in phases_of(instance, name)[1:]:
+        triggered = isinstance(phase.begins, Trigger)
+        time = _time(phase.begins.latest if isinstance(phase.begins, Trigger) else phase.begins, phase.name, "a time")
+        at[f"{'latest' if triggered else 'begin'} {phase.name}"] = np.array([time])
     same = SAME * last
     merged = np.unique(np.concatenate([*at.values(), [0.0, last]]))
     merged = merged[np.append(True, np.diff(merged) > same) & (merged <= last + same)]
@@ -92,6 +102,7 @@ def read_timeline(instance: Any, name: str, measurements: tuple[Measurement, ...
                 tuple(each for each, sensor in enumerate(measurements) if falls(f"measure {sensor.name}", time)),
                 tuple(each for each, done in enumerate(instance.corrections) if falls(f"correct {done.name}", time)),
                 on_cycle or cycle is None, on_cycle or time == last,
+                next((each for each, phase in enumerate(instance.phases) if falls(f"begin {phase.name}", time)), None),
             )
         )  # fmt: skip
     return tuple(instants)

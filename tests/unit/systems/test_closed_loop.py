@@ -18,7 +18,7 @@ from tests.closed_loops import FILE, tables
 
 LOOPS = (
     "DoubleIntegrator", "Nominal", "Continuous", "Pendulum", "Rendezvous", "Descent", "Landing", "Satellite", "Kicked",
-    "Braking", "Remembering",
+    "Braking", "Remembering", "Lander", "GuidedLander",
 )  # fmt: skip
 
 

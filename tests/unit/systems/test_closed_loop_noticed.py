@@ -14,7 +14,7 @@ from mcnav.errors import CampaignError
 
 HEAD = """
 import numpy as np
-from mcnav import Attitude, ClosedLoop, Correction, Filter, Measurement, Trigger, White
+from mcnav import Attitude, ClosedLoop, Correction, Filter, Measurement, Phase, Trigger, White
 
 class Loop(ClosedLoop):
     truth = {"x": "m", "v": "m/s"}
@@ -33,6 +33,7 @@ class Loop(ClosedLoop):
 PUSH = "    corrections = (Correction('push', {}, lambda estimate: -0.1 * estimate.v, 'v'),)\n"
 
 OUTPUTS = "    def outputs(self, {}):\n        return {}\n"
+PHASES = "    phases = (Phase('a'), {})\n"
 OWN = "    filter = None\n"
 
 TURNING = """
@@ -114,7 +115,7 @@ def test_a_sound_loop_has_no_remarks(tmp_path: Path) -> None:
         (OWN + "    def update(self, innovation):\n        return innovation\n", "update must return a mapping"),
         (OWN + "    def update(self, innovation):\n        return {'y': innovation}\n", "update returned 'y'"),
         (OWN + "    def update(self, truth):\n        return {}\n", "update asks for truth; it may name time, name"),
-        (OWN + "    def update(self, innovation):\n        return {'x': innovation * np.nan}\n", "finite: update at 1 s"),
+        (OWN + "    def update(self, innovation):\n        return {'x': np.nan * innovation}\n", "finite: update at"),
         (OWN + "    def update(self):\n        return {}\n    def covariance(self):\n        return np.eye(3)\n",
          "covariance must have shape"),
         (OWN + "    def update(self):\n        return {}\n    def covariance(self):\n"
@@ -122,6 +123,18 @@ def test_a_sound_loop_has_no_remarks(tmp_path: Path) -> None:
         ("    def update(self):\n        return {}\n", "has a Filter and an update or covariance of its own"),
         (OWN, "has measurements and no filter"),
         (OWN + "    measurements = ()\n    def covariance(self):\n        return np.eye(2)\n", "no update of its own"),
+        (PHASES.format("Phase('b')"), "b needs a time or a Trigger at which it begins"),
+        (PHASES.format("Phase('a', 5.0)"), "a is there twice"),
+        (PHASES.format("Phase('b', 'noon')"), "b must begin at a time after 0 s"),
+        (PHASES.format("Phase('b', 5.0), Phase('c', 4.0)"), "c must begin at a time after 5 s"),
+        (PHASES.format("Phase('b', Trigger(lambda time: time - 3.5, 9)), Phase('c', 8.0)"), "b may begin as late as"),
+        (PHASES.format("Phase('b', Trigger(lambda time: time + 3.5, 9.0))"), "b: its flight without any error"),
+        (PHASES.format("Phase('b', 2.0), Phase('c', Trigger(lambda time: time - 2.0, 9.0))"),
+         "c: the trigger's function is zero at 2 s"),
+        (PHASES.format("5.0"), "phases must be Phase of mcnav"),
+        ("    phases = (Phase('a', 5.0),)\n", "a begins with the flight"),
+        ("    def guide(self, estimate, phase):\n        return 0.0\n", "guide asks for phase; it may name"),
+        (PHASES.format("Phase('b', 5.0)") + "    def rates(self, phase):\n        return {'x': {'a': 1}[phase]}\n", "'b'"),
         ("    memory = {'x': 'm'}\n", "the name 'x' is taken"),
         ("    memory = {'kept': 'm'}\n    def guide(self, estimate, memory):\n        return memory.lost\n", "'lost'"),
         ("    truth = {'x': Attitude('north'), 'v': 'm/s'}\n", "errors are in 'reference' or 'body' axes; got 'north'"),
@@ -156,6 +169,8 @@ def test_mistakes_get_one_line(tmp_path: Path, changes: str, told: str) -> None:
          "halved steps change"),
         ("    corrections = (Correction('push', 5.0, lambda estimate: np.stack([-estimate.v, 0 * estimate.v], axis=1),"
          " lambda truth, impulse: {'v': truth.v + impulse[:, 0]}),)\n", "the nominal push is zero"),
+        (PHASES.format("Phase('b', Trigger(lambda truth, time: time - 4.0 + 0.01 * truth.x, 9.0))"),
+         "the trigger of b is met at 4 s, within one sigma of the measurement at 4 s"),
         (OUTPUTS.format("truth", "{'miss': (np.abs(truth.x), 'm')}"), "outputs has a kink at the nominal"),
         ("    end = Trigger(lambda truth, time: 1e-3 * (time - 8.0) + 1e-2 * truth.x, latest=50.0)\n",
          "the trigger grazes"),
