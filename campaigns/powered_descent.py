@@ -2,15 +2,13 @@
 
 import numpy as np
 
-from mcnav import ClosedLoop, Filter, Measurement, Strapdown, Trigger, White
+from mcnav import ClosedLoop, Filter, Measurement, Phase, Strapdown, Trigger, White
 
 SITE = (0.4561, 0.0634)  # rad
-BRAKED, GATE = 480.0, 525.0  # s: end of braking, and the time for which it aims
-APPROACHED, OVER = 626.0, 645.0  # s: the same of the approach
+GATE, OVER = 525.0, 645.0  # s: for which braking and approach aim
 GATE_AT, GATE_BY = np.array([0.0, -4800.0, -2430.0]), np.array([0.0, 120.0, 40.0])  # m, m/s: north, east, down
 OVER_AT, OVER_BY = np.array([0.0, 0.0, -150.0]), np.array([0.0, 0.0, 8.5])  # over the site
-SINKING = 670.0  # s, from which on the rate of descent is the slowest
-SLOWEST, FLARE = 1.0, 27.0  # m/s, s: rate of the last descent at the ground, and altitude over what is added above it
+SLOWEST, FLARE = 1.0, 27.0  # m/s, s: rate of the last descent, and altitude over what is added to it before
 LOADED, EXHAUST = 15_000.0, 311.0 * 9.80665  # kg, m/s
 LEAST, MOST = 0.8, 6.0  # m/s^2, of the thrust per mass
 TURNING = 0.35  # 1/s, of the attitude towards the direction of the thrust
@@ -41,6 +39,12 @@ class Lander(ClosedLoop):
     truth = {"mass": "kg"}
     parameters = {"throttle": "1", "altimeter_scale": "1", "velocimeter_scale": "1"}
     processes = {"jitter": White("rad/sqrt(s)", 3)}
+    phases = (
+        Phase("braking"),
+        Phase("approach", begins=480.0),
+        Phase("descent", begins=626.0),
+        Phase("landing", begins=670.0),
+    )
     filter = Filter(considers=("altimeter_scale", "velocimeter_scale"), gains="nominal")
     command = ("1", ("thrust", "roll", "pitch", "yaw"))
     cycle, step = 2.0, 1.0
@@ -65,7 +69,7 @@ class Lander(ClosedLoop):
         angle, radius = 480e3 / 1737.4e3, 1737.4e3 + 15e3
         position = np.array([0.0, -radius * np.sin(angle), 1737.4e3 - radius * np.cos(angle)])
         velocity = 1690.0 * np.array([0.0, np.cos(angle), -np.sin(angle)])
-        push = self.wanted(np.zeros(1), position[None], velocity[None])[0]
+        push = self.wanted("braking", np.zeros(1), position[None], velocity[None])[0]
         up, along = push / np.linalg.norm(push), np.array([1.0, 0.0, 0.0])
         right = np.cross(-up, along) / np.linalg.norm(np.cross(-up, along))
         return {
@@ -73,19 +77,21 @@ class Lander(ClosedLoop):
             "attitude": np.stack([np.cross(right, -up), right, -up], axis=1),
         }  # fmt: skip
 
-    def wanted(self, time, position, velocity):
+    def wanted(self, phase, time, position, velocity):
         """Return the thrust per mass that guidance wants, along north, east and down, shape (n, 3)."""
-        time, altitude = time[:, None], self.navigator.altitude(position)[:, None]
-        braking = aimed(GATE - time, GATE_AT - position, velocity, GATE_BY)
-        approach = aimed_at_rest(OVER - time, OVER_AT - position, velocity, OVER_BY)
-        rate = SLOWEST + np.where(time < SINKING, altitude / FLARE, 0.0)
-        sinking = -SLOWING * (velocity + rate * UP)
-        wanted = np.where(time < BRAKED, braking, np.where(time < APPROACHED, approach, sinking))
+        time = time[:, None]
+        if phase == "braking":
+            wanted = aimed(GATE - time, GATE_AT - position, velocity, GATE_BY)
+        elif phase == "approach":
+            wanted = aimed_at_rest(OVER - time, OVER_AT - position, velocity, OVER_BY)
+        else:
+            added = self.navigator.altitude(position)[:, None] / FLARE if phase == "descent" else 0.0
+            wanted = -SLOWING * (velocity + (SLOWEST + added) * UP)
         return wanted - self.navigator.fall(position, velocity)
 
-    def guide(self, time, estimate):
+    def guide(self, phase, time, estimate):
         """Return thrust per mass, and the rates that turn the thrust to where it is wanted, and the body to north."""
-        wanted = self.wanted(time, estimate.position, estimate.velocity)
+        wanted = self.wanted(phase, time, estimate.position, estimate.velocity)
         size = np.linalg.norm(wanted, axis=1)
         direction = np.einsum("nji,nj->ni", estimate.attitude, wanted) / size[:, None]
         turn = np.cross(UP, direction) + estimate.attitude[:, :1, 1] * np.array([0.0, 0.0, 1.0])

@@ -210,3 +210,25 @@ def test_sources_without_a_size_have_derivatives(tmp_path: Path) -> None:
     gradient = MOON.gravitational_parameter / (MOON.radius + 500.0) ** 3
     assert partials[row, column] == pytest.approx(10.0 - gradient * 10.0**3 / 6.0, rel=1e-6)
     assert not partials[row, sources.index("position_north")]
+
+
+def test_motion_and_rates_may_name_the_phase(tmp_path: Path) -> None:
+    """Ten seconds, of which the first five without thrust: the mass of the class is spent in the others alone."""
+    changes = """
+    from mcnav import Phase
+    phases = (Phase("fall"), Phase("burn", begins=5.0))
+    truth = {"mass": "kg"}
+
+    def motion(self, phase):
+        return {"force": np.array([0.0, 0.0, -3.0 if phase == "burn" else 0.0]), "rate": np.zeros(3)}
+
+    def rates(self, truth, phase):
+        return {"mass": 0.0 * truth.mass - (2.0 if phase == "burn" else 0.0)}
+"""
+    scenario = read(tmp_path, changes).scenario
+    x, truth = scenario.plan.instants[scenario.plan.end].nominal, scenario.maps.structure.truth
+    assert x[truth.of("mass")] == pytest.approx(-10.0, rel=1e-9)
+    velocity = x[truth.of("velocity")]
+    fallen = 10.0 * MOON.gravitational_parameter / MOON.radius**2
+    assert velocity[2] == pytest.approx(fallen - 5.0 * 3.0, abs=2e-2)
+    assert abs(scenario.linear().end.nominal).max() == 0.0

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
+from inspect import Parameter, Signature
 from typing import Any, Final
 
 import numpy as np
@@ -12,12 +13,11 @@ from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.methods import Frame, Method, read_method
 from mcnav.systems.closed_loop.quantities import Quantity, as_kept
+from mcnav.systems.closed_loop.reading import OF_NAVIGATOR, OF_TRUTH
 from mcnav.systems.closed_loop.strapdown.navigator import Strapdown
 from mcnav.systems.ins.imu.instruments import AXES
 
 MERGED: Final = ("truth", "estimate", "parameters", "processes")
-OF_TRUTH: Final = ("time", "truth", "command", "parameters", "noise")
-OF_NAVIGATOR: Final = ("time", "estimate", "sensed", "parameters", "command")
 
 
 def navigator_of(instance: Any) -> Strapdown | None:
@@ -57,31 +57,33 @@ class WithNavigator:
             setattr(self, attribute, self._merged(attribute))
         motion = self._read("motion", OF_TRUTH)
         assert motion is not None
-        self._motion, self._rates = motion, self._read("rates", OF_TRUTH)
-        self._navigate = self._read("navigate", OF_NAVIGATOR)
+        self._motion, self._rates, self._navigate = (
+            motion, self._read("rates", OF_TRUTH), self._read("navigate", OF_NAVIGATOR),
+        )  # fmt: skip
+        self.rates = _naming(self._all_rates, "time", "truth", *motion.names, *_names(self._rates))
+        self.sense = _naming(self._sensed, "time", "parameters", "noise", *motion.names)
+        self.navigate = _naming(self._all_navigated, "estimate", "sensed", *_names(self._navigate))
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.__dict__["_instance"], name)
 
-    def rates(self, time: Array, truth: Any, command: Array, parameters: Any, noise: Any) -> dict[str, Any]:
+    def _all_rates(self, frame: Frame) -> dict[str, Any]:
         """Return the derivative of the truth: of position, velocity and attitude, and what the class adds."""
-        frame = _frame(time=time, truth=truth, command=command, parameters=parameters, noise=noise)
-        moved = self._navigator.rates(truth, *self._acting(frame, len(time)))
-        return {**moved, **_called(self._rates, frame)}
+        return {**self._navigator.rates(frame["truth"](), *self._acting(frame)), **_called(self._rates, frame)}
 
-    def sense(self, time: Array, truth: Any, command: Array, parameters: Any, noise: Any) -> dict[str, Array]:
+    def _sensed(self, frame: Frame) -> dict[str, Array]:
         """Return what the instruments read."""
-        frame = _frame(time=time, truth=truth, command=command, parameters=parameters, noise=noise)
-        return self._navigator.sense(*self._acting(frame, len(time)), parameters, noise)
+        return self._navigator.sense(*self._acting(frame), frame["parameters"](), frame["noise"]())
 
-    def navigate(self, time: Array, estimate: Any, sensed: Any, parameters: Any, command: Any) -> dict[str, Any]:
+    def _all_navigated(self, frame: Frame) -> dict[str, Any]:
         """Return the derivative of the estimate: the mechanization, and what the class adds."""
-        frame = _frame(time=time, estimate=estimate, sensed=sensed, parameters=parameters, command=command)
-        return {**self._navigator.navigate(estimate, sensed), **_called(self._navigate, frame)}
+        return {
+            **self._navigator.navigate(frame["estimate"](), frame["sensed"]()), **_called(self._navigate, frame),
+        }  # fmt: skip
 
-    def _acting(self, frame: Frame, count: int) -> tuple[Array, Array]:
-        """Return specific force and angular rate in body axes, each of shape (count, 3)."""
-        returned = self._motion(frame)
+    def _acting(self, frame: Frame) -> tuple[Array, Array]:
+        """Return specific force and angular rate in body axes, each of shape (n, 3)."""
+        returned, count = self._motion(frame), len(frame["time"]())
         if not isinstance(returned, Mapping) or set(returned) != {"force", "rate"}:
             raise ValueError("motion must return a mapping of force and rate")
         force, rate = (
@@ -103,11 +105,23 @@ class WithNavigator:
 
     def _read(self, name: str, known: tuple[str, ...]) -> Method | None:
         given = getattr(self._instance, name, None)
-        return None if given is None else read_method(given, f"{self._name}.{name}", known)
+        also = ("phase",) if self._instance.phases else ()
+        return None if given is None else read_method(given, f"{self._name}.{name}", (*known, *also))
 
 
-def _frame(**values: Any) -> Frame:
-    return {name: partial(_same, value) for name, value in values.items()}
+def _names(method: Method | None) -> tuple[str, ...]:
+    return () if method is None else method.names
+
+
+def _naming(function: Callable[[Frame], Any], *names: str) -> Callable[..., Any]:
+    """Return a method that names arguments, and calls a function with all of them by name."""
+
+    def method(**values: Any) -> Any:
+        return function({name: partial(_same, value) for name, value in values.items()})
+
+    parameters = [Parameter(name, Parameter.KEYWORD_ONLY) for name in dict.fromkeys(names)]
+    method.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    return method
 
 
 def _same(value: Any) -> Any:

@@ -11,7 +11,10 @@ from mcnav.systems.closed_loop.strapdown.navigator import ERRORS
 from mcnav.systems.ins.scenario import NOISE, SOURCES
 
 INSTRUMENT_SOURCES: Final = {source.name: source for source in SOURCES if source.group in ERRORS}
-SHOWN: Final = {each.name: each.shown_in for each in (*INSTRUMENT_SOURCES.values(), *NOISE)}
+SHOWN: Final = {
+    **{name: source.shown_in for name, source in INSTRUMENT_SOURCES.items()},
+    **{process.name: process.shown_in for process in NOISE},
+}
 
 
 def instrument_sources(instance: Any) -> Mapping[str, Source]:
