@@ -59,7 +59,7 @@ class Lander(ClosedLoop):
         Measurement(
             "velocimeter", "m/s", instants=np.arange(440.0, 760.0, 2.0),
             truth=lambda truth, parameters: (
-                (1.0 + parameters.velocimeter_scale)[:, None] * np.einsum("nji,nj->ni", truth.attitude, truth.velocity)
+                (1.0 + parameters.velocimeter_scale)[:, None] * Lander.navigator.to_body(truth.attitude, truth.velocity)
             ),
         ),
     )  # fmt: skip
@@ -93,7 +93,7 @@ class Lander(ClosedLoop):
         """Return thrust per mass, and the rates that turn the thrust to where it is wanted, and the body to north."""
         wanted = self.wanted(phase, time, estimate.position, estimate.velocity)
         size = np.linalg.norm(wanted, axis=1)
-        direction = np.einsum("nji,nj->ni", estimate.attitude, wanted) / size[:, None]
+        direction = self.navigator.to_body(estimate.attitude, wanted) / size[:, None]
         turn = np.cross(UP, direction) + estimate.attitude[:, :1, 1] * np.array([0.0, 0.0, 1.0])
         return np.column_stack([np.clip(size, LEAST, MOST), TURNING * turn])
 

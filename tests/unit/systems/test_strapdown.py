@@ -12,6 +12,7 @@ import tomli_w
 from mcnav import Strapdown
 from mcnav._types import Array
 from mcnav.config.read import read_campaign
+from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError
 from mcnav.systems.closed_loop.quantities import Values
@@ -232,3 +233,26 @@ def test_motion_and_rates_may_name_the_phase(tmp_path: Path) -> None:
     fallen = 10.0 * MOON.gravitational_parameter / MOON.radius**2
     assert velocity[2] == pytest.approx(fallen - 5.0 * 3.0, abs=2e-2)
     assert abs(scenario.linear().end.nominal).max() == 0.0
+
+
+def test_own_gains_have_the_same_bits_alone(tmp_path: Path) -> None:
+    """A sample among others and alone: gains by differences would magnify a product that depends on their number."""
+    changes = """
+    filter = Filter()
+
+    def guide(self, estimate):
+        push = -0.2 * estimate.velocity - self.navigator.fall(estimate.position, estimate.velocity)
+        return self.navigator.to_body(estimate.attitude, push)
+
+    def motion(self, command):
+        return {"force": command, "rate": np.array([0.0, 0.01, 0.0])}
+"""
+    described = read(tmp_path, changes)
+    engine = described.scenario.engine("vectorised", np.zeros((1, len(described.errors.names))))
+    errors = described.errors.standard_deviations * np.random.default_rng(5).standard_normal(
+        (3, len(described.errors.names))
+    )
+    batch = Batch(np.arange(3), errors, 7)
+    together, alone = engine.simulate(batch).values, engine.simulate(batch[1:2]).values
+    assert np.array_equal(together[1], alone[0])
+    assert np.ptp(together, axis=0).max() > 0.0

@@ -13,7 +13,7 @@ from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
 from mcnav.systems.closed_loop.declarations import Attitude, GaussMarkov, Unit, White
-from mcnav.systems.closed_loop.strapdown.planet_axes import PlanetAxes
+from mcnav.systems.closed_loop.strapdown.planet_axes import PlanetAxes, turned
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
 from mcnav.systems.ins.imu.readings import compensate, reading_errors, response_matrix
@@ -134,6 +134,16 @@ class Strapdown:
     def fall(self, position: Array, velocity: Array) -> Array:
         """Compute the acceleration over the axes without a specific force, shape (n, 3): gravity and Coriolis'."""
         return self.frame.fall(position, velocity)
+
+    @staticmethod
+    def to_body(attitude: Array, vectors: Array) -> Array:
+        """Turn vectors into body axes: ``C^T v``, shape (n, 3), of attitudes, shape (n, 3, 3)."""
+        return turned(attitude.swapaxes(-1, -2), vectors)
+
+    @staticmethod
+    def from_body(attitude: Array, vectors: Array) -> Array:
+        """Turn vectors from body axes: ``C v``, shape (n, 3), of attitudes, shape (n, 3, 3)."""
+        return turned(attitude, vectors)
 
     def rates(self, truth: Any, force: Array, rate: Array) -> dict[str, Array]:
         """Compute the rates of position, velocity and attitude of the truth."""

@@ -63,7 +63,9 @@ class PlanetAxes:
 
     def gravitation(self, position: Array) -> Array:
         """Compute the gravitation g at positions, both of shape (n, 3)."""
-        return self.planet.gravitation((self.origin + position) @ self.to_planet.T) @ self.to_planet
+        if self.site is None:
+            return self.planet.gravitation(position)
+        return turned(self.to_planet.T, self.planet.gravitation(turned(self.to_planet, self.origin + position)))
 
     def fall(self, position: Array, velocity: Array) -> Array:
         """Compute the acceleration over the axes without a specific force, shape (n, 3)."""
@@ -81,10 +83,17 @@ class PlanetAxes:
         position, velocity, force, rate : ndarray, shape (n, 3)
         attitude : ndarray, shape (n, 3, 3)
         """
-        turning = rate - self.spin @ attitude if self.spin.any() else rate
-        pushed = np.einsum("nij,nj->ni", attitude, force)
-        return {"position": velocity, "velocity": pushed + self.fall(position, velocity), "attitude": turning}
+        turning = rate - turned(attitude.swapaxes(1, 2), np.broadcast_to(self.spin, rate.shape))
+        felt = turned(attitude, force)
+        return {"position": velocity, "velocity": felt + self.fall(position, velocity), "attitude": turning}
 
     def altitude(self, position: Array) -> Array:
         """Compute the altitude above the planet's figure at positions, shape (n, 3): shape (n,)."""
-        return self.planet.to_geodetic((self.origin + position) @ self.to_planet.T)[:, 2]
+        return self.planet.to_geodetic(turned(self.to_planet, self.origin + position))[:, 2]
+
+
+def turned(matrix: Array, vectors: Array) -> Array:
+    """Turn vectors, shape (n, 3), by matrices, shape (n, 3, 3) or (3, 3): with the same bits for any n."""
+    x, y, z = vectors.T
+    rows = [matrix[..., row, 0] * x + matrix[..., row, 1] * y + matrix[..., row, 2] * z for row in range(3)]
+    return np.stack(rows, axis=-1)
