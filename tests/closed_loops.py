@@ -144,6 +144,17 @@ class Rendezvous(ClosedLoop):
         return {"position": truth.velocity, "velocity": gravity + noise.disturbance}
 
 
+class Trim(ClosedLoop):
+    """A correction of zero in the nominal, with the covariance of the rendezvous' burn."""
+
+    truth = {"velocity": ("m/s", 3)}
+    corrections = (Correction("burn", at=5.0, target=lambda estimate: -estimate.velocity),)
+    step, end = 5.0, 10.0
+
+    def rates(self):
+        return {}
+
+
 class Descent(ClosedLoop):
     """Sixty metres a second along, twenty down, for 50 seconds."""
 
@@ -320,6 +331,13 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
             {"between": ["position_z", "velocity_x"], "coefficient": 0.9},
         ],
         "processes": {"disturbance": f"{4.8e-10**0.5!r} m/s^2/sqrt(Hz)", "burn": f"{2.5e-7**0.5!r} m/s"},
+    },
+    "Trim": {
+        "errors": {
+            "true_velocity_x": "0.0336119023630829 m/s", "true_velocity_y": "0.043291158546284986 m/s",
+            "true_velocity_z": "0.09082802475163287 m/s",
+        },
+        "correlations": [{"between": ["true_velocity_x", "true_velocity_z"], "coefficient": 0.13732618}],
     },
     "Descent": {
         "errors": {"true_x": "30 m", "true_altitude": "25 m", "true_vx": "0.5 m/s", "true_vz": "0.4 m/s"},

@@ -33,6 +33,7 @@ from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.chunked import STRETCH
 from mcnav.statistics.estimates import Estimate, block_begins
 from mcnav.statistics.interim_sizes import confidence_of_each
+from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.whitening import whitening
 
 LARGEST_FAILED_SHARE: Final = 1e-3
@@ -55,6 +56,8 @@ class Model:
         Mean start errors, and start covariance S.
     processes : mapping of str to ndarray, shape (outputs, outputs)
         Covariance Q_j that each process of noise adds, by name.
+    sizes : mapping of int to tuple of int
+        Outputs that are the root sum of squares of others.
     """
 
     partials: Array
@@ -62,6 +65,7 @@ class Model:
     mean: Array
     covariance: Array
     processes: Mapping[str, Array] = field(default_factory=dict)
+    sizes: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
 
     @property
     def outcome_mean(self) -> Array:
@@ -78,6 +82,17 @@ class Model:
         covariance = covariance + sum(self.processes.values(), np.zeros_like(covariance))
         dispersed = np.diag(covariance) > self.rounding**2
         return np.asarray(np.where(np.outer(dispersed, dispersed), covariance, 0.0), dtype=float)
+
+    @property
+    def laws_of_sizes(self) -> dict[int, NormalSize]:
+        """Exact laws of sizes that have no derivative: those of vectors that are zero on average, by number."""
+        covariance, mean, laws = self.outcome_covariance, self.outcome_mean, {}
+        for number, members in self.sizes.items():
+            chosen = np.array(members)
+            part = covariance[np.ix_(chosen, chosen)]
+            if covariance[number, number] == 0.0 and part.any():
+                laws[number] = NormalSize.of(mean[chosen], part)
+        return laws
 
     @property
     def rounding(self) -> Array:
@@ -233,9 +248,12 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
     paired = sample - predicted + linear
     rule = DecisionRule(count, criterion.tolerance, each, design.fewest_blocks)
     ellipsoid, joint = None, None
+    of_sizes = model.laws_of_sizes
     with side_threads(2 if count > STRETCH else 0) as executor:
         judged = [
-            executor.submit(_compare_output, i, float(linear[i, i]), float(floor), moments, rule)
+            executor.submit(_compare_size, i, of_sizes[i], float(model.outcome_mean[i]), moments, rule)
+            if i in of_sizes
+            else executor.submit(_compare_output, i, float(linear[i, i]), float(floor), moments, rule)
             for i, floor in enumerate(model.rounding**2)
         ]
         if np.any(linear):
@@ -293,6 +311,20 @@ def _overall_verdict(outputs: Sequence[OutputComparison], failed: int, samples: 
     if nothing_to_compare or (verdict == Verdict.AGREES and failed > LARGEST_FAILED_SHARE * samples):
         return Verdict.UNDECIDED
     return verdict
+
+
+def _compare_size(
+    i: int, law: NormalSize, nominal: float, moments: BlockMoments, rule: DecisionRule
+) -> OutputComparison:
+    """Compare a size that has no derivative with its exact law: no linear outcome, the nominal, is paired with it."""
+    output = _compare_output(i, law.variance, 0.0, moments, rule)
+    unbiased = moments.samples / (moments.samples - 1.0)
+    plain = rule.mean(unbiased * moments.products(i, i)[0], moments.counts)
+    bias = replace(output.bias, value=output.bias.value + nominal - law.mean)
+    return replace(
+        output, sigma_paired=output.sigma_sample, paired=output.plain, paired_variance=plain, bias=bias,
+        detectable_paired=output.detectable_plain,
+    )  # fmt: skip
 
 
 def _compare_output(

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.causes import Cause, causes_of
@@ -15,12 +16,14 @@ from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_filter import LinearVerdict
+from mcnav.analysis.vector_sizes import linear_sizes
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.filter_verdict import LEAST
 from mcnav.report.filter_verdict import TONES as FILTER_TONES
 from mcnav.report.format import number, signed
 from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import NAMED, listed
+from mcnav.report.vector_sizes import size_sentence
 
 ROUNDING: Final = 1e-9
 """Share of an output's sigma and of what errors of usual size cause, below which its mean is rounding."""
@@ -69,6 +72,20 @@ def range_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     time, history = answer.beyond.time, answer.history
     since = "at the end" if time is None or history is None else f"from {instant(time, history.readings.label)} on"
     yield f"Errors are beyond the range of linear analysis {since}: {' and '.join(limits)}", "differs"
+
+
+def size_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
+    """Say what the sizes of corrections are by their exact law; nothing without any, or beyond the linear range."""
+    if answer.beyond is not None:
+        return
+    scale = scale_of(answer.outputs)
+    for law in linear_sizes(answer.model.sizes, answer.mean, answer.covariance):
+        output = answer.outputs[law.output]
+        numbers = (law.median, law.mean, law.most)
+        words = size_sentence(
+            output.name, numbers, law.three_sigma, law.wrong, float(scale[law.output]), output.shown_in
+        )
+        yield words.removesuffix("."), ""
 
 
 def filter_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
@@ -122,17 +139,26 @@ def _departure(answer: LinearAnswer) -> str:
     return f"{words}, because of {listed([(label_of(answer, cause.name), cause.share) for cause in named])}"
 
 
+def _with_mean_errors(answer: LinearAnswer) -> NDArray[np.bool_]:
+    """Tell whose means are errors, shape (outputs,): not those of commands, times and other values of the nominal."""
+    nominal = answer.model.nominal
+    return np.array([
+        output.of == "navigation" or (output.of == "truth" and value == 0.0)
+        for output, value in zip(answer.outputs, nominal.tolist(), strict=True)
+    ])  # fmt: skip
+
+
 def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     """Say where a mean error is largest against its sigma, and what causes it; nothing where all means are zero."""
-    history = answer.meaningful
-    if history is not None and not np.any(_without_rounding(answer, answer.model.nominal)):
+    history, errors = answer.meaningful, _with_mean_errors(answer)
+    if history is not None and not np.any(_without_rounding(answer, answer.model.nominal)[errors]):
         means, sigmas, parts = history.mean, history.sigma, dict(history.means)
     elif answer.beyond is None:
         means, sigmas = answer.mean[None], answer.sigma[None]
         parts = {name: values[None] for name, values in answer.means.items()}
     else:
         return
-    sizes = np.abs(_without_rounding(answer, means))
+    sizes = np.abs(_without_rounding(answer, means)) * errors
     if not sizes.any():
         return
     ratios = _ratios(sizes, sigmas)

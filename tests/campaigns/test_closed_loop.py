@@ -12,6 +12,7 @@ import pytest
 import tomli_w
 
 from mcnav.config.read import read_campaign
+from mcnav.report.lincov_words import mean_words
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.run import run_campaign
@@ -73,3 +74,55 @@ def test_a_plain_scenario_has_no_sizes_of_processes(tmp_path: Path) -> None:
     path.write_text(path.read_text(encoding="utf-8") + '\n[processes]\ngusts = "1 m"\n', encoding="utf-8")
     with pytest.raises(Exception, match="no ClosedLoop"):
         read_campaign(path)
+
+
+def test_the_size_of_a_correction_follows_its_exact_law(tmp_path: Path) -> None:
+    """nasa/condor's burn: median and quantile of 99.73 % as computed elsewhere; samples by their intervals."""
+    path = written(tmp_path / "case", "Rendezvous", samples=1_400)
+    told = in_process("run", path, "--out", tmp_path / "run", "--jobs", "1")
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
+    (size,) = summary["sizes"]
+    assert size["output"] == "burn_size"
+    assert size["median"] == pytest.approx(1.486095, abs=6e-7)
+    assert size["most"] == pytest.approx(1.603197, abs=6e-7)
+    assert size["three_sigma"] == pytest.approx(1.801769, abs=6e-7)
+    assert size["wrong"]
+    for name in ("median", "mean", "most"):  # deterministic; they hold with a confidence of 95 % each
+        low, high = size[f"{name}_interval"]
+        assert low < size[name] < high
+    sentence = "99.73 % below 1.6032 m/s (exact law; nominal plus 3 σ, 1.8018, is wrong)"
+    assert sentence in " ".join(told.output.split())
+    assert "Size of corrections" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    answer = linear_covariance(written(tmp_path / "case", "Rendezvous", accept={
+        "quantile": [{"output": "burn_size", "probability": 0.9973, "below": "1.7 m/s"}],
+    }))  # fmt: skip
+    assert answer.requirements[0].value == pytest.approx(1.603197, abs=6e-7)
+    assert answer.met
+
+
+def test_a_correction_without_a_nominal_has_a_law_and_no_linear_sigma(tmp_path: Path) -> None:
+    path = written(tmp_path / "case", "Trim", samples=400)
+    in_process("run", path, "--out", tmp_path / "run", "--jobs", "1")
+    (size,) = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))["sizes"]
+    assert size["nominal"] == 0.0
+    assert size["median"] == pytest.approx(0.085474, abs=6e-7)  # the covariance of condor's burn
+    assert size["mean"] == pytest.approx(0.094168, abs=6e-7)
+    assert size["most"] == pytest.approx(0.278972, abs=6e-7)
+    assert size["three_sigma"] == pytest.approx(0.318249, abs=6e-7)
+    low, high = size["median_interval"]
+    assert low < size["median"] < high
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
+    place = [output["name"] for output in summary["outputs"]].index("burn_size")
+    squares = 0.0336119023630829**2 + 0.043291158546284986**2 + 0.09082802475163287**2
+    assert summary["sigma_linear"][place] == pytest.approx((squares - size["mean"] ** 2) ** 0.5, rel=1e-9)
+    assert summary["verdicts"][place] != "differs"  # judged by its exact law
+    assert summary["verdict"] != "differs"
+
+
+def test_a_nominal_command_is_no_mean_error(tmp_path: Path) -> None:
+    """A correction and its time have values in the nominal; a parameter with a mean is a mean error."""
+    path = written(tmp_path / "case", "Kicked")
+    assert list(mean_words(linear_covariance(path))) == []
+    bias = {"true_vx": {"distribution": "fixed", "value": "1 m/s"}}
+    ((sentence, _),) = mean_words(linear_covariance(written(tmp_path / "case", "Kicked", errors=bias)))
+    assert "that of true x" in sentence

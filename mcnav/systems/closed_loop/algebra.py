@@ -147,12 +147,11 @@ def propagate(covariance: Array, f: Array, entering: Array) -> Array:
     """
     states, _, count = covariance.shape
     inputs = entering.shape[1]
-    shared, entering_shared = min(f.shape[2], count), min(entering.shape[2], count)
     check_shapes(
         (
             ("covariance", covariance, (states, states, count)),
-            ("f", f, (states, states, 1 if shared == 1 else count)),
-            ("entering", entering, (states, inputs, 1 if entering_shared == 1 else count)),
+            ("f", f, (states, states, 1 if f.shape[2] == 1 else count)),
+            ("entering", entering, (states, inputs, 1 if entering.shape[2] == 1 else count)),
         )
     )
     result = np.empty((states, states, count))

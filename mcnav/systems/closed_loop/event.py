@@ -39,18 +39,19 @@ def find_crossings(
     """
     (x, time), (since, value, after) = at_begin, bracket
     low, high, at_low, at_high = since.copy(), np.ones_like(value), value.copy(), after.copy()
-    best, least = high, np.abs(after)
+    best, least, done = high, np.abs(after), np.zeros(len(value), dtype=bool)  # others' searches change nothing
     for number in range(MOST_ITERATIONS):
         secant = (low * at_high - high * at_low) / np.where(at_high != at_low, at_high - at_low, 1.0)
         fraction = np.where((secant > low) & (secant < high) & (number % 8 < 6), secant, 0.5 * (low + high))
         there = maps.triggered(trigger, maps.step(x, time, length, white, fraction, since), time + fraction * length)
-        nearer = np.abs(there) < least
+        nearer = (np.abs(there) < least) & ~done
         best, least = np.where(nearer, fraction, best), np.where(nearer, np.abs(there), least)
         left = np.sign(there) == np.sign(value)
         at_high = np.where(left, 0.5 * at_high, there)
         at_low = np.where(left, there, 0.5 * at_low)
         low, high = np.where(left, fraction, low), np.where(left, high, fraction)
-        if np.all((least == 0.0) | (high - low < 1e-15)):
+        done |= (least == 0.0) | (high - low < 1e-15)
+        if done.all():
             break
     return np.asarray(best)
 

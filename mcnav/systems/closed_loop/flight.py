@@ -149,6 +149,8 @@ class Flight:
         bent = straight.departures(map_.x, map_.entering, outcome)
         if not bent.any():
             return propagate(covariance, f, entering)
+        if bent.all():
+            return propagate(covariance, *self.own_derivatives(map_, states))
         result = np.empty_like(covariance)
         result[:, :, ~bent] = propagate(covariance[:, :, ~bent], f, entering)
         result[:, :, bent] = propagate(covariance[:, :, bent], *self.own_derivatives(map_.some(bent), states))

@@ -108,7 +108,9 @@ class Maps:
 
     def by_phase(self, function: Callable[..., Array], x: Array, *arrays: Array) -> Array:
         """Call a function of X and other arrays, shape (..., n), for the samples of each phase by itself."""
-        numbers = self.phase_numbers(x) if self.phases else np.zeros(0)
+        if not self.phases:
+            return function(x, *arrays)
+        numbers = self.phase_numbers(x)
         present = np.unique(numbers)
         if len(present) < 2:
             return function(x, *arrays)

@@ -93,7 +93,8 @@ class Recorder:
     def of(cls, schema: FilterSchema, maps: Maps, states: FilterStates, count: int, epochs: int) -> Recorder:
         """Return one without records."""
         sensors = [Innovations(np.zeros((len(BY_SENSOR), count))) for _ in schema.sensors]
-        records = np.zeros((count, epochs, schema.width))
+        records = np.zeros((epochs, count, schema.width)).transpose(1, 0, 2)  # an epoch is written at once
+        records[:, :, schema.places["covariance"]] = np.nan
         return cls(schema, maps, states, group_members(maps, states), records, sensors)
 
     def navigation_errors(self, x: Array) -> Array:
@@ -112,7 +113,6 @@ class Recorder:
             chosen = np.array(members)
             row[:, places["nees"].start + column] = normalized_squares(errors[chosen], own[chosen[:, None], chosen])
         known = np.array(schema.known)
-        row[:, places["covariance"]] = np.nan
         below, across = np.tril_indices(estimated)
         high, low = np.maximum(known[below], known[across]), np.minimum(known[below], known[across])
         row[:, places["covariance"].start + high * (high + 1) // 2 + low] = own[below, across].T

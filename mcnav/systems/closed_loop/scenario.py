@@ -14,8 +14,16 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History, Panel
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output, Source
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.systems.closed_loop.beliefs import believed_shares
+from mcnav.systems.closed_loop.departures import (
+    check_finite,
+    departures_from_twins,
+    growth_of,
+    sigmas_of,
+    singular_corrections,
+)
 from mcnav.systems.closed_loop.engine import ClosedLoopEngine, judged_states, maps_of, readout_of, set_up
 from mcnav.systems.closed_loop.filter import read_filter
 from mcnav.systems.closed_loop.linear import LinearReadings, process_names, read_plan
@@ -23,6 +31,7 @@ from mcnav.systems.closed_loop.own_update import stated_covariance
 from mcnav.systems.closed_loop.plan import Plan, make_plan
 from mcnav.systems.closed_loop.reading import read_start
 from mcnav.systems.closed_loop.records import schema_of
+from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.closed_loop.soundness import check_repeatable, remarks_on
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
@@ -30,6 +39,9 @@ from mcnav.systems.closed_loop.strapdown.shown import instrument_sources, shown_
 from mcnav.systems.closed_loop.timeline import read_timeline
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.code import UserScenarioSpec
+
+REVISION: Final = 1
+"""Counts the changes of the samples' last digits: before, products of a library were of all samples at once."""
 
 LABEL: Final = "time [s]"
 
@@ -63,6 +75,7 @@ class ClosedLoopScenario:
     """
 
     engines = ("vectorised",)
+    revision = REVISION
     outages: tuple[tuple[float, float], ...] = ()
 
     def __init__(self, spec: UserScenarioSpec, sizes: LoopSizes) -> None:
@@ -170,7 +183,10 @@ class ClosedLoopScenario:
     @cached_property
     def readings(self) -> LinearReadings:
         """The linear system at the epochs."""
-        return read_plan(self.plan, self.maps, self.sizes.true, self.readout, self._chosen)
+        with np.errstate(all="ignore"):
+            readings = read_plan(self.plan, self.maps, self.sizes.true, self.readout, self._chosen)
+        check_finite(readings, tuple(output.name for output in self.outputs))
+        return readings
 
     @property
     def reading_times(self) -> Array:
@@ -273,13 +289,21 @@ class ClosedLoopScenario:
         setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
         with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
             try:
-                check_repeatable(setup)
-                return tuple(remarks_on(setup, self._sigmas_of_times))
+                batch, result = check_repeatable(setup)
+                return (*remarks_on(setup, self._sigmas_of_times), *self._departures(setup, batch, result))
             except ScenarioError:
                 raise
             except (Exception, SystemExit) as failure:
                 message = f"flights with small errors failed: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
+
+    def _departures(self, setup: Setup, batch: Batch, result: SimulationResult) -> tuple[str, ...]:
+        """Say what linear analysis says of the loop itself, and how a few samples depart from it."""
+        names = tuple(output.name for output in self.outputs)
+        start = self.sizes.true.start
+        said = [*growth_of(self.readings, names, start), *singular_corrections(setup, self.readings, names)]
+        sigma = sigmas_of(self.readings, start)[-1]
+        return tuple(said or departures_from_twins(setup, batch, result, sigma))
 
     @property
     def _sigmas_of_times(self) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -52,6 +52,14 @@ class Sizes:
             np.zeros((sources, sources)), np.zeros(structure.white.size), np.zeros(structure.markov.size),
             np.zeros(structure.markov.size), tuple(np.zeros(sensor.size) for sensor in maps.sensors),
             tuple(np.zeros(quantity.size) for quantity in structure.corrections.quantities),
+        )  # fmt: skip
+
+    def scaled(self, share: float) -> Sizes:
+        """Return those with a share of all errors."""
+        return replace(
+            self, start=share**2 * self.start, white=share * self.white, markov=share * self.markov,
+            measurements=tuple(share * each for each in self.measurements),
+            corrections=tuple(share * each for each in self.corrections),
         )  # fmt: skip
 
     @property

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.contract.samples import Batch
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.maps import Event
 from mcnav.systems.closed_loop.setup import Setup
@@ -30,8 +30,8 @@ GRAZING: Final = 0.1
 """Sigma of the final time as a share of the flight from which on a trigger grazes."""
 
 
-def check_repeatable(setup: Setup) -> None:
-    """Simulate a few samples twice, and one alone.
+def check_repeatable(setup: Setup) -> tuple[Batch, SimulationResult]:
+    """Simulate a few samples twice, with one call of each method between, and one alone; return them.
 
     Raises
     ------
@@ -40,7 +40,9 @@ def check_repeatable(setup: Setup) -> None:
     """
     errors = np.random.default_rng(SEED).standard_normal((SAMPLES, len(setup.maps.structure.sources)))
     batch = Batch(np.arange(SAMPLES), errors * np.sqrt(np.maximum(np.diag(setup.true.start), 0.0)), SEED)
-    first, second = (simulate(setup, batch, noise=True, over_time=False).values for _ in range(2))
+    result = simulate(setup, batch, noise=True, over_time=False)
+    _call_once(setup)
+    first, second = result.values, simulate(setup, batch, noise=True, over_time=False).values
     if not np.array_equal(first, second, equal_nan=True):
         raise ScenarioError(
             "type",
@@ -56,6 +58,18 @@ def check_repeatable(setup: Setup) -> None:
             f"{output} of a sample changes with the samples beside it: is a mean or a sum taken over samples? "
             "A method must treat each by itself",
         )
+    return batch, result
+
+
+def _call_once(setup: Setup) -> None:
+    """Call each method once: one that counts its calls answers the next flight differently."""
+    maps, x, time = setup.maps, setup.start[:, None], np.zeros(1)
+    white = np.zeros((maps.structure.white.size + maps.structure.markov.size, 1))
+    frame = maps.truth_frame(x, time, white)
+    for method in (maps.rates, maps.sense, *(sensor.truth for sensor in maps.sensors)):
+        if method is not None:
+            method(frame)
+    maps.after_guidance(x, time)
 
 
 def remarks_on(setup: Setup, sigmas: Mapping[str, float]) -> list[str]:
@@ -85,16 +99,35 @@ def remarks_on(setup: Setup, sigmas: Mapping[str, float]) -> list[str]:
                 f"the nominal {quantity.name} is zero: its size has no derivative there, and mean plus three sigma "
                 "is no bound of it"
             )
+    remarks += _unmeasured(setup)
     for event in setup.maps.events:
         remarks += _near_updates(setup, event, sigmas[event.name])
-    remarks += _step_error(setup)
-    for event in setup.maps.events:
         time, sigma = plan.event_times[event.name], sigmas[event.name]
         if sigma > GRAZING * time:
             remarks.append(
-                f"{_trigger_of(event)} grazes: one sigma of {'the final' if event.kind == 'end' else 'its'} time is "
-                f"{sigma:.3g} s of {time:.4g} s, for which there is no linear model"
+                f"{_trigger_of(event)} grazes: one sigma of "
+                f"{'the final' if event.kind == 'end' else 'its'} time is {sigma:.3g} s of {time:.4g} s, for which "
+                "linear analysis is rough"
             )
+    return remarks + _step_error(setup)
+
+
+def _unmeasured(setup: Setup) -> list[str]:
+    """Name sensors that never measure, a filter without any, and samples that outlast the planned gains."""
+    maps, states = setup.maps, setup.states
+    if states is None:
+        return []
+    instants = [each.instant for each in setup.plan.instants]
+    done = {number for instant in instants for number in instant.measurements}
+    if not done:
+        return ["the filter has no measurement within the flight: it propagates its covariance, and corrects nothing"]
+    remarks = [
+        f"{sensor.declared.name} never measures within the flight without errors"
+        for number, sensor in enumerate(maps.sensors)
+        if number not in done
+    ]
+    if not states.own_gains and any(event.kind == "end" for event in maps.events):
+        remarks.append("samples that end later than the flight without errors use the last planned gains")
     return remarks
 
 
@@ -123,13 +156,14 @@ def _step_error(setup: Setup) -> list[str]:
     inputs, space = structure.white.size + structure.markov.size, structure.space
     sides = np.concatenate([np.zeros((structure.size, 1)), np.diag(setup.steps), -np.diag(setup.steps)], axis=1)
     white = np.zeros((2, inputs, sides.shape[1]))
+    fractions = np.repeat([1.0, 0.5], sides.shape[1])
     total, largest, at = np.zeros(structure.size), np.zeros(structure.size), np.zeros(structure.size)
     for planned in setup.plan.instants:
         length, times = planned.instant.length, planned.instant.step_times()
         for time, before in zip(times, planned.before[: len(times)], strict=False):
             x, begin = space.plus(before[:, None], sides), np.full(sides.shape[1], time)
-            whole = maps.step(x, begin, length, white)
-            half = maps.step(x, begin, 0.5 * length, white)
+            both = maps.step(np.tile(x, 2), np.tile(begin, 2), length, np.tile(white, 2), fractions)
+            whole, half = both[:, : x.shape[1]], both[:, x.shape[1] :]
             error = _largest(space.minus(maps.step(half, begin + 0.5 * length, 0.5 * length, white), whole))
             total += error
             at = np.where(error > largest, time, at)

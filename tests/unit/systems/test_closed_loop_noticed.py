@@ -80,6 +80,14 @@ def test_a_sound_loop_has_no_remarks(tmp_path: Path) -> None:
          "a mean or a sum taken over samples"),
         ("    def guide(self, estimate):\n        self.n = getattr(self, 'n', 0) + 1\n        return 1e-3 * self.n\n",
          "kept in self from one call to the next"),
+        ("    def rates(self, truth, command, noise):\n        self.n = getattr(self, 'n', 0) + 1\n"
+         "        return {'x': truth.v, 'v': command + noise.gusts + 1e-3 * (self.n % 2)}\n",
+         "kept in self from one call to the next"),
+        ("    def rates(self, truth, command, noise):\n"
+         "        return {'x': truth.v - 0.01 * np.mean(truth.x), 'v': command + noise.gusts}\n",
+         "a mean or a sum taken over samples"),
+        ("    end = 2000.0\n    def guide(self, estimate):\n        return 2.0 * estimate.x + 2.0 * estimate.v\n",
+         "the loop diverges: the linear sigma of"),
         ("    def guide(self, estimate):\n        return np.random.default_rng().standard_normal(len(estimate.x))\n",
          "is something random"),
         ("    def guide(self, estimate):\n        return -0.2 * estimate.y\n", "estimate has no 'y'"),
@@ -134,7 +142,8 @@ def test_a_sound_loop_has_no_remarks(tmp_path: Path) -> None:
         (PHASES.format("5.0"), "phases must be Phase of mcnav"),
         ("    phases = (Phase('a', 5.0),)\n", "a begins with the flight"),
         ("    def guide(self, estimate, phase):\n        return 0.0\n", "guide asks for phase; it may name"),
-        (PHASES.format("Phase('b', 5.0)") + "    def rates(self, phase):\n        return {'x': {'a': 1}[phase]}\n", "'b'"),
+        (PHASES.format("Phase('b', 5.0)") + "    def rates(self, phase):\n        return {'x': {'a': 1}[phase]}\n",
+         "'b'"),
         ("    memory = {'x': 'm'}\n", "the name 'x' is taken"),
         ("    memory = {'kept': 'm'}\n    def guide(self, estimate, memory):\n        return memory.lost\n", "'lost'"),
         ("    truth = {'x': Attitude('north'), 'v': 'm/s'}\n", "errors are in 'reference' or 'body' axes; got 'north'"),
@@ -174,6 +183,15 @@ def test_mistakes_get_one_line(tmp_path: Path, changes: str, told: str) -> None:
         (OUTPUTS.format("truth", "{'miss': (np.abs(truth.x), 'm')}"), "outputs has a kink at the nominal"),
         ("    end = Trigger(lambda truth, time: 1e-3 * (time - 8.0) + 1e-2 * truth.x, latest=50.0)\n",
          "the trigger grazes"),
+        ("    def guide(self, estimate):\n        return np.clip(-0.2 * estimate.x - 0.6 * estimate.v, -0.5, 0.5)\n",
+         "something bends within the dispersion, such as a limit"),
+        ("    def guide(self, estimate):\n"
+         "        return np.where(np.abs(estimate.x) < 3.0, 0.0, -0.2 * estimate.x) - 0.6 * estimate.v\n",
+         "something bends within the dispersion, such as a limit, a dead band"),
+        ("    end = 40.0\n    def guide(self, estimate):\n        return 0.3 * estimate.x + 0.3 * estimate.v\n",
+         "the loop diverges: the linear sigma of true_"),
+        ("    measurements = (Measurement('ranging', 'm', lambda truth: truth.x, instants=[100.0]),)\n",
+         "the filter has no measurement within the flight"),
         (PUSH.format("Trigger(lambda time, truth: time - 4.5 + 0.5 * truth.x, latest=9.0)"),
          "the trigger of push is met at 4.5 s, within one sigma of the measurement at 4 s"),
         (PUSH.format("Trigger(lambda time, truth: 1e-2 * (time - 4.5) + truth.x, latest=9.0)"),
@@ -204,3 +222,38 @@ def test_remarks(tmp_path: Path, changes: str, told: str) -> None:
 )
 def test_tables(tmp_path: Path, tables: dict[str, Any], told: str) -> None:
     assert any(each in refusal(tmp_path, "", **tables) for each in told.split("|"))
+
+
+TRANSFER = """
+RATE = 1.14e-3
+
+def transition(time):
+    s, c, w = np.sin(RATE * time), np.cos(RATE * time), RATE
+    return np.array([[c, 0.0, s / w, 0.0], [0.0, 1.0, 0.0, time], [-w * s, 0.0, c, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+class Loop(ClosedLoop):
+    truth = {"position": ("m", "xz"), "velocity": ("m/s", "xz")}
+    filter = Filter()
+    step, end = 20.0, ARRIVAL
+
+    def target(estimate):
+        whole = transition(ARRIVAL - 100.0)
+        wanted = np.linalg.solve(whole[:2, 2:], -(estimate.position @ whole[:2, :2].T).T).T
+        return wanted - estimate.velocity
+
+    corrections = (Correction("burn", at=100.0, target=target),)
+
+    def rates(self, truth):
+        x, z = truth.position.T
+        return {"position": truth.velocity, "velocity": np.stack([-(RATE**2) * x, 0.0 * z], axis=1)}
+"""
+
+
+@pytest.mark.parametrize(("angle", "told"), [(150.0, False), (179.0, True), (179.99, True), (180.0, True)])
+def test_a_target_near_180_degrees_is_told(tmp_path: Path, angle: float, told: bool) -> None:
+    """Linear analysis stays finite, and names the correction whose target is nearly singular."""
+    arrival = f"ARRIVAL = 100.0 + {float(np.radians(angle)) / 1.14e-3!r}"
+    errors = {"true_position": "33 m", "true_velocity": "0.04 m/s", "position": "3 m", "velocity": "0.004 m/s"}
+    loop = scenario(tmp_path, arrival + TRANSFER, errors=errors, processes={}, measurements={})
+    assert any("its target is nearly singular" in remark for remark in loop.remarks) == told
+    assert np.isfinite(loop.linear().end.partials).all()

@@ -1,0 +1,149 @@
+"""What a loop's linear analysis says of the loop itself: growth, singular targets, and a few samples beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.scenario import ScenarioError
+from mcnav.systems.closed_loop.linear import LinearReadings
+from mcnav.systems.closed_loop.setup import Setup
+from mcnav.systems.closed_loop.simulation import simulate
+
+SMALL_SHARE: Final = 0.01
+"""Share of all errors and noise with which samples must follow their twins."""
+
+SMALL_DEPARTURE: Final = 0.05
+"""Departure of a sample with small errors from its twin, in its sigma: a term of second order leaves a hundredth."""
+
+DEPARTURE: Final = 0.5
+"""Departure of a sample from its twin, in sigma, from which on something bends within one sigma."""
+
+GROWTH: Final = 50.0
+"""Growth of a sigma within the second half of a flight: one that grows with the cube of time grows eightfold."""
+
+MAGNIFIED: Final = 10.0
+"""Sigma of a correction over what the dispersions call for, from which on its target is nearly singular."""
+
+
+def departures_from_twins(setup: Setup, batch: Batch, whole: SimulationResult, sigma: Array) -> list[str]:
+    """Say where samples depart from their twins, with all errors and with a hundredth of them.
+
+    Parameters
+    ----------
+    whole : SimulationResult
+        Of the batch.
+    sigma : ndarray, shape (outputs,)
+        Linear, at the end.
+    """
+    small_setup = replace(setup, true=setup.true.scaled(SMALL_SHARE))
+    small = simulate(small_setup, replace(batch, errors=SMALL_SHARE * batch.errors), noise=True, over_time=False)
+    name, most = _largest(setup, small, SMALL_SHARE * sigma)
+    if most > SMALL_DEPARTURE:
+        return [
+            f"with a hundredth of all errors and noise a sample still departs from linear analysis by {most:.2g} of "
+            f"its sigma in {name}: something bends, jumps or rounds at the nominal"
+        ]
+    name, most = _largest(setup, whole, sigma)
+    if most > DEPARTURE:
+        return [
+            f"a sample departs from linear analysis by {most:.2g} sigma in {name}, and with a hundredth of all errors "
+            "and noise follows it: something bends within the dispersion, such as a limit, a dead band or an event"
+        ]
+    return []
+
+
+def _largest(setup: Setup, result: SimulationResult, sigma: Array) -> tuple[str, float]:
+    """Return the output with the largest departure, and that in sigma; sizes of corrections have a law of their own."""
+    outputs, linear = setup.readout.outputs, result.linear_values
+    if linear is None:
+        return "", 0.0
+    usual = (sigma > setup.floor) & np.array([not output.size_of for output in outputs])
+    shares = np.abs(result.values - linear) / np.where(usual, sigma, np.inf)
+    most = np.nan_to_num(shares).max(axis=0)
+    worst = int(np.argmax(most))
+    return outputs[worst].name, float(most[worst])
+
+
+def check_finite(readings: LinearReadings, names: tuple[str, ...]) -> None:
+    """Raise `ScenarioError` when a loop's linear system grows beyond all numbers."""
+    known = np.isfinite(readings.partials).all(axis=2) & np.isfinite(readings.nominal)
+    for covariance in readings.processes.values():
+        known &= np.isfinite(np.diagonal(covariance, axis1=1, axis2=2))
+    if known.all():
+        return
+    epoch = int(np.argmin(known.all(axis=1)))
+    output = names[int(np.argmin(known[epoch]))]
+    raise ScenarioError(
+        "type",
+        f"the loop diverges: the linear sigma of {output} is beyond all numbers at {readings.times[epoch]:.4g} s; is "
+        "the sign of a gain wrong, or the flight too long?",
+    )
+
+
+def growth_of(readings: LinearReadings, names: tuple[str, ...], start: Array) -> list[str]:
+    """Say when a sigma grows as those of a loop that diverges do.
+
+    Parameters
+    ----------
+    start : ndarray, shape (sources, sources)
+        Covariance of the sources.
+    """
+    sigmas = sigmas_of(readings, start)
+    middle = int(np.searchsorted(readings.times, 0.5 * readings.times[-1]))
+    if middle >= len(sigmas) - 1:
+        return []
+    before, after = sigmas[middle], sigmas[-1]
+    growth = np.where(before > 0.0, after / np.where(before > 0.0, before, 1.0), 0.0)
+    growth = np.where([name.startswith("true_") for name in names], growth, 0.0)
+    worst = int(np.argmax(growth))
+    if not growth[worst] > GROWTH:
+        return []
+    return [
+        f"the loop diverges: the linear sigma of {names[worst]} grows {growth[worst]:.3g} times from "
+        f"{readings.times[middle]:.4g} s to {readings.times[-1]:.4g} s"
+    ]
+
+
+def sigmas_of(readings: LinearReadings, start: Array) -> Array:
+    """Compute the linear sigmas of the outputs at the epochs, shape (m, outputs)."""
+    variances = np.einsum("moi,ij,moj->mo", readings.partials, start, readings.partials)
+    variances = variances + sum(np.diagonal(each, axis1=1, axis2=2) for each in readings.processes.values())
+    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
+
+
+def singular_corrections(setup: Setup, readings: LinearReadings, names: tuple[str, ...]) -> list[str]:
+    """Say which corrections are many times what the dispersions before them call for.
+
+    These are that of the state which the impulse is added to, and of states whose rate it is over the rest of the
+    flight.
+    """
+    maps, told = setup.maps, []
+    sigmas = sigmas_of(readings, setup.true.start)
+    for number, impulse in enumerate(maps.impulses):
+        planned = [each.time for each in setup.timeline if number in each.corrections]
+        state = impulse.declared.apply
+        if not planned or not isinstance(state, str) or planned[0] >= readings.times[-1]:
+            continue
+        before = max(int(np.searchsorted(readings.times, planned[0])) - 1, 0)
+        usual = 0.0
+        for quantity in maps.structure.truth.quantities:
+            places = [names.index(f"true_{name}") for name in quantity.names]
+            size = float(sigmas[before, places].max())
+            if quantity.name == state:
+                usual = max(usual, size)
+            elif f"{quantity.unit}/s" == impulse.declared.noise:
+                usual = max(usual, size / (readings.times[-1] - planned[0]))
+        places = [names.index(name) for name in maps.structure.corrections.quantities[number].names]
+        worst = max(places, key=lambda place: sigmas[-1, place])
+        if usual > 0.0 and sigmas[-1, worst] > MAGNIFIED * usual:
+            told.append(
+                f"one sigma of {names[worst]} is {sigmas[-1, worst]:.3g} {impulse.declared.noise}, "
+                f"{sigmas[-1, worst] / usual:.2g} times what the dispersions call for: its target is nearly singular, "
+                "as that of a transfer near 180 degrees"
+            )
+    return told
