@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         Trigger,
         White,
     )
+    from mcnav.systems.closed_loop.strapdown.navigator import Strapdown
     from mcnav.systems.user.flown import Flown, Innovations
     from mcnav.workflow.analyse import report_run, samples_of, summary_of
     from mcnav.workflow.compare import RunComparison, compare_runs
@@ -58,6 +59,7 @@ _HOMES = {
     "Measurement": "mcnav.systems.closed_loop.declarations",
     "Phase": "mcnav.systems.closed_loop.declarations",
     "Trigger": "mcnav.systems.closed_loop.declarations",
+    "Strapdown": "mcnav.systems.closed_loop.strapdown.navigator",
     "White": "mcnav.systems.closed_loop.declarations",
     "Allocation": "mcnav.analysis.allocation",
     "RunComparison": "mcnav.workflow.compare",
@@ -112,6 +114,7 @@ __all__ = [
     "RunFolderError",
     "SimulationResult",
     "Source",
+    "Strapdown",
     "Trigger",
     "White",
     "allocate",

@@ -191,6 +191,8 @@ class ClosedLoop:
         ``truth``: the estimate starts as the sample's truth plus its errors; ``nominal``: as the nominal plus these.
     command : str or tuple, optional
         Unit, and axes, of what ``guide`` returns.
+    navigator : Strapdown, optional
+        An inertial navigator, which brings states, errors and methods of its own.
 
     A method ``outputs`` returns further outputs with their units, ``{"miss": (values, "m")}``, of the arguments that it
     names: time, truth, estimate, command, parameters, memory. Of truth or estimate alone they are dispersions, of both
@@ -211,3 +213,4 @@ class ClosedLoop:
     end: ClassVar[float | Trigger | None] = None
     navigator_start: ClassVar[Literal["truth", "nominal"]] = "truth"
     command: ClassVar[Unit] = "1"
+    navigator: ClassVar[Any] = None

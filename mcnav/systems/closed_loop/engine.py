@@ -18,6 +18,7 @@ from mcnav.systems.closed_loop.readout import Readout
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.simulation import simulate
 from mcnav.systems.closed_loop.sizes import LoopSizes, difference_steps
+from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.timeline import read_timeline
 from mcnav.systems.sample_loop import simulate_alone
 from mcnav.systems.timeouts import SampleTimeout, within_limit
@@ -81,7 +82,7 @@ class ClosedLoopEngine:
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples; without noise their final outputs alone."""
-        instance = self.spec.build().value
+        instance = with_navigator(self.spec.build().value)
         setup = set_up(instance, self.spec.name, self.sizes, self.plan, self.instants, self.filter)
 
         def some(part: Batch) -> SimulationResult:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.contract.linear import Update
@@ -142,7 +143,8 @@ def read_plan(
         if (number in wanted or changes) and not known:
             read(time, planned.nominal, linear, "after" if changes else None, planned.covariance)
     floor = readout.floor(plan)
-    rows = [_without_rounding(row, true.start, floor) for row in rows]
+    steps = np.array([plan.steps[source.moves[0]] for source in maps.structure.sources])
+    rows = [_without_rounding(row, true.start, floor, steps) for row in rows]
     none = np.zeros((len(readout.outputs),) * 2)
     names = list(dict.fromkeys(name for row in reversed(rows) for name in row[3]))
     return LinearReadings(
@@ -155,10 +157,21 @@ def read_plan(
     )
 
 
-def _without_rounding(row: Row, start: Array, floor: Array) -> Row:
-    """Return a reading in which outputs that are rounding alone are not dispersed at all."""
+def _without_rounding(row: Row, start: Array, floor: Array, steps: Array) -> Row:
+    """Return a reading in which outputs that are rounding alone are not dispersed at all.
+
+    Partial derivatives by sources without a size are kept where the step of a difference moves the output.
+    """
     time, partials, nominal, processes = row
     variance = np.einsum("ij,jk,ik->i", partials, start, partials)
     variance += sum((np.diag(each) for each in processes.values()), np.zeros(len(floor)))
-    kept = np.asarray(variance > floor**2, dtype=float)
-    return time, partials * kept[:, None], nominal, {k: each * np.outer(kept, kept) for k, each in processes.items()}
+    kept = variance > floor**2
+    moved = (np.diag(start) == 0.0) & (np.abs(partials) * steps > floor[:, None])
+    sizes = {name: _kept(each, kept) for name, each in processes.items()}
+    return time, np.where(kept[:, None] | moved, partials, 0.0), nominal, sizes
+
+
+def _kept(covariance: Array, kept: NDArray[np.bool_]) -> Array:
+    """Return a process's covariance of the outputs that are kept, without variances that rounding makes negative."""
+    own = kept & (np.diag(covariance) > 0.0)
+    return np.where(np.outer(own, own), covariance, 0.0)

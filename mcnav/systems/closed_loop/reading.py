@@ -19,7 +19,9 @@ from mcnav.systems.closed_loop.quantities import Block, Values, spread
 from mcnav.systems.closed_loop.readout import standard_outputs
 from mcnav.systems.closed_loop.structure import Structure, measurements_of, phases_of, read_structure
 
-_OF_TRUTH: Final = ("time", "truth", "command", "parameters", "noise")
+OF_TRUTH: Final = ("time", "truth", "command", "parameters", "noise")
+OF_NAVIGATOR: Final = ("time", "estimate", "sensed", "parameters", "command", "memory")
+"""What ``rates`` and ``sense``, and ``navigate``, may name."""
 
 TRIED: Final = 3
 """Samples with which methods are tried out."""
@@ -37,7 +39,7 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
         given = getattr(instance, attribute, None)
         return None if given is None else read_method(given, f"{name}.{attribute}", (*known, *also))
 
-    rates = method("rates", _OF_TRUTH)
+    rates = method("rates", OF_TRUTH)
     if rates is None:
         raise ScenarioError("type", f"{name} needs a method rates(self, truth, ...), the derivative of the truth")
     sensors = tuple(
@@ -63,8 +65,8 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
     maps = Maps(
         structure,
         rates,
-        method("sense", _OF_TRUTH),
-        method("navigate", ("time", "estimate", "sensed", "parameters", "command", "memory")),
+        method("sense", OF_TRUTH),
+        method("navigate", OF_NAVIGATOR),
         method("guide", ("time", "estimate", "memory")),
         sensors,
         impulses,

@@ -34,6 +34,8 @@ from mcnav.systems.closed_loop.records import schema_of
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.closed_loop.soundness import check_repeatable, remarks_on
+from mcnav.systems.closed_loop.strapdown.merged import with_navigator
+from mcnav.systems.closed_loop.strapdown.shown import instrument_sources, shown_units
 from mcnav.systems.closed_loop.timeline import read_timeline
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.code import UserScenarioSpec
@@ -80,7 +82,7 @@ class ClosedLoopScenario:
         self.spec = spec
         self.sizes = sizes
         self._object = spec.build_current()
-        self._instance = self._object.value
+        self._instance = with_navigator(self._object.value)
         self.maps = maps_of(self._instance, spec.name, sizes)
         self._start = read_start(self._instance, spec.name, self.maps.structure)
         self.timeline = read_timeline(self._instance, spec.name, tuple(sensor.declared for sensor in self.maps.sensors))
@@ -88,7 +90,10 @@ class ClosedLoopScenario:
         self._check_navigator(spec.name)
         self.judged = judged_states(self._instance, spec.name, self.maps)
         self.readout = readout_of(self.maps)
-        self.outputs: tuple[Output, ...] = self.readout.outputs
+        shown = shown_units(self._instance)
+        self.outputs: tuple[Output, ...] = tuple(
+            replace(output, shown_in=shown.get(output.name, output.shown_in)) for output in self.readout.outputs
+        )
 
     def _check_navigator(self, name: str) -> None:
         """Raise `ScenarioError` when nothing uses the measurements, or two would."""
@@ -104,13 +109,13 @@ class ClosedLoopScenario:
     def sources(self) -> tuple[Source, ...]:
         """Errors at the start, and parameters."""
         sigmas = np.sqrt(np.maximum(np.diag(self.sizes.true.start), 0.0))
-        return tuple(
-            Source(
-                each.name, each.unit, each.unit, float(sigma) or (1e-3 if each.unit.startswith("rad") else 1.0),
-                group=each.group, of=each.of,
-            )
-            for each, sigma in zip(self.maps.structure.sources, sigmas, strict=True)
-        )  # fmt: skip
+        shown, known = shown_units(self._instance), instrument_sources(self._instance)
+        sources = []
+        for each, sigma in zip(self.maps.structure.sources, sigmas.tolist(), strict=True):
+            usual = known[each.name].nominal if each.name in known else 1e-3 if each.unit.startswith("rad") else 1.0
+            unit = shown.get(each.name, each.unit)
+            sources.append(Source(each.name, each.unit, unit, sigma or usual, group=each.group, of=each.of))
+        return tuple(sources)
 
     @property
     def can(self) -> frozenset[Capability]:
@@ -345,5 +350,5 @@ class ClosedLoopScenario:
 
 def without_errors(spec: UserScenarioSpec) -> LoopSizes:
     """Return the sizes of a loop without errors."""
-    none = Sizes.none(maps_of(spec.build_current().value, spec.name))
+    none = Sizes.none(maps_of(with_navigator(spec.build_current().value), spec.name))
     return LoopSizes(none, replace(none))

@@ -11,6 +11,7 @@ from pydantic_core.core_schema import CoreSchema, with_info_plain_validator_func
 from mcnav._types import Array
 from mcnav.entries.axes import AxisSizes
 from mcnav.entries.quantities import Duration, JsonSchema, Later, Table
+from mcnav.systems.ins.tables.imu import BelievedImuTable
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,9 @@ class BelievesTable(Table):
     """``[filter.believes]``: sizes by name, where the filter's differ from the true ones."""
 
     called: ClassVar[str] = "what a filter believes"
+    imu: Annotated[
+        Any, Later(BelievedImuTable), Field(description="Believed errors of the instruments of a Strapdown.")
+    ] = None
     errors: Annotated[dict[str, Size], Field(description="Believed sigmas of error sources, by name.")] = {}
     processes: Annotated[dict[str, Size], Field(description="Believed sizes of processes, by name.")] = {}
     measurements: Annotated[dict[str, Size], Field(description="Believed sigmas of measurements, by name.")] = {}

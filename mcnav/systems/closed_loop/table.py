@@ -31,7 +31,10 @@ from mcnav.systems.closed_loop.size_tables import (
     Size,
 )
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
+from mcnav.systems.closed_loop.strapdown.merged import navigator_of
+from mcnav.systems.closed_loop.strapdown.table import read_instruments
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
+from mcnav.systems.ins.tables.imu import IMU
 from mcnav.systems.user import table as user
 
 TABLES: Final[Mapping[str, FurtherTable]] = {
@@ -50,6 +53,7 @@ TABLES: Final[Mapping[str, FurtherTable]] = {
         "Error-state Kalman filter of an aided navigation, or beliefs of a closed loop's filter.",
         "this scenario cannot be aided, which those of type ins can",
     ),
+    "imu": IMU,
 }
 """Tables besides ``[scenario]`` and ``[errors]`` that a closed loop reads."""
 
@@ -69,23 +73,33 @@ def read_scenario(table: user.UserTable, entries: Mapping[str, Any], context: Fi
     described = user.read_class(table, entries, context)
     if described is None:
         return None
-    if not isinstance(described.spec.build_current().value, ClosedLoop):
+    loop = described.spec.build_current().value
+    if not isinstance(loop, ClosedLoop):
         for name in TABLES:
             if name in context.content:
                 context.problem(name, "this scenario is no ClosedLoop, whose sizes this table gives; leave it out")
         return user.scenario_spec(described)
     sizes = without_errors(described.spec)
     scenario = ClosedLoopScenario(described.spec, sizes)
+    before = len(context.problems)
+    instruments = read_instruments(navigator_of(loop), described.spec.name, context)
     read = _read_sizes(scenario.maps, context, scenario.states)
-    if read is None:
+    if read is None or len(context.problems) > before:
         return None
     sizes, beliefs = read
+    sigmas: Mapping[str, float] = {}
+    if instruments is not None:
+        sizes, sigmas = instruments.sized(sizes, scenario.maps.structure), instruments.true.sigmas
+        beliefs = Beliefs({**instruments.believed.sigmas, **beliefs.errors})
     sized = scenario.with_sizes(sizes)
 
     def complete(scenario: Scenario, errors: ErrorModel) -> Scenario:
         return _with_errors(beliefs, sized, errors)
 
-    return ScenarioSpec(sized, described.resolved, described.spec.code, inputs=described.files, complete=complete)
+    return ScenarioSpec(
+        sized, described.resolved, described.spec.code, inputs=described.files, complete=complete, sigmas=sigmas,
+        tables=dict.fromkeys(sigmas, "[imu]"),
+    )  # fmt: skip
 
 
 def _with_errors(beliefs: Beliefs, scenario: ClosedLoopScenario, errors: ErrorModel) -> ClosedLoopScenario:

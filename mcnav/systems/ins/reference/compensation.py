@@ -1,9 +1,4 @@
-"""Readings of instruments: measured with a sample's errors, and compensated for the filter's estimates of them.
-
-An instrument measures ``(I + M) x + b + l y`` of its input x, with its law's input y; with estimates of M, b and l its
-compensated reading is ``(I + M)^-1 (measured - b - l y)``, y being the compensated force, or the square of the force
-without this last term (Groves 2013, section 5.7.2).
-"""
+"""Readings at the Gauss points: measured with a sample's errors, and compensated for the filter's estimates of them."""
 
 from __future__ import annotations
 
@@ -13,8 +8,8 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, GYRO
+from mcnav.systems.ins.imu.readings import compensate, reading_errors, response_matrix
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel
-from mcnav.systems.ins.reference.mechanization import response_matrix
 
 
 def measure(values: Array, gyro: Array, accelerometer: Array, gyro_noise: Array, accelerometer_noise: Array) -> Array:
@@ -34,7 +29,7 @@ def measure(values: Array, gyro: Array, accelerometer: Array, gyro_noise: Array,
         (slice(0, 3), gyro_noise, rate, response_matrix(gyro), force),
         (slice(3, 6), accelerometer_noise, force, response_matrix(accelerometer), force * force),
     ):
-        result[..., place] += own @ constants[:, :3].T + constants[:, 3] + constants[:, 4] * law + noise[:, None]
+        result[..., place] += reading_errors(own, law, constants) + noise[:, None]
     return result
 
 
@@ -70,11 +65,7 @@ class Compensation:
             else:
                 constants[each.gyro][each.constant] += estimates[each.place]
         gyro, accelerometer = response_matrix(constants[True]), response_matrix(constants[False])
-        same = np.eye(3)
-        to_force = np.linalg.inv(same + accelerometer[:, :3]).T
-        unbiased = measured[..., 3:] - accelerometer[:, 3] - varying[False]
-        force = unbiased @ to_force
-        if np.any(accelerometer[:, 4]):
-            force = (unbiased - accelerometer[:, 4] * force**2) @ to_force
-        rate_ = measured[..., :3] - gyro[:, 3] - varying[True] - gyro[:, 4] * force
-        return np.concatenate([rate_ @ np.linalg.inv(same + gyro[:, :3]).T, force], axis=-1)
+        return np.concatenate(
+            compensate(measured[..., :3], measured[..., 3:], gyro, accelerometer, varying[True], varying[False]),
+            axis=-1,
+        )

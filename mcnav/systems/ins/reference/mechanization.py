@@ -27,6 +27,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.numerics.elements import stack_elements
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
+from mcnav.systems.ins.imu.readings import response_matrix
 from mcnav.systems.ins.reference.collocation import NODES, REASONS, STATE, WENT_ON, navigate
 from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, indicated_state, navigation_errors
 from mcnav.systems.ins.reference.normal_field import field_constants, normal_gravitation_at
@@ -278,13 +279,6 @@ def _divide(knots: Array, shares: Array) -> Array:
     within = np.arange(len(number)) - np.repeat(np.cumsum(parts) - parts, parts)
     inner = knots[number] + np.diff(knots)[number] * (within / parts[number])
     return np.concatenate([inner, knots[-1:]])
-
-
-def response_matrix(constants: Array) -> Array:
-    """Arrange an instrument's fifteen constants: M, bias and the third law's coefficients, shape (3, 5)."""
-    bias, scale, (xy, xz, yx, yz, zx, zy), law = np.split(constants, [3, 6, 12])
-    matrix = np.array([[scale[0], xy, xz], [yx, scale[1], yz], [zx, zy, scale[2]]])
-    return np.concatenate([matrix, bias[:, None], law[:, None]], axis=1)
 
 
 def matrices(quaternion: Array) -> Array:

@@ -17,6 +17,7 @@ from mcnav._types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import OneOf, Table
 from mcnav.entries.validation import validate
+from mcnav.systems.description import FurtherTable
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, Imu, Noise
 from mcnav.systems.ins.tables.imu_catalogue import catalogue, catalogue_units
 from mcnav.systems.ins.tables.instrument_tables import (
@@ -62,6 +63,13 @@ class BelievedImuTable(Table):
     gyro: Annotated[BelievedGyroTable, OfGyros] = BelievedGyroTable()
     accelerometer: Annotated[BelievedAccelerometerTable, OfAccelerometers] = BelievedAccelerometerTable()
 
+
+IMU: Final = FurtherTable(
+    ImuTable,
+    "Inertial measurement unit of type ins, or of a closed loop's Strapdown: a grade, or a data sheet.",
+    "this scenario has no inertial measurement unit",
+)
+"""The table of the campaign file."""
 
 Instrument = GyroTable | AccelerometerTable | BelievedGyroTable | BelievedAccelerometerTable
 

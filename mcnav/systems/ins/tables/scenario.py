@@ -22,7 +22,7 @@ from mcnav.systems.ins.scenario import NAVIGATION_ERRORS, SOURCES, Ins, Navigati
 from mcnav.systems.ins.tables.aiding import Aiding, read_aiding, with_gate
 from mcnav.systems.ins.tables.error_names import error_patterns
 from mcnav.systems.ins.tables.filter import FilterPlan, FilterTable, plan_filter
-from mcnav.systems.ins.tables.imu import ImuTable, read_imu
+from mcnav.systems.ins.tables.imu import IMU, read_imu
 from mcnav.systems.ins.tables.sensor_tables import Sensors
 from mcnav.systems.ins.tables.trajectories import read_trajectory
 from mcnav.systems.ins.tables.trajectory_tables import Columns, Trajectory
@@ -135,11 +135,7 @@ INS: Final = ScenarioType(
     NAVIGATION_ERRORS,
     start_times=True,
     tables={
-        "imu": FurtherTable(
-            ImuTable,
-            "Inertial measurement unit of type ins: a grade, or a data sheet.",
-            "this scenario has no inertial measurement unit",
-        ),
+        "imu": IMU,
         "aiding": FurtherTable(
             Sensors,
             "Sensors that aid the navigation; needs [filter].",

@@ -1,0 +1,181 @@
+"""`Strapdown`: instruments with their errors, and the mechanization of their compensated readings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.contract.scenario import ScenarioError
+from mcnav.errors import suggestion
+from mcnav.systems.closed_loop.declarations import Attitude, GaussMarkov, Unit, White
+from mcnav.systems.closed_loop.strapdown.planet_axes import PlanetAxes, turned
+from mcnav.systems.ins.earth import WGS84, Earth
+from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
+from mcnav.systems.ins.imu.readings import compensate, reading_errors, response_matrix
+from mcnav.systems.ins.tables.imu import CONSTANTS
+from mcnav.systems.ins.tables.imu_catalogue import KINDS
+
+MOON: Final = Earth(1_737_400.0, 0.0, 4.902_800_118e12, 2.661_699_5e-6)
+"""The moon as a sphere: mean radius (IAU 2015), gravitational parameter of GRAIL (Konopliv et al. 2013), rotation of a
+sidereal month of 27.321661 d."""
+
+PLANETS: Final[Mapping[str, Earth]] = {"earth": WGS84, "moon": MOON}
+
+WALKS: Final = {"gyro": "angle_random_walk", "accelerometer": "velocity_random_walk"}
+INSTABILITY: Final = "bias_instability"
+
+
+def constants_of(instrument: str) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """Return the kinds of constant errors of an instrument in their order, with units and axes.
+
+    >>> list(constants_of("gyro"))[:2]
+    ['gyro_bias', 'gyro_scale_factor']
+    """
+    units = KINDS[instrument]
+    return {
+        f"{instrument}_{key}": (units[key], CROSS_AXES if key == "misalignment" else AXES)
+        for key in CONSTANTS
+        if key in units
+    }
+
+
+INSTRUMENTS: Final = {instrument: constants_of(instrument) for instrument in WALKS}
+ERRORS: Final = {name: unit for kinds in INSTRUMENTS.values() for name, unit in kinds.items()}
+"""Kinds of constant errors, with units and axes."""
+
+PROCESSES: Final[Mapping[str, White | GaussMarkov]] = {
+    **{f"{each}_{walk}": White(KINDS[each][walk], AXES) for each, walk in WALKS.items()},
+    **{f"{each}_{INSTABILITY}": GaussMarkov(KINDS[each]["bias"], AXES) for each in WALKS},
+}
+
+
+@dataclass(frozen=True)
+class Strapdown:
+    """Strapdown inertial navigator of a `ClosedLoop`, its ``navigator``; ``[imu]`` of the campaign sizes its errors.
+
+    It brings position, velocity and attitude to truth and estimate, the errors of the instruments to parameters and
+    processes, what they read, and the mechanization. The class states what acts on the body: a method ``motion`` that
+    returns ``force``, the specific force, and ``rate``, the inertial angular rate, both in body axes, shape (n, 3).
+
+    Attributes
+    ----------
+    planet : str or Earth
+        ``earth`` (WGS-84), ``moon``, or a figure with its field.
+    site : tuple of float, optional
+        Latitude and longitude, rad, and altitude, m, of an origin with the axes north, east and down. Without one, the
+        origin is the planet's centre, and z its axis.
+    axes : str
+        ``fixed`` to the turning planet, or ``inertial``.
+    estimates : sequence of str
+        Errors of the instruments that the filter estimates besides position, velocity and attitude, such as
+        ``gyro_bias`` (the constant one) and ``gyro_bias_instability``; what is estimated is compensated.
+    """
+
+    planet: str | Earth = "earth"
+    site: tuple[float, ...] | None = None
+    axes: Literal["fixed", "inertial"] = "fixed"
+    estimates: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what is unknown."""
+        known = [*ERRORS, *(name for name, process in PROCESSES.items() if isinstance(process, GaussMarkov))]
+        if not isinstance(self.planet, Earth) and self.planet not in PLANETS:
+            raise ScenarioError(
+                "type", f"navigator: planet {self.planet!r:.40}{suggestion(str(self.planet), list(PLANETS))}"
+            )
+        if self.axes not in ("fixed", "inertial"):
+            raise ScenarioError("type", f"navigator: axes are 'fixed' or 'inertial'; got {self.axes!r:.40}")
+        if isinstance(self.estimates, str):
+            raise ScenarioError("type", f"navigator: estimates are several names; got {self.estimates!r:.40}")
+        for name in self.estimates:
+            if name not in known:
+                raise ScenarioError("type", f"navigator: estimates {name!r:.60}{suggestion(str(name), known)}")
+        if self.site is not None and (len(self.site) not in (2, 3) or not np.isfinite(self.site).all()):
+            raise ScenarioError("type", f"navigator: site is latitude and longitude in rad; got {self.site!r:.60}")
+
+    @cached_property
+    def frame(self) -> PlanetAxes:
+        """Axes of position and velocity."""
+        planet = self.planet if isinstance(self.planet, Earth) else PLANETS[self.planet]
+        site = None if self.site is None else (*map(float, self.site), 0.0)[:3]
+        return PlanetAxes(planet, site, self.axes)  # type: ignore[arg-type]
+
+    @cached_property
+    def truth(self) -> dict[str, Unit]:
+        """States that it brings to the truth."""
+        names = self.frame.names
+        return {"position": ("m", names), "velocity": ("m/s", names), "attitude": Attitude(axes=names)}
+
+    @cached_property
+    def estimate(self) -> dict[str, Unit]:
+        """States that it brings to the estimate."""
+        units = {**ERRORS, **{name: (process.unit, process.axes) for name, process in PROCESSES.items()}}
+        return {**self.truth, **{name: units[name] for name in self.estimates}}
+
+    @property
+    def parameters(self) -> dict[str, Unit]:
+        """Constant errors of the instruments."""
+        return dict(ERRORS)
+
+    @property
+    def processes(self) -> dict[str, White | GaussMarkov]:
+        """Noise of the instruments."""
+        return dict(PROCESSES)
+
+    def altitude(self, position: Array) -> Array:
+        """Compute the altitude above the planet's figure at positions, shape (n, 3): shape (n,), m."""
+        return self.frame.altitude(position)
+
+    def fall(self, position: Array, velocity: Array) -> Array:
+        """Compute the acceleration over the axes without a specific force, shape (n, 3): gravity and Coriolis'."""
+        return self.frame.fall(position, velocity)
+
+    @staticmethod
+    def to_body(attitude: Array, vectors: Array) -> Array:
+        """Turn vectors into body axes: ``C^T v``, shape (n, 3), of attitudes, shape (n, 3, 3)."""
+        return turned(attitude.swapaxes(-1, -2), vectors)
+
+    @staticmethod
+    def from_body(attitude: Array, vectors: Array) -> Array:
+        """Turn vectors from body axes: ``C v``, shape (n, 3), of attitudes, shape (n, 3, 3)."""
+        return turned(attitude, vectors)
+
+    def rates(self, truth: Any, force: Array, rate: Array) -> dict[str, Array]:
+        """Compute the rates of position, velocity and attitude of the truth."""
+        return self.frame.move(truth.position, truth.velocity, truth.attitude, force, rate)
+
+    def sense(self, force: Array, rate: Array, parameters: Any, noise: Any) -> dict[str, Array]:
+        """Compute what the instruments read of true specific force and angular rate, each of shape (n, 3)."""
+        errors = {name: getattr(parameters, name) for name in ERRORS}
+        gyro, accelerometer = _responses(errors, len(force))
+        drift = noise.gyro_angle_random_walk + noise.gyro_bias_instability
+        push = noise.accelerometer_velocity_random_walk + noise.accelerometer_bias_instability
+        return {
+            "rate": rate + reading_errors(rate[:, None], force[:, None], gyro)[:, 0] + drift,
+            "force": force + reading_errors(force[:, None], (force**2)[:, None], accelerometer)[:, 0] + push,
+        }
+
+    def navigate(self, estimate: Any, sensed: Any) -> dict[str, Array]:
+        """Compute the rates of position, velocity and attitude from readings, compensated for what is estimated."""
+        force, rate = sensed.force, sensed.rate
+        if self.estimates:
+            estimated = {name: getattr(estimate, name) for name in self.estimates}
+            gyro, accelerometer = _responses(estimated, len(force))
+            drift, push = (estimated.get(f"{each}_{INSTABILITY}", np.zeros(3))[..., None, :] for each in WALKS)
+            rates, forces = compensate(rate[:, None], force[:, None], gyro, accelerometer, drift, push)
+            force, rate = forces[:, 0], rates[:, 0]
+        return self.frame.move(estimate.position, estimate.velocity, estimate.attitude, force, rate)
+
+
+def _responses(errors: Mapping[str, Array], count: int) -> tuple[Array, Array]:
+    """Arrange constant errors of gyros and accelerometers, shape (count, 3, 5) each; those not given are zero."""
+    matrices = []
+    for kinds in INSTRUMENTS.values():
+        columns = [errors.get(name, np.zeros((count, len(axes)))) for name, (_, axes) in kinds.items()]
+        matrices.append(response_matrix(np.concatenate(columns, axis=1)))
+    return matrices[0], matrices[1]

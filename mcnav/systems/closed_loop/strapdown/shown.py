@@ -1,0 +1,27 @@
+"""How errors of the instruments are shown, and their usual sizes: those of type ``ins``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from mcnav.contract.quantities import Source
+from mcnav.systems.closed_loop.strapdown.merged import navigator_of
+from mcnav.systems.closed_loop.strapdown.navigator import ERRORS
+from mcnav.systems.ins.scenario import NOISE, SOURCES
+
+INSTRUMENT_SOURCES: Final = {source.name: source for source in SOURCES if source.group in ERRORS}
+SHOWN: Final = {
+    **{name: source.shown_in for name, source in INSTRUMENT_SOURCES.items()},
+    **{process.name: process.shown_in for process in NOISE},
+}
+
+
+def instrument_sources(instance: Any) -> Mapping[str, Source]:
+    """Return the constant errors that a navigator brings, by name; empty without one."""
+    return {} if navigator_of(instance) is None else INSTRUMENT_SOURCES
+
+
+def shown_units(instance: Any) -> Mapping[str, str]:
+    """Return the units in which errors of a navigator's instruments are shown, by name; empty without one."""
+    return {} if navigator_of(instance) is None else SHOWN
