@@ -14,6 +14,7 @@ from mcnav.analysis.filter_causes import MEAN, NEARLY
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.filter_verdict import LEAST
@@ -48,6 +49,8 @@ def label_of(answer: LinearAnswer, cause: str) -> str:
     """
     labels = dict(zip(answer.causes, cause_labels(answer), strict=True))
     name = cause.removeprefix(MEAN)
+    if name == NOMINAL:
+        return "nominal value"
     return f"{'mean of ' if cause != name else ''}{labels.get(name, humanize(name))}"
 
 
@@ -123,7 +126,10 @@ def _departure(answer: LinearAnswer) -> str:
 
 
 def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
-    """Say where a mean error is largest against its sigma, and what causes it; nothing where all means are zero."""
+    """Say where a mean error is largest against its sigma, and what causes it; nothing where all means are zero.
+
+    Corrections, commands and times are no errors: their nominal values are in the table.
+    """
     history = answer.meaningful
     if history is not None and not np.any(_without_rounding(answer, answer.model.nominal)):
         means, sigmas, parts = history.mean, history.sigma, dict(history.means)
@@ -132,7 +138,8 @@ def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
         parts = {name: values[None] for name, values in answer.means.items()}
     else:
         return
-    sizes = np.abs(_without_rounding(answer, means))
+    errors = np.array([output.of in ("navigation", "truth") for output in answer.outputs])
+    sizes = np.abs(_without_rounding(answer, means)) * errors
     if not sizes.any():
         return
     ratios = _ratios(sizes, sigmas)

@@ -10,14 +10,9 @@ from scipy import linalg
 
 from mcnav._types import Array
 from mcnav.config.campaign import Campaign
-from mcnav.config.read import parse_campaign
-from tests.closed_loops import FILE, tables
+from tests.closed_loops import campaign
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-
-
-def campaign(name: str, **changes: Any) -> Campaign:
-    return parse_campaign(tables(name, **changes), str(FILE.with_name("x.toml")), "x")
 
 
 def covariance(described: Campaign) -> tuple[list[str], Array]:

@@ -90,38 +90,53 @@ def remarks_on(setup: Setup, final_time: float) -> list[str]:
 
 
 def _near_updates(setup: Setup, final_time: float) -> list[str]:
-    """Find measurements within one sigma of the nominal event."""
+    """Find measurements, corrections and commands within one sigma of the nominal event."""
     plan = setup.plan
     if setup.maps.end is None:
         return []
     near = max(final_time, SAME * plan.end_time)
     instants = [setup.timeline[max(plan.end - 1, 0)], plan.instants[plan.end].instant]
-    return [
-        f"the trigger is met at {plan.end_time:.6g} s, within one sigma of the measurement at {instant.time:.6g} s: "
-        "samples end before or after it, and an update may jump over the trigger"
-        for instant in instants
-        if instant.measurements and abs(instant.time - plan.end_time) <= near
-    ]
+    remarks = []
+    for instant in (each for each in instants if abs(each.time - plan.end_time) <= near):
+        what, so = "measurement", "an update may jump over the trigger"
+        if not instant.measurements:
+            what, so = ("correction", "the correction is made or not") if instant.corrections else (
+                "command", "the last command is of one cycle or of the next"
+            )  # fmt: skip
+            if not instant.corrections and (setup.maps.guide is None or setup.maps.continuous or not instant.guide):
+                continue
+        remarks.append(
+            f"the trigger is met at {plan.end_time:.6g} s, within one sigma of the {what} at {instant.time:.6g} s: "
+            f"samples end before or after it, and {so}"
+        )
+    return remarks
 
 
 def _step_error(setup: Setup) -> list[str]:
-    """Compare each step with two halves of it, about the nominal and one size to its sides."""
+    """Compare each step with two halves of it, about the nominal and one size to its sides.
+
+    The difference of a step goes on as the linear system has it, so that what decays does not add up.
+    """
     maps, structure = setup.maps, setup.maps.structure
     inputs = structure.white.size + structure.markov.size
     sides = np.concatenate([np.zeros((structure.size, 1)), np.diag(setup.steps), -np.diag(setup.steps)], axis=1)
     white = np.zeros((2, inputs, sides.shape[1]))
-    total, largest, at = np.zeros(structure.size), np.zeros(structure.size), np.zeros(structure.size)
+    error, whole_error = np.zeros_like(sides), np.zeros(structure.size)
+    largest, at = np.zeros(structure.size), np.zeros(structure.size)
     for planned in setup.plan.instants:
         length, times = planned.instant.length, planned.instant.step_times()
-        for time, before in zip(times, planned.before[: len(times)], strict=False):
+        for time, before, step in zip(times, planned.before, planned.steps, strict=False):
             x, begin = before[:, None] + sides, np.full(sides.shape[1], time)
             whole = maps.step(x, begin, length, white)
             half = maps.step(x, begin, 0.5 * length, white)
-            error = _largest(maps.step(half, begin + 0.5 * length, 0.5 * length, white) - whole)
-            total += error
-            at = np.where(error > largest, time, at)
-            largest = np.maximum(error, largest)
-    shares = total / setup.steps
+            added = maps.step(half, begin + 0.5 * length, 0.5 * length, white) - whole
+            error = step.state @ error + added
+            at = np.where(_largest(added) > largest, time, at)
+            largest = np.maximum(_largest(added), largest)
+            whole_error = np.maximum(whole_error, _largest(error))
+        for update in planned.updates:
+            error = update.state @ error
+    shares = whole_error / setup.steps
     worst = int(np.argmax(shares))
     if not shares[worst] > LARGEST_STEP_ERROR:
         return []
