@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from mcnav.studies.allocate import allocate
     from mcnav.studies.lincov import linear_covariance
     from mcnav.systems.closed_loop.declarations import (
+        Attitude,
         ClosedLoop,
         Correction,
         Filter,
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from mcnav.workflow.export import export_run
 
 _HOMES = {
+    "Attitude": "mcnav.systems.closed_loop.declarations",
     "ClosedLoop": "mcnav.systems.closed_loop.declarations",
     "Correction": "mcnav.systems.closed_loop.declarations",
     "Filter": "mcnav.systems.closed_loop.declarations",
@@ -87,6 +89,7 @@ _HOMES = {
 
 __all__ = [
     "Allocation",
+    "Attitude",
     "Campaign",
     "CampaignError",
     "ClosedLoop",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mcnav import ClosedLoop, Correction, Filter, GaussMarkov, Measurement, Trigger, White
+from mcnav import Attitude, ClosedLoop, Correction, Filter, GaussMarkov, Measurement, Trigger, White
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign, read_campaign
 
@@ -127,6 +127,48 @@ class Pendulum(ClosedLoop):
         return -0.5 * estimate.rate
 
 
+class Satellite(ClosedLoop):
+    """A gyroscope with drift and a star tracker on a satellite that turns about z, by 8.6 turns in 9 minutes."""
+
+    truth = {"attitude": Attitude("body"), "drift": ("rad/s", 3)}
+    processes = {"walk": White("rad/sqrt(s)", 3), "drift_walk": White("rad/s/sqrt(s)", 3)}
+    measurements = (Measurement("tracker", "rad", interval=5.0, truth=lambda truth: truth.attitude),)
+    filter = Filter()
+    cycle, step, end = 5.0, 2.5, 540.0
+    rate = np.array([0.0, 0.0, 0.1])
+
+    def start(self):
+        return {"attitude": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])}
+
+    def rates(self, noise):
+        return {"attitude": self.rate, "drift": noise.drift_walk}
+
+    def sense(self, truth, noise):
+        return self.rate + truth.drift + noise.walk
+
+    def navigate(self, estimate, sensed):
+        return {"attitude": sensed - estimate.drift}
+
+
+class Gyroscopes(ClosedLoop):
+    """Three gyroscopes alone, errors in reference axes; half a turn every 50 seconds."""
+
+    truth = {"attitude": Attitude()}
+    parameters = {"drift": ("rad/s", 3)}
+    processes = {"walk": White("rad/sqrt(s)", 3)}
+    step, end = 2.5, 525.0
+    rate = np.array([0.0, 0.0, np.pi / 50.0])
+
+    def rates(self):
+        return {"attitude": self.rate}
+
+    def sense(self, parameters, noise):
+        return self.rate + parameters.drift + noise.walk
+
+    def navigate(self, sensed):
+        return {"attitude": sensed}
+
+
 SIZES: Mapping[str, Mapping[str, Any]] = {
     "Scalar": {"processes": {"walk": "1 m/sqrt(s)"}, "measurements": {"position": "1 m"}},
     "DoubleIntegrator": {
@@ -148,6 +190,15 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
             "gusts": "10 mrad/s^2/sqrt(Hz)", "bias": {"sigma": "5 mrad", "correlation_time": "10 s"},
         },
         "measurements": {"encoder": "5 mrad"},
+    },
+    "Satellite": {
+        "errors": {"true_attitude": "0.2 rad", "attitude": "1 mrad", "true_drift": "20 urad/s"},
+        "processes": {"walk": "0.1 mrad/sqrt(s)", "drift_walk": "5 urad/s/sqrt(s)"},
+        "measurements": {"tracker": "0.5 mrad"},
+    },
+    "Gyroscopes": {
+        "errors": {"true_attitude": "0.2 rad", "attitude": "1 mrad", "drift": "20 urad/s"},
+        "processes": {"walk": "0.1 mrad/sqrt(s)"},
     },
 }  # fmt: skip
 """Sizes of the loops' errors, and of those that inherit from them."""

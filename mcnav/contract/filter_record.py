@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 
 BY_SENSOR: Final = ("nis", "accepted", "rejected", "lag", "lags")
 """Numbers of each sensor, counted since the epoch before.
@@ -69,6 +69,14 @@ class FilterSchema:
     def known(self) -> tuple[int, ...]:
         """Numbers of the outputs of which the filter states a covariance."""
         return self.own_outputs or tuple(range(self.outputs))
+
+    @cached_property
+    def stated_columns(self) -> IndexArray:
+        """Columns that are not always NaN: all but covariances of outputs of which the filter states none."""
+        stated = np.ones(self.width, dtype=bool)
+        rows, columns = np.tril_indices(self.outputs)
+        stated[self.places["covariance"]] = np.isin(rows, self.known) & np.isin(columns, self.known)
+        return np.flatnonzero(stated)
 
     @property
     def width(self) -> int:

@@ -50,13 +50,31 @@ class FilterSums:
         >>> FilterSums.of(schema, np.ones((5, 3, schema.width))).sums[:, 0]
         array([ 5.,  5.,  5., 15.])
         """
+        stated = schema.stated_columns
+        if len(stated) < schema.width:
+            return cls._of_stated(schema, records, stated)
+        return cls._of_columns(records, schema.places["state_error"])
+
+    @classmethod
+    def _of_stated(cls, schema: FilterSchema, records: Array, stated: IndexArray) -> FilterSums:
+        """Sum the columns of what filters state, beside which all are NaN."""
+        first = int(np.searchsorted(stated, schema.places["state_error"].start))
+        errors = slice(first, first + len(schema.states))
+        some = cls._of_columns(np.ascontiguousarray(records[:, :, stated]), errors)
+        places = np.append(stated, schema.width + np.arange(len(schema.states)))
+        whole = np.zeros((3, len(some.counts), schema.width + len(schema.states)))
+        whole[:, :, places] = some.counts, some.sums, some.squares
+        return cls(some.samples, *whole)
+
+    @classmethod
+    def _of_columns(cls, records: Array, errors: slice) -> FilterSums:
         known = np.isfinite(records)
         if not known.all():
             records = np.where(known, records, 0.0)
-        squared = records[:, :, schema.places["state_error"]] ** 2
+        squared = records[:, :, errors] ** 2
         blocks = [records, squared] if squared.shape[2] else [records]
         filter_sums: tuple[list[Array], list[Array], list[Array]] = [], [], []
-        counted = known, known[:, :, schema.places["state_error"]]
+        counted = known, known[:, :, errors]
         for block, finite in zip(blocks, counted, strict=False):
             totals, any_known = block.sum(axis=1), finite.any(axis=1)
             filter_sums[0].append(np.vstack([finite.sum(axis=0), any_known.sum(axis=0)]))

@@ -6,8 +6,32 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-Unit = str | tuple[str, int | str | Sequence[str]]
-"""A unit for a scalar; for a vector a unit and its axes: their number, letters such as ``"xz"``, or names."""
+from mcnav.systems.closed_loop.rotations import Side
+
+
+@dataclass(frozen=True)
+class Attitude:
+    """A rotation from body to reference axes, a state of ``truth`` and ``estimate``.
+
+    Methods see matrices, shape (n, 3, 3), and return them where they return states; ``rates`` and ``navigate`` return
+    the angular rate of the body in its own axes, shape (n, 3). Errors and dispersions are rotation vectors in rad:
+    ``indicated = exp([error x]) true`` with errors in reference axes, ``true exp([error x])`` in body axes.
+
+    Attributes
+    ----------
+    errors : str
+        Axes of errors and dispersions: ``reference`` or ``body``.
+    axes : int, str or sequence of str
+        Names of these three axes.
+    """
+
+    errors: Side = "reference"
+    axes: int | str | Sequence[str] = 3
+
+
+Unit = str | tuple[str, int | str | Sequence[str]] | Attitude
+"""A unit for a scalar; for a vector a unit and its axes: their number, letters such as ``"xz"``, or names; an attitude.
+"""
 
 
 @dataclass(frozen=True)
@@ -35,7 +59,8 @@ class Measurement:
     name : str
     unit : str
     truth : callable
-        What is measured, of the arguments that it names: time, truth, parameters, noise; shape (n,) or (n, size).
+        What is measured, of the arguments that it names: time, truth, parameters, noise; shape (n,) or (n, size), or
+        an attitude, shape (n, 3, 3), whose noise is a rotation vector in the body axes of that attitude.
     model : callable, optional
         The same as the navigator predicts it, of time and estimate; `truth` of the estimate unless given.
     interval : float, optional

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
+from mcnav.systems.closed_loop.algebra import find_departures
+from mcnav.systems.closed_loop.rotations import Space
 
 Map = Callable[[Array, Array], Array]
 """X, shape (size, n), and inputs, shape (k, n), to shape (m, n)."""
@@ -19,7 +22,20 @@ SHARE: Final = 0.1
 of fifth order at one sigma, and rounding is magnified by ten."""
 
 OWN_SHARE: Final = 0.01
-"""Step of differences about every sample's own estimate."""
+"""Step of differences about every sample's own estimate: a filter is linearized half of that beside it."""
+
+
+STRAIGHT: Final = 1e-9
+"""Departure of a map from its derivatives, as a share of what its terms add up to, up to which it is linear."""
+
+ROUNDING: Final = 1e-12
+"""The same as a share of the map's value."""
+
+MIXED: Final = 3
+"""Points at which all of X and of what enters is moved together, to see whether a map is linear."""
+
+COLUMNS: Final = 6_144
+"""States of X that are propagated together for derivatives: their arrays stay in a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -33,34 +49,93 @@ class Derivatives:
     inputs : ndarray, shape (m, k)
     kinked : ndarray of bool, shape (m, size + k)
         Where forward and backward differences differ by as much at half of the step.
+    straight : Straight, optional
+        Where the map is linear, at all points at which it was evaluated.
     """
 
     value: Array
     state: Array
     inputs: Array
     kinked: NDArray[np.bool_]
+    straight: Straight | None = None
 
 
-def differentiate_map(function: Map, x: Array, steps: Array, input_steps: Array) -> Derivatives:
-    """Differentiate a map about one state, shape (size,), to fourth order: (8 (f1 - f-1) - (f2 - f-2)) / (12 step)."""
+@dataclass(frozen=True)
+class Straight:
+    """A map that is linear: ``value + A (X - origin) + G w``.
+
+    Attributes
+    ----------
+    origin, value : ndarray, shapes (size,) and (m,)
+    state, inputs : ndarray, shapes (m, size) and (m, k)
+    floor : ndarray, shape (m,)
+        Departures that are rounding.
+    """
+
+    origin: Array
+    value: Array
+    state: Array
+    inputs: Array
+    floor: Array
+
+    def departures(self, x: Array, entering: Array, outcome: Array) -> NDArray[np.bool_]:
+        """Find the samples for which the map has turned out otherwise, shape (n,)."""
+        about, given = (self.origin, self.value, self.floor), (x, entering, outcome)
+        return find_departures(self.state, self.inputs, about, (STRAIGHT, ROUNDING), given)
+
+
+def differentiate_map(
+    function: Map, x: Array, steps: Array, input_steps: Array, space: Space, result: Space | None = None
+) -> Derivatives:
+    """Differentiate a map about one state, shape (size,), to fourth order: (8 (f1 - f-1) - (f2 - f-2)) / (12 step).
+
+    Parameters
+    ----------
+    space : Space
+        Sums of X.
+    result : Space, optional
+        Differences of the map's values; ordinary ones unless given.
+    """
     size, inputs = len(x), len(input_steps)
-    total, all_steps = size + inputs, SHARE * np.concatenate([steps, input_steps])
-    moved = np.zeros((total, 4 * total + 1))
+    total, sizes = size + inputs, np.concatenate([steps, input_steps])
+    all_steps = SHARE * sizes
+    moved = np.zeros((total, 4 * total + 1 + MIXED))
     for number, multiple in enumerate((1.0, -1.0, 2.0, -2.0)):
         moved[np.arange(total), 1 + number * total + np.arange(total)] = multiple * all_steps
-    values = function(x[:, None] + moved[:size], moved[size:])
-    middle = values[:, 0]
-    one, less, two, less_two = np.split(values[:, 1:], 4, axis=1)
+    moved[:, 4 * total + 1 :] = sizes[:, None] * mixed(total)
+    values = function(space.plus(x[:, None], moved[:size]), moved[size:])
+    value = middle = values[:, 0]
+    bent = bool(space.attitudes) or (result is not None and bool(result.attitudes))
+    if result is not None and result.attitudes:
+        turns = result.minus(values, middle[:, None])
+        values, middle = values.copy(), middle.copy()
+        for place, _ in result.attitudes:
+            values[place], middle[place] = turns[place], 0.0
+    one, less, two, less_two = np.split(values[:, 1 : 4 * total + 1], 4, axis=1)
     slopes = (8.0 * (one - less) - (two - less_two)) / (12.0 * all_steps)
     near, far = np.abs(one + less - 2.0 * middle[:, None]), np.abs(two + less_two - 2.0 * middle[:, None])
-    rounding = 1e-9 * (np.abs(values).max(axis=1, keepdims=True) + 1e-300)
+    largest = np.abs(values[:, : 4 * total + 1]).max(axis=1, keepdims=True)
+    rounding = 1e-9 * (largest + 1e-300)
     moves = np.maximum(np.abs(one - middle[:, None]), np.abs(less - middle[:, None]))
     kinked = (near > 0.05 * moves) & (far < 3.0 * near) & (moves > rounding)  # smooth: far = 4 near; a kink: 2 near
-    return Derivatives(middle, slopes[:, :size], slopes[:, size:], kinked)
+    state, entering = np.ascontiguousarray(slopes[:, :size]), np.ascontiguousarray(slopes[:, size:])
+    straight = Straight(x, middle.copy(), state, entering, ROUNDING * largest[:, 0])
+    if not bent:
+        bent = bool(straight.departures(x[:, None] + moved[:size], moved[size:], values).any())
+    return Derivatives(value, state, entering, kinked, None if bent else straight)
 
 
-def differentiate_own(function: Map, x: Array, directions: Array, inputs: Array) -> Array:
-    """Differentiate a map about every sample's state, to second order by X, to first order by what enters.
+@cache
+def mixed(count: int) -> Array:
+    """Return shares of sizes by which all is moved together, shape (count, MIXED)."""
+    return np.random.default_rng(1966).standard_normal((count, MIXED))
+
+
+def differentiate_own(
+    function: Callable[..., Array], x: Array, directions: Array, inputs: Array, space: Space,
+    result: Space | None = None, share: Array | None = None,
+) -> Array:  # fmt: skip
+    """Differentiate a map about every sample's state, forwards: with the derivatives half of a step beside it.
 
     Parameters
     ----------
@@ -69,22 +144,31 @@ def differentiate_own(function: Map, x: Array, directions: Array, inputs: Array)
         Changes of X.
     inputs : ndarray, shape (k,)
         Changes of the inputs.
+    space, result : Space
+        As those of `differentiate_map`.
+    share : ndarray, shape (n,), optional
+        Further argument of the map.
 
     Returns
     -------
-    ndarray, shape (n, m, d + those of the inputs that change)
+    ndarray, shape (m, d + those of the inputs that change, n)
         Changes of the map's value.
     """
     size, count = x.shape
     d, entering = directions.shape[1], OWN_SHARE * np.diag(inputs)[:, inputs != 0.0]
-    k = entering.shape[1]
-    moved = np.zeros((size + len(inputs), 2 * d + (k + 1 if k else 0)))
-    moved[:size, :d], moved[:size, d : 2 * d] = OWN_SHARE * directions, -OWN_SHARE * directions
-    moved[size:, 2 * d : 2 * d + k] = entering
-    states = (x[:, None, :] + moved[:size, :, None]).reshape(size, -1)
-    values = function(states, np.repeat(moved[size:], count, axis=1)).reshape(-1, moved.shape[1], count)
-    changes = np.empty((count, len(values), d + k))
-    changes[:, :, :d] = (values[:, :d] - values[:, d : 2 * d]).transpose(2, 0, 1) / (2.0 * OWN_SHARE)
-    if k:
-        changes[:, :, d:] = (values[:, 2 * d : 2 * d + k] - values[:, -1:]).transpose(2, 0, 1) / OWN_SHARE
+    moved = np.zeros((size + len(inputs), d + entering.shape[1] + 1))
+    moved[:size, :d], moved[size:, d:-1] = OWN_SHARE * directions, entering
+    together = max(COLUMNS // moved.shape[1], 1)
+    changes = np.empty((0, moved.shape[1] - 1, count))
+    minus = (Space() if result is None else result).minus
+    for begin in range(0, count, together):
+        some = x[:, begin : begin + together]
+        states = space.plus(some[:, None, :], moved[:size, :, None]).reshape(size, -1)
+        more = () if share is None else (np.tile(share[begin : begin + together], moved.shape[1]),)
+        values = function(states, np.repeat(moved[size:], some.shape[1], axis=1), *more)
+        values = values.reshape(-1, moved.shape[1], some.shape[1])
+        if not len(changes):
+            changes = np.empty((len(values), moved.shape[1] - 1, count))
+        changes[:, :, begin : begin + together] = minus(values[:, :-1], values[:, -1:])
+    changes /= OWN_SHARE
     return changes

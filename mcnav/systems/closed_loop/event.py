@@ -68,9 +68,11 @@ def event_map(maps: Maps, x: Array, time: float, steps: Array) -> Array:
     def function(states: Array, entering: Array) -> Array:
         return maps.triggered(end, states, time + entering[0])[None]
 
-    result = differentiate_map(function, x, steps, np.array([1e-2]))
+    space = maps.structure.space
+    result = differentiate_map(function, x, steps, np.array([1e-2]), space)
     inputs = maps.structure.white.size + maps.structure.markov.size
-    rate = maps.derivative(x[:, None], np.array([time]), np.zeros((inputs, 1)))[:, 0]
+    rates = maps.derivative(x[:, None], np.array([time]), np.zeros((inputs, 1)))
+    rate = space.deviation_rates(x[:, None], rates)[:, 0]
     speed = float(result.state[0] @ rate + result.inputs[0, 0])
     if not abs(speed) > 0.0 or not np.isfinite(speed):
         raise ScenarioError("type", "end: the trigger's function is at rest where it is zero; there is no linear model")

@@ -8,6 +8,7 @@ A and G are the derivatives of a map by X and by what enters, and Y those of an 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ class FilterStates:
         """All states."""
         return len(self.estimates) + len(self.considered)
 
-    @property
+    @cached_property
     def reading(self) -> Array:
         """T, shape (count, size)."""
         matrix = np.zeros((self.count, self.size))
@@ -50,13 +51,17 @@ class FilterStates:
         matrix[self.estimated + np.arange(len(self.considered)), self.considered] = -1.0
         return matrix
 
-    @property
+    @cached_property
     def moving(self) -> Array:
         """S, shape (size, count)."""
         matrix = np.zeros((self.size, self.count))
         matrix[self.estimates, np.arange(self.estimated)] = 1.0
         matrix[self.considered, self.estimated + np.arange(len(self.considered))] = -1.0
         return matrix
+
+    def of_errors(self, state: Array, entering: Array) -> tuple[Array, Array]:
+        """Return F = T A S, shape (count, count, 1), and T G, shape (count, k, 1), of a map's derivatives A and G."""
+        return (self.reading @ state @ self.moving)[:, :, None], (self.reading @ entering)[:, :, None]
 
     def start_covariance(self, structure: Structure, believed: Sizes) -> Array:
         """Compute the filter's covariance at the start, shape (count, count)."""
@@ -115,40 +120,3 @@ def read_filter(given: Any, name: str, structure: Structure) -> FilterStates | N
     return FilterStates(
         places[chosen], counterparts[chosen], np.array(considered, dtype=np.intp), structure.size, given.gains == "own"
     )
-
-
-def propagated(covariance: Array, f: Array, entering: Array) -> Array:
-    """Compute ``F P F^T + G G^T``, shape (..., k, k), with G of shape (..., k, inputs) in believed sizes."""
-    result = f @ covariance @ np.swapaxes(f, -1, -2) + entering @ np.swapaxes(entering, -1, -2)
-    return np.asarray(0.5 * (result + np.swapaxes(result, -1, -2)))
-
-
-@dataclass(frozen=True)
-class Gain:
-    """One update: gain, shape (..., k, m), innovation covariance (..., m, m), covariance after it (..., k, k)."""
-
-    gain: Array
-    innovation: Array
-    covariance: Array
-
-
-def updated(covariance: Array, h: Array, noise: Array, estimated: int) -> Gain:
-    """Compute the gain ``K = P H^T (H P H^T + R)^-1`` and Joseph's covariance; considered states keep their mean.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (..., k, k)
-    h : ndarray, shape (..., m, k)
-    noise : ndarray, shape (m,)
-        Believed sigmas of the measurement's noise.
-    estimated : int
-        States that are corrected, the first ones.
-    """
-    r = np.diag(noise**2)
-    across = covariance @ np.swapaxes(h, -1, -2)
-    innovation = h @ across + r
-    gain = np.swapaxes(np.linalg.solve(innovation, np.swapaxes(across, -1, -2)), -1, -2)
-    gain[..., estimated:, :] = 0.0
-    left = np.eye(covariance.shape[-1]) - gain @ h
-    after = left @ covariance @ np.swapaxes(left, -1, -2) + gain @ r @ np.swapaxes(gain, -1, -2)
-    return Gain(gain, innovation, np.asarray(0.5 * (after + np.swapaxes(after, -1, -2))))

@@ -5,6 +5,7 @@ The linear outcome of a sample is the plan's linear system with the same draws.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,14 +13,42 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason
-from mcnav.systems.closed_loop.differences import Map, differentiate_own
+from mcnav.systems.closed_loop.algebra import combine, propagate, update
+from mcnav.systems.closed_loop.differences import differentiate_own
 from mcnav.systems.closed_loop.event import find_crossings
-from mcnav.systems.closed_loop.filter import FilterStates, propagated, updated
+from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, SENSORS, Noise, NoNoise
 from mcnav.systems.closed_loop.plan import Transition
 from mcnav.systems.closed_loop.records import Recorder
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.timeline import Instant
+
+
+@dataclass(frozen=True)
+class OwnMap:
+    """A map of samples in flight with what enters it.
+
+    Attributes
+    ----------
+    function : callable
+        Of X, shape (size, n), and what enters, shape (inputs, n); and of ``share``, where there is one.
+    x, entering : ndarray, shapes (size, n) and (inputs, n)
+    believed : ndarray, shape (inputs,)
+        Believed sizes of what enters.
+    share : ndarray, shape (n,), optional
+        Fraction of a step for each sample.
+    """
+
+    function: Callable[..., Array]
+    x: Array
+    entering: Array
+    believed: Array
+    share: Array | None = None
+
+    def some(self, chosen: NDArray[np.bool_]) -> OwnMap:
+        """Return the map of some samples."""
+        share = None if self.share is None else self.share[chosen]
+        return OwnMap(self.function, self.x[:, chosen], self.entering[:, chosen], self.believed, share)
 
 
 @dataclass
@@ -30,8 +59,10 @@ class Flight:
     ----------
     x : ndarray, shape (size, k)
         Of the samples in flight.
-    covariance : ndarray, shape (k, states, states) or (states, states)
+    covariance : ndarray, shape (states, states, k) or (states, states, 1)
         Each filter's own, or the planned one.
+    own : bool
+        Whether each sample has its own covariance.
     deviation : ndarray, shape (size, n)
         Of all samples by the linear system.
     final : ndarray, shape (size, n)
@@ -49,26 +80,22 @@ class Flight:
     sign: Array
     recorder: Recorder | None
     history: Array
+    own: bool = False
     number: int = 0
     failures: dict[int, Failure] = field(default_factory=dict)
     gains: dict[int, Transition] = field(default_factory=dict)
-
-    @property
-    def own(self) -> bool:
-        """Whether each sample has its own covariance."""
-        return self.covariance.ndim == 3
 
     def keep(self, kept: NDArray[np.bool_]) -> None:
         """Drop samples that have ended."""
         self.rows, self.x, self.sign = self.rows[kept], self.x[:, kept], self.sign[kept]
         if self.own:
-            self.covariance = self.covariance[kept]
+            self.covariance = self.covariance[:, :, kept]
 
     def end(self, ended: NDArray[np.bool_], x: Array) -> None:
         """Keep the final X, shape (size, k), of samples that have ended."""
         self.final[:, self.rows[ended]] = x[:, ended]
         if self.own:
-            self.final_covariance[self.rows[ended]] = self.covariance[ended]
+            self.final_covariance[:, :, self.rows[ended]] = self.covariance[:, :, ended]
         self.keep(~ended)
 
     def drop_failed(self, time: float) -> None:
@@ -82,16 +109,38 @@ class Flight:
     def reach(self, planned_covariance: Array | None) -> None:
         """Take over the planned covariance where samples have none of their own."""
         if planned_covariance is not None and not self.own:
-            self.covariance = planned_covariance
+            self.covariance = planned_covariance[:, :, None]
 
-    def propagated_own(self, function: Map, believed: Array, x: Array, covariance: Array) -> Array:
-        """Propagate samples' own covariances by a map's derivatives about their own estimates."""
+    def propagated_own(
+        self, map_: OwnMap, covariance: Array, planned: Transition | None = None, outcome: Array | None = None
+    ) -> Array:
+        """Propagate samples' own covariances by a map's derivatives about their own estimates.
+
+        Those of a linear map are the planned ones, for every sample whose outcome, shape (m, n), is that of linearity.
+        """
         states = self.setup.states
-        if states is None or not self.own or not x.shape[1]:
+        if states is None or not self.own or not map_.x.shape[1]:
             return covariance
-        changes = differentiate_own(function, self.seen(x, states), self.directions(states), believed)
-        moved = states.reading @ changes
-        return propagated(covariance, moved[:, :, : states.count] / self.scale(states), moved[:, :, states.count :])
+        straight = None if planned is None else planned.straight
+        if straight is None or outcome is None:
+            return propagate(covariance, *self.own_derivatives(map_, states))
+        f, entering = states.of_errors(straight.state, straight.inputs * map_.believed)
+        bent = straight.departures(map_.x, map_.entering, outcome)
+        if not bent.any():
+            return propagate(covariance, f, entering)
+        result = np.empty_like(covariance)
+        result[:, :, ~bent] = propagate(covariance[:, :, ~bent], f, entering)
+        result[:, :, bent] = propagate(covariance[:, :, bent], *self.own_derivatives(map_.some(bent), states))
+        return result
+
+    def own_derivatives(self, map_: OwnMap, states: FilterStates) -> tuple[Array, Array]:
+        """Compute F, shape (states, states, n), and what enters in believed sizes, shape (states, inputs, n)."""
+        seen, space = self.seen(map_.x, states), self.setup.maps.structure.space
+        directions = self.directions(states)
+        changes = differentiate_own(map_.function, seen, directions, map_.believed, space, space, map_.share)
+        moved = changes[states.estimates] - changes[states.counterparts]
+        moved = np.concatenate([moved, -changes[states.considered]])
+        return moved[:, : states.count] / self.scale(states)[:, None], moved[:, states.count :]
 
     def scale(self, states: FilterStates) -> Array:
         """Return the steps of differences of the filter's states, shape (count,)."""
@@ -117,8 +166,10 @@ class Flight:
         inputs = maps.structure.white.size + maps.structure.markov.size
         drawn = self.noise.draw(PROCESSES, 2 * inputs) * np.tile(setup.true.inputs, 2)[:, None]
         plan, length = setup.plan, instant.length
+        planned = None
         if self.number <= plan.end and number < len(plan.instants[self.number].steps):
-            self.follow(plan.instants[self.number].steps[number], drawn)
+            planned = plan.instants[self.number].steps[number]
+            self.follow(planned, drawn)
         if not len(self.rows):
             return
 
@@ -134,8 +185,9 @@ class Flight:
             if met.any():
                 met &= np.isfinite(value)
                 after, white = self._end_within(instant, time, white, after, value, met)
-        believed = np.tile(setup.believed.inputs, 2)
-        self.covariance = self.propagated_own(function, believed, self.x, self.covariance)
+        if self.own:
+            own = OwnMap(function, self.x, white, np.tile(setup.believed.inputs, 2))
+            self.covariance = self.propagated_own(own, self.covariance, planned, after)
         self.x = after
         self.drop_failed(time + length)
 
@@ -159,13 +211,12 @@ class Flight:
         ended[:, met] = there
         if self.own:
 
-            def part(states: Array, entering: Array) -> Array:
-                repeated = np.tile(fraction, states.shape[1] // len(fraction))
+            def part(states: Array, entering: Array, share: Array) -> Array:
                 drawn = entering.reshape(2, inputs, states.shape[1])
-                return maps.step(states, np.full(states.shape[1], time), length, drawn, repeated)
+                return maps.step(states, np.full(states.shape[1], time), length, drawn, share)
 
-            believed = np.tile(self.setup.believed.inputs, 2)
-            self.covariance[met] = self.propagated_own(part, believed, x, self.covariance[met])
+            own = OwnMap(part, x, white[:, met], np.tile(self.setup.believed.inputs, 2), fraction)
+            self.covariance[:, :, met] = self.propagated_own(own, self.covariance[:, :, met])
         self.end(met, ended)
         return after[:, ~met], white[:, ~met]
 
@@ -180,9 +231,9 @@ class Flight:
 
     def follow(self, transition: Transition, drawn: Array | None = None) -> None:
         """Apply a transition of the linear system to all samples' deviations."""
-        self.deviation = transition.state @ self.deviation
+        self.deviation = combine(transition.state, self.deviation)
         if drawn is not None and len(drawn):
-            self.deviation += transition.inputs @ drawn
+            self.deviation += combine(transition.inputs, drawn)
 
     def measure(self, number: int, time: float, planned: Transition | None) -> None:
         """Update every sample's navigator by a sensor."""
@@ -200,22 +251,52 @@ class Flight:
         def function(x: Array, entering: Array) -> Array:
             return maps.innovation(number, x, np.full(x.shape[1], time))
 
-        innovation = function(self.x, drawn) + drawn[:, self.rows]
+        exact = function(self.x, drawn)
+        innovation = exact + drawn[:, self.rows]
         if self.own:
-            changes = differentiate_own(function, self.seen(self.x, states), self.directions(states), np.zeros(0))
-            h = -changes / self.scale(states)
-            update = updated(self.covariance, h, sigma, states.estimated)
-            gain, expected, self.covariance = update.gain, update.innovation, update.covariance
-            added = np.einsum("nkm,mn->kn", gain[:, : states.estimated], innovation)
+            gain, factor, self.covariance = self.own_update(
+                OwnMap(function, self.x, drawn[:, self.rows], sigma), exact, planned
+            )
+            added = combine(gain, innovation)
         else:
             last = self.gains[number]
             assert last.gain is not None
-            assert last.innovation is not None
-            expected, added = last.innovation, last.gain[: states.estimated] @ innovation
-        self.x = self.x.copy()
-        self.x[states.estimates] += added
+            assert last.factor is not None
+            factor, added = last.factor, combine(last.gain, innovation)
+        change = np.zeros_like(self.x)
+        change[states.estimates] = added
+        self.x = maps.structure.space.plus(self.x, change)
         if self.recorder is not None:
-            self.recorder.sensors[number].add(self.rows, innovation, expected)
+            self.recorder.sensors[number].add(self.rows, innovation, factor)
+
+    def own_update(self, map_: OwnMap, exact: Array, planned: Transition | None) -> tuple[Array, Array, Array]:
+        """Compute samples' own gains, factors of their innovations' covariances, and covariances after an update."""
+        states = self.setup.states
+        assert states is not None
+        straight = None if planned is None else planned.straight
+        count, size = exact.shape[1], len(map_.believed)
+        bent = np.ones(count, dtype=bool)
+        if straight is not None:
+            bent = straight.departures(map_.x, np.zeros_like(exact), exact)
+        shared = np.zeros((0, 0, 1)) if straight is None else -(straight.state @ states.moving)[:, :, None]
+        if not bent.any() or bent.all():
+            h = self.own_sensitivities(map_, states) if bent.any() else shared
+            gains, factor, after = update(self.covariance, h, map_.believed, states.estimated)
+            return gains[: states.estimated], factor, after
+        gain, factor = np.empty((states.estimated, size, count)), np.empty((size, size, count))
+        after = np.empty_like(self.covariance)
+        for chosen, own in ((~bent, False), (bent, True)):
+            if chosen.any():
+                h = self.own_sensitivities(map_.some(chosen), states) if own else shared
+                some = update(self.covariance[:, :, chosen], h, map_.believed, states.estimated)
+                gain[:, :, chosen], factor[:, :, chosen], after[:, :, chosen] = some[0][: states.estimated], *some[1:]
+        return gain, factor, after
+
+    def own_sensitivities(self, map_: OwnMap, states: FilterStates) -> Array:
+        """Compute H, shape (m, states, n)."""
+        seen, space = self.seen(map_.x, states), self.setup.maps.structure.space
+        changes = differentiate_own(map_.function, seen, self.directions(states), np.zeros(0), space)
+        return np.asarray(-changes / self.scale(states)[:, None])
 
     def correct(self, number: int, time: float, planned: Transition | None) -> None:
         """Apply every sample's correction."""
@@ -231,8 +312,8 @@ class Flight:
             return maps.corrected(number, x, np.full(x.shape[1], time), entering)
 
         after = function(self.x, drawn[:, self.rows])
-        believed = setup.believed.corrections[number]
-        self.covariance = self.propagated_own(function, believed, self.x, self.covariance)
+        own = OwnMap(function, self.x, drawn[:, self.rows], setup.believed.corrections[number])
+        self.covariance = self.propagated_own(own, self.covariance, planned, after)
         self.x = after
 
     def update(self, instant: Instant) -> None:
@@ -269,7 +350,7 @@ class Flight:
         x, covariance = self.final.copy(), self.final_covariance.copy() if self.own else self.covariance
         x[:, self.rows] = self.x
         if self.own:
-            covariance[self.rows] = self.covariance
+            covariance[:, :, self.rows] = self.covariance
         values = setup.readout.read(x, self.nominal).T
         nominal = setup.readout.read(self.nominal[:, None], self.nominal)[:, 0]
         self.history[:, epoch] = np.where(np.abs(values - nominal) <= setup.floor, nominal, values)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -11,7 +11,8 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.systems.closed_loop.declarations import Correction, Measurement
 from mcnav.systems.closed_loop.methods import Frame, Method
-from mcnav.systems.closed_loop.quantities import Block, Quantity, Values, as_kept, as_seen, spread
+from mcnav.systems.closed_loop.quantities import Block, Quantity, Values, as_kept, as_seen, attitude_kept, spread
+from mcnav.systems.closed_loop.rotations import turn_between
 from mcnav.systems.closed_loop.structure import Structure
 
 _ROOT_3: Final = float(np.sqrt(3.0))
@@ -19,12 +20,13 @@ _ROOT_3: Final = float(np.sqrt(3.0))
 
 @dataclass(frozen=True)
 class Sensor:
-    """A measurement, with its methods and the size of what it measures."""
+    """A measurement, with its methods, and the size of what it measures; or an attitude."""
 
     declared: Measurement
     truth: Method
     model: Method | None
     size: int = 1
+    attitude: bool = False
 
 
 @dataclass(frozen=True)
@@ -84,8 +86,11 @@ class Maps:
         structure = self.structure
 
         def estimated(block: Block) -> dict[str, Array]:
-            values = named(replace(block, begin=0), np.zeros((block.size, x.shape[1])))
-            values |= {name: each for name, each in named(structure.estimate, x).items() if name in block.names}
+            values = {}
+            for quantity in block.quantities:
+                at = structure.estimate.of(quantity.name)
+                numbers = np.zeros((quantity.size, x.shape[1])) if at is None else x[at]
+                values[quantity.name] = as_seen(numbers, bool(quantity.axes))
             return values
 
         def noise() -> Values:
@@ -105,6 +110,8 @@ class Maps:
     def step(self, x: Array, time: Array, length: float, white: Array, fraction: Array | float = 1.0) -> Array:
         """Propagate by a step of Runge-Kutta's classical method, or by a fraction of it, shape (n,).
 
+        Attitudes are integrated as rotation vectors from the begin of the step (Munthe-Kaas).
+
         Parameters
         ----------
         white : ndarray, shape (2, inputs, n)
@@ -116,40 +123,51 @@ class Maps:
         mean, slope = white[0] * scale, white[1] * (_ROOT_3 * scale)
         covered = fraction * length
         begin, middle, end = mean - slope, mean + slope * (fraction - 1.0), mean + slope * (2.0 * fraction - 1.0)
+        space = self.structure.space
+
+        def rates(change: Array, after: Array | float, white: Array) -> Array:
+            return space.rates_at(change, self.derivative(space.advanced(x, change), time + after, white))
+
         first = self.derivative(x, time, begin)
-        second = self.derivative(x + 0.5 * covered * first, time + 0.5 * covered, middle)
-        third = self.derivative(x + 0.5 * covered * second, time + 0.5 * covered, middle)
-        fourth = self.derivative(x + covered * third, time + covered, end)
-        return np.asarray(x + covered / 6.0 * (first + 2.0 * (second + third) + fourth))
+        second = rates(0.5 * covered * first, 0.5 * covered, middle)
+        third = rates(0.5 * covered * second, 0.5 * covered, middle)
+        fourth = rates(covered * third, covered, end)
+        total = second  # covered / 6 (first + 2 (second + third) + fourth)
+        total += third
+        total *= 2.0
+        total += first
+        total += fourth
+        total *= covered / 6.0
+        return space.advanced(x, total)
 
     def derivative(self, x: Array, time: Array, white: Array) -> Array:
-        """Compute dX/dt, shape (size, n); commands, parameters and corrections rest."""
+        """Compute dX/dt, shape (size, n), an attitude's its angular rate in body axes; commands and the like rest."""
         structure, count = self.structure, x.shape[1]
         command = self.guided(x, time)[0] if self.continuous and self.guide is not None else None
         frame = self.truth_frame(x, time, white, command)
         result = np.zeros_like(x)
-        result[structure.truth.whole] = spread(structure.truth, self.rates(frame), count, "rates")
+        spread(structure.truth, self.rates(frame), count, "rates", into=result[structure.truth.whole])
         markov = structure.markov.whole
         if structure.markov.size:
             result[markov] = -self.decay * x[markov] + white[structure.white.size :]
         sensed = frame["command"]() if self.sense is None else self._sensed(self.sense(frame))
-        result[structure.estimate.whole] = self._navigated(x, time, sensed)
+        self._navigate(x, time, sensed, result[structure.estimate.whole])
         return result
 
-    def _navigated(self, x: Array, time: Array, sensed: Any) -> Array:
+    def _navigate(self, x: Array, time: Array, sensed: Any, result: Array) -> None:
+        """Set the derivative of the estimate, shape (estimate.size, n), which is zero before."""
         structure = self.structure
         estimate = structure.estimate
         method = self.rates if self.navigate is None else self.navigate
         returned = method(self.navigator_frame(x, time, sensed, with_white=self.navigate is None))
         if self.navigate is None and isinstance(returned, Mapping):  # rates of the truth, of which some are estimated
             returned = {name: each for name, each in returned.items() if name in estimate.names}
-        result = spread(estimate, returned, x.shape[1], "navigate")
+        spread(estimate, returned, x.shape[1], "navigate", into=result)
         for quantity, place in structure.markov.places():
             at = estimate.of(quantity.name)
             if at is not None and quantity.name not in returned:
                 local = slice(place.start - structure.markov.begin, place.stop - structure.markov.begin)
                 result[at.start - estimate.begin : at.stop - estimate.begin] = -self.believed_decay[local] * x[at]
-        return result
 
     def _sensed(self, returned: Any) -> Any:
         if isinstance(returned, Mapping):
@@ -193,14 +211,18 @@ class Maps:
 
     def innovation(self, number: int, x: Array, time: Array) -> Array:
         """Compute what a sensor measures without its noise, less what the navigator expects, shape (size, n)."""
-        sensor = self.sensors[number]
+        sensor, count = self.sensors[number], x.shape[1]
         quantity = _component(sensor.declared.name, sensor.size)
         measured = sensor.truth(self.truth_frame(x, time))
         frame = self.navigator_frame(x, time, None)
         expected = sensor.truth(frame) if sensor.model is None else sensor.model(frame)
         where = f"measurement {quantity.name}"
-        difference = as_kept(measured, quantity, x.shape[1], where) - as_kept(expected, quantity, x.shape[1], where)
-        return np.broadcast_to(difference, (sensor.size, x.shape[1]))
+        if sensor.attitude:
+            there, origin = (attitude_kept(each, count, where) for each in (measured, expected))
+            difference = turn_between(there, origin, "body")
+        else:
+            difference = as_kept(measured, quantity, count, where) - as_kept(expected, quantity, count, where)
+        return np.broadcast_to(difference, (sensor.size, count))
 
     def corrected(self, number: int, x: Array, time: Array, noise: Array) -> Array:
         """Return X after a correction with its execution error, shape (axes, n)."""
@@ -242,4 +264,7 @@ def _component(name: str, size: int) -> Quantity:
 
 def named(block: Block, x: Array) -> dict[str, Array]:
     """Return the values of a block in X by name, as users' methods see them."""
-    return {quantity.name: as_seen(x[place], bool(quantity.axes)) for quantity, place in block.places()}
+    return {
+        quantity.name: as_seen(x[place], bool(quantity.axes), quantity.turns is not None)
+        for quantity, place in block.places()
+    }

@@ -8,9 +8,10 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
-from mcnav.systems.closed_loop.differences import Derivatives, Map, differentiate_map
+from mcnav.systems.closed_loop.algebra import propagate, update
+from mcnav.systems.closed_loop.differences import Derivatives, Map, Straight, differentiate_map
 from mcnav.systems.closed_loop.event import crossing_within, event_map
-from mcnav.systems.closed_loop.filter import FilterStates, propagated, updated
+from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.sizes import SMALL, Sizes, difference_steps
 from mcnav.systems.closed_loop.structure import Structure
@@ -30,9 +31,11 @@ class Transition:
         ``step``, ``measure``, ``correct``, ``guide`` or ``event``.
     number : int
         Of the measurement or correction.
-    gain : ndarray, shape (filter's states, k), optional
-    innovation : ndarray, shape (k, k), optional
-        Covariance that the filter expects of the innovation.
+    gain : ndarray, shape (estimated states, k), optional
+    factor : ndarray, shape (k, k, 1), optional
+        Cholesky's factor of the covariance that the filter expects of the innovation.
+    straight : Straight, optional
+        The map of X, or of the innovation, where it is linear.
     """
 
     state: Array
@@ -40,7 +43,8 @@ class Transition:
     kind: str
     number: int = 0
     gain: Array | None = None
-    innovation: Array | None = None
+    factor: Array | None = None
+    straight: Straight | None = None
 
 
 @dataclass(frozen=True)
@@ -123,9 +127,10 @@ class Planner:
     covariance: Array
     plan: Plan
 
-    def derivatives(self, function: Map, inputs: Array, where: str, x: Array | None = None) -> Derivatives:
-        """Differentiate a map about the nominal; its kinks are noted."""
-        result = differentiate_map(function, self.x if x is None else x, self.steps, inputs)
+    def derivatives(self, function: Map, inputs: Array, where: str, to_x: bool = True) -> Derivatives:
+        """Differentiate a map about the nominal, to X or to innovations; its kinks are noted."""
+        space = self.maps.structure.space
+        result = differentiate_map(function, self.x, self.steps, inputs, space, space if to_x else None)
         if not (np.isfinite(result.value).all() and np.isfinite(result.state).all()):
             raise ScenarioError("type", f"its flight without any error is not finite: {where}")
         if result.kinked.any():
@@ -144,15 +149,13 @@ class Planner:
         result = self.derivatives(function, sizes, f"rates at {time:g} s")
         self.x = result.value
         self.propagate(result.state, result.inputs, np.tile(self.believed.inputs, 2))
-        return Transition(result.state, result.inputs, "step")
+        return Transition(result.state, result.inputs, "step", straight=result.straight if fraction == 1.0 else None)
 
     def propagate(self, state: Array, inputs: Array, believed: Array) -> None:
         """Propagate the filter's covariance by ``F = T A S`` and ``G = T G``."""
         if self.states is not None:
-            reading = self.states.reading
-            self.covariance = propagated(
-                self.covariance, reading @ state @ self.states.moving, reading @ inputs * believed
-            )
+            f, entering = self.states.of_errors(state, inputs * believed)
+            self.covariance = propagate(self.covariance[:, :, None], f, entering)[:, :, 0]
 
     def measure(self, number: int, time: float) -> Transition:
         """Update by a sensor."""
@@ -163,21 +166,23 @@ class Planner:
             return self.maps.innovation(number, x, np.full(x.shape[1], time)) + entering
 
         sigma = self.believed.measurements[number]
-        result = self.derivatives(function, filled(sigma), f"measurement {sensor.declared.name} at {time:g} s")
+        result = self.derivatives(function, filled(sigma), f"measurement {sensor.declared.name} at {time:g} s", False)
         name = sensor.declared.name
         if not sigma.all():
             raise ScenarioError("type", f"measurement {name} needs a size in [measurements], or a believed one")
         share = float(np.abs(result.value / sigma).max())
         self.plan.innovations[name] = max(share, self.plan.innovations.get(name, 0.0))
-        update = updated(self.covariance, -result.state @ states.moving, sigma, states.estimated)
-        gain = update.gain[: states.estimated]
+        h = -result.state @ states.moving
+        gains, factor, after = update(self.covariance[:, :, None], h[:, :, None], sigma, states.estimated)
+        gain = gains[: states.estimated, :, 0]
         state, inputs = np.eye(len(self.x)), np.zeros((len(self.x), sensor.size))
         state[states.estimates] += gain @ result.state
         inputs[states.estimates] = gain
-        self.covariance = update.covariance
-        self.x = self.x.copy()
-        self.x[states.estimates] += gain @ result.value
-        return Transition(state, inputs, "measure", number, update.gain, update.innovation)
+        self.covariance = after[:, :, 0]
+        change = np.zeros_like(self.x)
+        change[states.estimates] = gain @ result.value
+        self.x = self.maps.structure.space.plus(self.x[:, None], change[:, None])[:, 0]
+        return Transition(state, inputs, "measure", number, gain, factor, result.straight)
 
     def correct(self, number: int, time: float) -> Transition:
         """Apply a correction."""
@@ -191,7 +196,7 @@ class Planner:
         result = self.derivatives(function, sizes, f"correction {name} at {time:g} s")
         self.x = result.value
         self.propagate(result.state, result.inputs, believed)
-        return Transition(result.state, result.inputs, "correct", number)
+        return Transition(result.state, result.inputs, "correct", number, straight=result.straight)
 
     def guide(self, time: float) -> Transition:
         """Command."""

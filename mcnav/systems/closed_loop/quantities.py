@@ -13,18 +13,24 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
+from mcnav.systems.closed_loop.declarations import Attitude
+from mcnav.systems.closed_loop.rotations import Side, from_matrix, to_matrix
 from mcnav.systems.user.settings import NAME, check_unit
 
 MOST_AXES: Final = 100
 
+ORTHOGONAL: Final = 1e-6
+"""Departure from one of a rotation matrix times its transpose, of matrices that users return."""
+
 
 @dataclass(frozen=True)
 class Quantity:
-    """A scalar, without axes, or a vector."""
+    """A scalar, without axes, or a vector; an attitude where `turns` says in which axes its deviations are."""
 
     name: str
     unit: str
     axes: tuple[str, ...] = ()
+    turns: Side | None = None
 
     @property
     def size(self) -> int:
@@ -61,6 +67,9 @@ def read_quantities(where: str, entries: Any) -> tuple[Quantity, ...]:
         raise ScenarioError("type", f"{where} must give a unit for each name; got {entries!r:.80}")
     quantities = []
     for name, entry in entries.items():
+        if isinstance(entry, Attitude) and isinstance(name, str):
+            quantities.append(read_attitude(f"{where}: {name}", name, entry))
+            continue
         unit, axes = entry if isinstance(entry, tuple) and len(entry) == 2 else (entry, ())
         if not isinstance(name, str) or not NAME.fullmatch(name):
             raise ScenarioError("type", f"{where}: {name!r} is not a name of letters, digits and _")
@@ -69,6 +78,16 @@ def read_quantities(where: str, entries: Any) -> tuple[Quantity, ...]:
         check_unit(where, unit, unit)
         quantities.append(Quantity(name, unit, read_axes(f"{where}: {name}", axes)))
     return tuple(quantities)
+
+
+def read_attitude(where: str, name: str, declared: Attitude) -> Quantity:
+    """Read an attitude; `ScenarioError` when its errors or axes are none."""
+    if declared.errors not in ("reference", "body"):
+        raise ScenarioError("type", f"{where}: errors are in 'reference' or 'body' axes; got {declared.errors!r:.40}")
+    axes = read_axes(where, declared.axes)
+    if len(axes) != 3:
+        raise ScenarioError("type", f"{where}: an attitude has three axes; got {declared.axes!r:.80}")
+    return Quantity(name, "rad", axes, declared.errors)
 
 
 @dataclass(frozen=True)
@@ -105,6 +124,11 @@ class Block:
         """Return the place of a quantity; none when there is no such name."""
         return next((place for quantity, place in self.places() if quantity.name == name), None)
 
+    @property
+    def attitudes(self) -> tuple[tuple[slice, Side], ...]:
+        """Places of attitudes, and the axes of their deviations."""
+        return tuple((place, quantity.turns) for quantity, place in self.places() if quantity.turns is not None)
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the quantities."""
@@ -128,9 +152,9 @@ class Values:
         raise AttributeError(f"{self._what}.{name} cannot be set; return what changes")
 
 
-def as_seen(numbers: Array, vector: bool) -> Array:
-    """Return numbers of X, shape (size, n), as users' methods see them: (n,), or (n, axes); not writable."""
-    seen = numbers.T if vector else numbers[0]
+def as_seen(numbers: Array, vector: bool, attitude: bool = False) -> Array:
+    """Return numbers of X, shape (size, n), as users' methods see them: (n,), (n, axes) or (n, 3, 3); not writable."""
+    seen = to_matrix(numbers) if attitude else numbers.T if vector else numbers[0]
     seen.flags.writeable = False
     return seen
 
@@ -152,12 +176,34 @@ def as_kept(returned: Any, quantity: Quantity, count: int, where: str) -> Array:
     raise ValueError(f"{where} must have shape {wanted}, for {count} samples; got {values.shape}")
 
 
-def spread(block: Block, returned: Any, count: int, where: str, before: Array | None = None) -> Array:
-    """Return a mapping of names to values as numbers of a block, shape (size, n); the others are zero, or as before.
+def attitude_kept(returned: Any, count: int, where: str) -> Array:
+    """Return rotation matrices that a user's method returned as rotation vectors, shape (3, n) or (3, 1).
+
+    Raises `ValueError` when they are no rotations; what is not finite stays so.
+    """
+    matrices = np.asarray(returned, dtype=float)
+    if matrices.shape not in ((count, 3, 3), (3, 3)):
+        raise ValueError(f"{where} must have shape ({count}, 3, 3), for {count} samples; got {matrices.shape}")
+    matrices = matrices.reshape(-1, 3, 3)
+    gaps = np.abs(matrices @ matrices.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
+    if np.any(gaps > ORTHOGONAL) or np.any(np.linalg.det(matrices) < 0.0):
+        raise ValueError(f"{where} must be rotation matrices; theirs times their transpose departs from one")
+    return from_matrix(matrices)
+
+
+def spread(
+    block: Block, returned: Any, count: int, where: str, before: Array | None = None, into: Array | None = None
+) -> Array:
+    """Return a mapping of names to values as numbers of a block, shape (size, n).
+
+    The values are states where ``before`` gives those of what is left out; else rates, and what is left out is zero.
+    They are written into an array of zeros, where one is given.
 
     Raises `ValueError` when a name is unknown, or a shape is wrong.
     """
-    result = np.zeros((block.size, count)) if before is None else before.copy()
+    result = np.zeros((block.size, count)) if into is None else into
+    if before is not None:
+        result[:] = before
     if not isinstance(returned, Mapping):
         raise ValueError(f"{where} must return a mapping of names to values; got {type(returned).__name__}")
     taken = 0
@@ -165,7 +211,9 @@ def spread(block: Block, returned: Any, count: int, where: str, before: Array | 
         if quantity.name in returned:
             taken += 1
             place = slice(place.start - block.begin, place.stop - block.begin)
-            result[place] = as_kept(returned[quantity.name], quantity, count, f"{quantity.name} of {where}")
+            value, told = returned[quantity.name], f"{quantity.name} of {where}"
+            is_attitude = quantity.turns is not None and before is not None
+            result[place] = attitude_kept(value, count, told) if is_attitude else as_kept(value, quantity, count, told)
     if taken < len(returned):
         unknown = next(name for name in returned if name not in block.names)
         raise ValueError(

@@ -75,7 +75,9 @@ def read_start(instance: Any, name: str, structure: Structure) -> Array:
     x = np.zeros(structure.size)
     if hasattr(instance, "start"):
         try:
-            x[structure.truth.whole] = spread(structure.truth, instance.start(), 1, "start")[:, 0]
+            x[structure.truth.whole] = spread(
+                structure.truth, instance.start(), 1, "start", np.zeros((structure.truth.size, 1))
+            )[:, 0]
         except Exception as failure:
             raise ScenarioError("type", f"{name}.start: {failure}") from failure
     places, counterparts = structure.pairs
@@ -90,8 +92,10 @@ def _sized(maps: Maps, start: Array) -> Maps:
     structure = maps.structure
     estimate = Values("estimate", named(structure.estimate, x))
 
-    def size_of(returned: Any, where: str) -> int:
+    def size_of(returned: Any, where: str, attitude: bool = False) -> int:
         shape = np.shape(returned)
+        if attitude and shape == (count, 3, 3):
+            return 3
         if len(shape) > 2 or (shape and shape[0] != count):
             raise ScenarioError(
                 "type", f"{where} must return shape (n,) or (n, axes) for n samples; got {shape}, n = 3"
@@ -115,7 +119,11 @@ def _sized(maps: Maps, start: Array) -> Maps:
     frame = {"time": lambda: time, "estimate": lambda: estimate}
     axes = {each.declared.name: size_of(tried(each.target, frame), each.target.where) for each in maps.impulses}
     truth = maps.truth_frame(x, time)
-    sensors = tuple(
-        replace(each, size=size_of(tried(each.truth, truth), each.truth.where) or 1) for each in maps.sensors
-    )
+
+    def sized(sensor: Sensor) -> Sensor:
+        measured = tried(sensor.truth, truth)
+        size = size_of(measured, sensor.truth.where, attitude=True) or 1
+        return replace(sensor, size=size, attitude=np.ndim(measured) == 3)
+
+    sensors = tuple(map(sized, maps.sensors))
     return replace(maps, structure=structure.resized(command, memory, axes), sensors=sensors)

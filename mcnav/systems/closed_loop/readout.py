@@ -58,10 +58,16 @@ class Readout:
         """Read the outputs, shape (outputs, n), of X, shape (size, n), about the nominal X, shape (size,)."""
         structure = self.structure
         places, counterparts = structure.pairs
-        dispersed = x - nominal[:, None]
+        indicated = nominal[:, None].copy()
+        indicated[places] = nominal[counterparts, None]
+        dispersed = structure.space.minus(x, indicated)
         of_truth = counterparts < structure.truth.whole.stop
-        rows = [x[places] - x[counterparts], dispersed[structure.truth.whole],
-                x[places[of_truth]] - nominal[counterparts[of_truth], None]]  # fmt: skip
+        rows = [structure.navigation_errors(x), dispersed[structure.truth.whole], dispersed[places[of_truth]]]
+        return self._rows(x, rows)
+
+    def _rows(self, x: Array, rows: list[Array]) -> Array:
+        """Add commands, corrections and final time to the rows of errors and dispersions."""
+        structure = self.structure
         if self.guided:
             rows.append(x[structure.command.whole])
         for quantity, place in structure.corrections.places():
@@ -71,6 +77,15 @@ class Readout:
         rows.append(x[structure.clock.whole])
         return np.concatenate(rows)
 
+    @property
+    def _linear(self) -> Array:
+        """Rows of deviations of X, shape (outputs, size), but of sizes, which have none."""
+        structure = self.structure
+        places, counterparts = structure.pairs
+        everything, of_truth = np.eye(structure.size), counterparts < structure.truth.whole.stop
+        errors = everything[places] - everything[counterparts]
+        return self._rows(everything, [errors, everything[structure.truth.whole], everything[places[of_truth]]])
+
     def floor(self, largest: Array) -> Array:
         """Return the deviations of outputs below which they are rounding, shape (outputs,).
 
@@ -79,14 +94,13 @@ class Readout:
         largest : ndarray, shape (size,)
             Largest value of X along the nominal.
         """
-        matrix = np.abs(self.read(np.eye(self.structure.size), np.zeros(self.structure.size)))
+        matrix = np.abs(self._linear)
         return np.asarray(ROUNDING * (matrix * largest).max(axis=1, initial=0.0))
 
     def partials(self, nominal: Array) -> Array:
         """Return the derivatives of the outputs by X, shape (outputs, size); that of a size at zero is zero."""
         size = self.structure.size
-        everything = np.eye(size)
-        matrix = self.read(everything, np.zeros(size))
+        matrix = self._linear
         names = [output.name for output in self.outputs]
         for quantity, place in self.structure.corrections.places():
             if quantity.axes:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.contract.filter_record import BY_SENSOR, FilterSchema
+from mcnav.systems.closed_loop.algebra import factorize, whiten
 from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Maps
+
+DOUBTFUL: Final = 1e-8
+"""Pivot of a correlation matrix from which on it is regular without a look at its eigenvalues."""
 
 ALL = "all"
 """Group of all navigation errors that the filter estimates."""
@@ -55,19 +60,22 @@ class Innovations:
     sums: Array
     last: Array | None = None
 
-    def add(self, rows: NDArray[np.intp], innovation: Array, covariance: Array) -> None:
-        """Add an update of some samples: innovations, shape (k, n), and covariance, shape (k, k) or (n, k, k)."""
-        factor = np.linalg.cholesky(covariance)
-        white = np.linalg.solve(factor, innovation.T[:, :, None])[:, :, 0]
-        self.sums[0, rows] += np.sum(white**2, axis=1)
-        self.sums[1, rows] += 1.0
+    def add(self, rows: NDArray[np.intp], innovation: Array, factor: Array) -> None:
+        """Add an update of some samples: innovations, shape (k, n), and factors of what the filter expects of them.
+
+        Parameters
+        ----------
+        factor : ndarray, shape (k, k, n) or (k, k, 1)
+        """
+        white = whiten(factor, innovation)
         if self.last is None:
-            self.last = np.full((self.sums.shape[1], white.shape[1]), np.nan)
-        along = np.sum(white * self.last[rows], axis=1) / white.shape[1]
+            self.last = np.full((len(white), self.sums.shape[1]), np.nan)
+        along = sum_rows(white * self.last[:, rows]) / len(white)
         known = np.isfinite(along)
-        self.sums[3, rows] += np.where(known, along, 0.0)
-        self.sums[4, rows] += known
-        self.last[rows] = white
+        added = np.zeros((len(self.sums), len(rows)))
+        added[0], added[1], added[3], added[4] = sum_rows(white**2), 1.0, np.where(known, along, 0.0), known
+        self.sums[:, rows] += added
+        self.last[:, rows] = white
 
 
 @dataclass
@@ -75,6 +83,7 @@ class Recorder:
     """Records of n samples at m epochs, shape (n, m, width)."""
 
     schema: FilterSchema
+    maps: Maps
     states: FilterStates
     members: dict[str, tuple[int, ...]]
     records: Array
@@ -85,41 +94,64 @@ class Recorder:
         """Return one without records."""
         sensors = [Innovations(np.zeros((len(BY_SENSOR), count))) for _ in maps.sensors]
         records = np.zeros((count, epochs, schema.width))
-        return cls(schema, states, group_members(maps, states), records, sensors)
+        return cls(schema, maps, states, group_members(maps, states), records, sensors)
+
+    def navigation_errors(self, x: Array) -> Array:
+        """Return the errors of what the filter estimates, shape (estimated, n); of attitudes by rotations."""
+        structure = self.maps.structure
+        return structure.navigation_errors(x)[self.states.estimates - structure.estimate.begin]
 
     def record(self, epoch: int, x: Array, covariance: Array) -> None:
-        """Record all samples: X, shape (size, n), and the filter's covariance, shape (k, k) or (n, k, k)."""
-        schema, states, count = self.schema, self.states, x.shape[1]
+        """Record all samples: X, shape (size, n), and the filter's covariance, shape (k, k, n) or (k, k, 1)."""
+        schema, states = self.schema, self.states
         estimated, places = states.estimated, schema.places
-        errors = (x[states.estimates] - x[states.counterparts]).T
-        own = np.broadcast_to(covariance[..., :estimated, :estimated], (count, estimated, estimated))
+        errors = self.navigation_errors(x)
+        own = covariance[:estimated, :estimated]
         row = self.records[:, epoch]
         for column, members in enumerate(self.members.values()):
-            chosen = list(members)
-            row[:, places["nees"].start + column] = _nees(errors[:, chosen], own[:, chosen][:, :, chosen])
-        whole = np.full((count, schema.outputs, schema.outputs), np.nan)
+            chosen = np.array(members)
+            row[:, places["nees"].start + column] = normalized_squares(errors[chosen], own[chosen[:, None], chosen])
         known = np.array(schema.known)
-        whole[:, known[:, None], known] = own
-        below, across = np.tril_indices(schema.outputs)
-        row[:, places["covariance"]] = whole[:, below, across]
-        sigma = np.sqrt(np.diagonal(own, axis1=1, axis2=2))
-        row[:, places["within_1"].start + known] = np.abs(errors) <= sigma
-        row[:, places["within_3"].start + known] = np.abs(errors) <= 3.0 * sigma
+        row[:, places["covariance"]] = np.nan
+        below, across = np.tril_indices(estimated)
+        high, low = np.maximum(known[below], known[across]), np.minimum(known[below], known[across])
+        row[:, places["covariance"].start + high * (high + 1) // 2 + low] = own[below, across].T
+        sigma = np.sqrt(own[np.arange(estimated), np.arange(estimated)])
+        row[:, places["within_1"].start + known] = (np.abs(errors) <= sigma).T
+        row[:, places["within_3"].start + known] = (np.abs(errors) <= 3.0 * sigma).T
         for name, sensor in zip(schema.sensors, self.sensors, strict=True):
             row[:, places[f"sensor:{name}"]] = sensor.sums.T
             sensor.sums[:] = 0.0
 
 
-def _nees(errors: Array, covariance: Array) -> Array:
-    """Compute the NEES, shape (n,), of errors, shape (n, k); NaN where the covariance is singular."""
-    size = errors.shape[1]
-    variance = np.diagonal(covariance, axis1=1, axis2=2)
+def normalized_squares(errors: Array, covariance: Array) -> Array:
+    """Compute the NEES, shape (n,), of errors, shape (k, n); NaN where the covariance is singular.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (k, k, n) or (k, k, 1)
+    """
+    size = len(errors)
+    variance = covariance[np.arange(size), np.arange(size)]
     scale = 1.0 / np.sqrt(np.where(variance > 0.0, variance, 1.0))
-    correlation = covariance * scale[:, :, None] * scale[:, None, :]
-    broken = ~np.isfinite(correlation).all(axis=(1, 2))
-    correlation[broken] = np.eye(size)
-    regular = (variance > 0.0).all(axis=1) & (np.linalg.eigvalsh(correlation)[:, 0] > size * np.finfo(float).eps)
-    correlation[~regular] = np.eye(size)
-    deviations = (errors * scale)[:, :, None]
-    squares = np.sum(deviations * np.linalg.solve(correlation, deviations), axis=(1, 2))
-    return np.asarray(np.where(regular & ~broken, squares, np.nan))
+    correlation = covariance * scale[:, None] * scale
+    factors = factorize(correlation)
+    smallest = np.min(factors[np.arange(size), np.arange(size)] ** 2, axis=0)  # NaN where a pivot is not positive
+    doubtful = ~(smallest > DOUBTFUL)
+    singular = doubtful & ~(variance > 0.0).all(axis=0)
+    checked = np.flatnonzero(doubtful & ~singular)
+    whole = np.isfinite(correlation[:, :, checked]).all(axis=(0, 1))
+    singular[checked[~whole]] = True
+    checked = checked[whole]
+    lowest = np.linalg.eigvalsh(correlation[:, :, checked].transpose(2, 0, 1))[:, 0]
+    singular[checked] = ~(lowest > size * np.finfo(float).eps)
+    squares = sum_rows(whiten(factors, errors * scale) ** 2)
+    return np.asarray(np.where(singular, np.nan, squares))
+
+
+def sum_rows(values: Array) -> Array:
+    """Sum over rows, one after the other, shape (n,): a library's sum may depend on how many samples there are."""
+    total: Array = values[0].copy()
+    for row in values[1:]:
+        total += row
+    return total

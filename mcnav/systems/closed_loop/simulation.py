@@ -63,20 +63,20 @@ def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
     draws = Noise(batch.seed, batch.index) if noise else NoNoise(count)
     if structure.markov.size:
         deviation[structure.markov.whole] = draws.draw(PROCESSES, structure.markov.size) * setup.true.markov[:, None]
-    x = setup.start[:, None] + deviation
-    covariance = np.zeros((0, 0))
+    x = structure.started(setup.start, batch.errors, deviation)
+    covariance, own = np.zeros((0, 0, 1)), False
     if setup.states is not None:
-        covariance = setup.states.start_covariance(structure, setup.believed)
-        if setup.states.own_gains:
-            covariance = np.repeat(covariance[None], count, axis=0)
+        own = setup.states.own_gains
+        covariance = setup.states.start_covariance(structure, setup.believed)[:, :, None]
+        covariance = np.repeat(covariance, count if own else 1, axis=2)
     recorder = None
     if setup.schema is not None and setup.states is not None and over_time:
         recorder = Recorder.of(setup.schema, maps, setup.states, count, len(setup.epochs))
     sign = np.zeros(count)
     if maps.end is not None:
         sign[:] = np.sign(maps.triggered(maps.end, setup.start[:, None], np.zeros(1))[0])
-    epochs = len(setup.epochs)
+    history = np.full((count, len(setup.epochs), len(setup.readout.outputs)), np.nan)
     return Flight(
         setup, draws, np.arange(count), x, covariance, deviation, np.full_like(x, np.nan),
-        np.full_like(covariance, np.nan), sign, recorder, np.full((count, epochs, len(setup.readout.outputs)), np.nan),
+        np.full_like(covariance, np.nan), sign, recorder, history, own,
     )  # fmt: skip

@@ -77,9 +77,9 @@ def difference_steps(maps: Maps, start: Array, true: Sizes) -> Array:
         steps[moved] = np.maximum(steps[moved], sigma)
     steps[structure.markov.whole] = true.markov
     for block in structure.blocks:
-        for _, place in block.places():
+        for quantity, place in block.places():
             size = steps[place].max(initial=0.0)
-            nominal = float(np.linalg.norm(start[place]))
+            nominal = 0.0 if quantity.turns is not None else float(np.linalg.norm(start[place]))
             fallback = size if size > 0.0 else SMALL * nominal if nominal > 0.0 else SMALL
             steps[place] = np.where(steps[place] > 0.0, steps[place], fallback)
     return steps

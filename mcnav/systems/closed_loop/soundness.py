@@ -118,7 +118,7 @@ def _step_error(setup: Setup) -> list[str]:
     The difference of a step goes on as the linear system has it, so that what decays does not add up.
     """
     maps, structure = setup.maps, setup.maps.structure
-    inputs = structure.white.size + structure.markov.size
+    inputs, space = structure.white.size + structure.markov.size, structure.space
     sides = np.concatenate([np.zeros((structure.size, 1)), np.diag(setup.steps), -np.diag(setup.steps)], axis=1)
     white = np.zeros((2, inputs, sides.shape[1]))
     error, whole_error = np.zeros_like(sides), np.zeros(structure.size)
@@ -126,10 +126,10 @@ def _step_error(setup: Setup) -> list[str]:
     for planned in setup.plan.instants:
         length, times = planned.instant.length, planned.instant.step_times()
         for time, before, step in zip(times, planned.before, planned.steps, strict=False):
-            x, begin = before[:, None] + sides, np.full(sides.shape[1], time)
+            x, begin = space.plus(before[:, None], sides), np.full(sides.shape[1], time)
             whole = maps.step(x, begin, length, white)
             half = maps.step(x, begin, 0.5 * length, white)
-            added = maps.step(half, begin + 0.5 * length, 0.5 * length, white) - whole
+            added = space.minus(maps.step(half, begin + 0.5 * length, 0.5 * length, white), whole)
             error = step.state @ error + added
             at = np.where(_largest(added) > largest, time, at)
             largest = np.maximum(_largest(added), largest)

@@ -16,6 +16,7 @@ from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
 from mcnav.systems.closed_loop.declarations import Correction, GaussMarkov, Measurement, Trigger, White
 from mcnav.systems.closed_loop.quantities import Block, Quantity, read_axes, read_quantities
+from mcnav.systems.closed_loop.rotations import Space
 from mcnav.systems.user.settings import NAME, check_unit
 
 
@@ -60,19 +61,31 @@ class Structure:
         return self.clock.begin + self.clock.size
 
     @cached_property
+    def space(self) -> Space:
+        """Sums and differences of X."""
+        return Space(tuple(each for block in self.blocks for each in block.attitudes))
+
+    @cached_property
     def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Places in X of what is estimated, and of its counterparts, each of shape (estimate.size,)."""
         counterparts: list[int] = []
         for quantity in self.estimate.quantities:
             block = self.home(quantity.name)
             place = None if block is None else block.of(quantity.name)
-            if place is None or place.stop - place.start != quantity.size:
+            twin = None if block is None else next(each for each in block.quantities if each.name == quantity.name)
+            if place is None or twin is None or (twin.size, twin.turns) != (quantity.size, quantity.turns):
                 known = (*self.truth.names, *self.parameters.names, *self.markov.names)
-                raise ScenarioError(
-                    "type", f"estimate: {quantity.name!r} has no counterpart of its size{suggestion('', known)}"
-                )
+                told = f"estimate: {quantity.name!r} has no counterpart of its size and kind{suggestion('', known)}"
+                raise ScenarioError("type", told)
             counterparts += range(place.start, place.stop)
         return np.arange(self.estimate.begin, self.estimate.whole.stop), np.array(counterparts, dtype=np.intp)
+
+    def navigation_errors(self, x: Array) -> Array:
+        """Return ``x_hat - x``, shape (estimate.size, n), of attitudes as rotation vectors."""
+        places, counterparts = self.pairs
+        aligned = x.copy()
+        aligned[places] = x[counterparts]
+        return self.space.minus(x, aligned)[self.estimate.whole]
 
     def home(self, name: str) -> Block | None:
         """Return the block of the truth, the parameters or the processes that has a name."""
@@ -99,6 +112,20 @@ class Structure:
             for offset, name in enumerate(quantity.names):
                 sources.append(LoopSource(name, quantity.unit, quantity.name, "truth", (place.start + offset,)))
         return tuple(sources)
+
+    def started(self, start: Array, errors: Array, deviation: Array) -> Array:
+        """Return X at the start with deviations, shape (size, n), that errors of the sources, (n, sources), cause.
+
+        Attitudes turn by the errors of the truth first, then by those of the estimate.
+        """
+        x = start[:, None] + deviation
+        if self.space.attitudes:
+            alone = np.array([source.of == "navigation" for source in self.sources])
+            of_truth, of_estimate = (self.start_partials[:, chosen] @ errors[:, chosen].T for chosen in (~alone, alone))
+            turned = self.space.plus(self.space.plus(start[:, None], of_truth), of_estimate)
+            for place, _ in self.space.attitudes:
+                x[place] = turned[place]
+        return x
 
     @cached_property
     def start_partials(self) -> Array:
@@ -139,9 +166,17 @@ def read_structure(instance: Any, name: str) -> Structure:
     parameters = read_quantities(f"{name}.parameters", instance.parameters)
     white, markov = _read_processes(f"{name}.processes", instance.processes)
     (command,) = read_quantities(f"{name}.command", {"command": instance.command})
+    for each in (*parameters, *white, *markov, command):
+        if each.turns is not None:
+            raise ScenarioError("type", f"{name}: {each.name} is an Attitude, which only states can be; give its axes")
     impulses = tuple(Quantity(each.name, each.noise) for each in _listed(instance, name, "corrections", Correction))
     for each in impulses:
         check_unit(f"{name}.corrections", each.unit, each.unit)
+    attitudes = [each.name for each in truth if each.turns is not None]
+    for correction in instance.corrections:
+        if correction.apply in attitudes:
+            told = f"{name}.corrections: {correction.name} turns {correction.apply}; apply must be a function"
+            raise ScenarioError("type", f"{told} that returns the matrices after it")
     _check_names(name, instance, truth, parameters, white, markov, impulses)
     if instance.navigator_start not in ("truth", "nominal"):
         raise ScenarioError("type", f"{name}.navigator_start is 'truth' or 'nominal'; got {instance.navigator_start!r}")

@@ -15,7 +15,10 @@ from mcnav.systems.closed_loop.noise import Noise
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from tests.closed_loops import campaign
 
-LOOPS = ("DoubleIntegrator", "Nominal", "Continuous", "Pendulum", "Corrected", "Rendezvous", "Descent", "Landing")
+LOOPS = (
+    "DoubleIntegrator", "Nominal", "Continuous", "Pendulum", "Corrected", "Rendezvous", "Descent", "Landing",
+    "Satellite",
+)  # fmt: skip
 
 
 def scaled(sizes: Sizes, share: float) -> Sizes:

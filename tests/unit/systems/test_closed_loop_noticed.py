@@ -14,7 +14,7 @@ from mcnav.errors import CampaignError
 
 HEAD = """
 import numpy as np
-from mcnav import ClosedLoop, Correction, Filter, Measurement, Trigger, White
+from mcnav import Attitude, ClosedLoop, Correction, Filter, Measurement, Trigger, White
 
 class Loop(ClosedLoop):
     truth = {"x": "m", "v": "m/s"}
@@ -30,6 +30,15 @@ class Loop(ClosedLoop):
         return -0.2 * estimate.x - 0.6 * estimate.v
 """
 
+TURNING = """
+    truth = {"turn": Attitude()}
+    processes, measurements, filter = {}, (), Filter()
+    def rates(self):
+        return {"turn": np.array([0.0, 0.0, 0.1])}
+    def guide(self, time):
+        return 0.0 * time
+"""
+
 TABLES: dict[str, Any] = {
     "errors": {"true_x": "10 m", "x": "3 m"},
     "processes": {"gusts": "0.1 m/s^2/sqrt(Hz)"},
@@ -38,6 +47,8 @@ TABLES: dict[str, Any] = {
 
 
 def scenario(folder: Path, changes: str = "", **tables: Any) -> Any:
+    if TURNING in changes:
+        tables = {"errors": {}, "processes": {}, "measurements": {}, **tables}
     (folder / "loop.py").write_text(HEAD + changes, encoding="utf-8")
     content = {"samples": 10, "scenario": {"type": "loop.py:Loop"}, **TABLES, **tables}
     return parse_campaign(content, str(folder / "x.toml"), "x").scenario
@@ -79,6 +90,18 @@ def test_a_sound_loop_has_no_remarks(tmp_path: Path) -> None:
         ("    estimate = {'x': 'm', 'z': 'm'}\n", "'z' has no counterpart"),
         ("    cycle, end = None, -1.0\n", "end must be a time"),
         ("    truth = {'x': 'furlong per fortnight', 'v': 'm/s'}\n", "furlong"),
+        ("    truth = {'x': Attitude('north'), 'v': 'm/s'}\n", "errors are in 'reference' or 'body' axes; got 'north'"),
+        ("    truth = {'x': Attitude(axes='xz'), 'v': 'm/s'}\n", "an attitude has three axes; got 'xz'"),
+        ("    parameters = {'tilt': Attitude()}\n", "tilt is an Attitude, which only states can be"),
+        (TURNING + "    estimate = {'turn': ('rad', 3)}\n", "'turn' has no counterpart of its size and kind"),
+        (TURNING + "    def start(self):\n        return {'turn': np.ones((3, 3))}\n", "must be rotation matrices"),
+        (TURNING + "    def start(self):\n        return {'turn': np.zeros(3)}\n", "must have shape (1, 3, 3)"),
+        (TURNING + "    def rates(self, truth):\n        return {'turn': truth.turn}\n", "must have shape (32, 3)"),
+        (TURNING + "    measurements = (Measurement('tracker', 'rad', lambda truth: 2 * truth.turn, interval=1.0),)\n",
+         "must be rotation matrices"),
+        (TURNING + "    corrections = (Correction('slew', 5.0, lambda estimate: np.zeros(3), 'turn', 'rad'),)\n",
+         "apply must be a function that returns the matrices after it"),
+        (TURNING + "    def rates(self):\n        return {'turn': np.array([np.nan, 0.0, 0.0])}\n", "not finite"),
     ],
 )  # fmt: skip
 def test_mistakes_get_one_line(tmp_path: Path, changes: str, told: str) -> None:
