@@ -39,9 +39,15 @@ CHUNK_NUMBERS: Final = 16_000_000
 MOST_SAMPLES: Final = 1_024
 """Numbers over time, and samples, of a chunk."""
 
-EARLY: Final = 0.8
-"""Share of the nominal flight to a trigger in which epochs lie, besides its end: samples that have ended before an
+SURE: Final = 6.0
+"""Sigmas of the final time before the nominal end by trigger up to which epochs lie: samples that have ended before an
 epoch are read out as they were at their end."""
+
+EARLY: Final = 0.8
+"""Share of the nominal flight up to which epochs lie in any case."""
+
+ROUNDING: Final = 1e-9
+"""Share of a quantity's size below which its nominal values are rounding."""
 
 
 class ClosedLoopScenario:
@@ -137,7 +143,8 @@ class ClosedLoopScenario:
         """Instants that are epochs, by number: cycle instants, evenly thinned, and the end."""
         triggered = self.maps.end is not None
         end = self.plan.end if triggered else len(self.timeline) - 1
-        latest = EARLY * self.plan.end_time if triggered else np.inf
+        end_time = self.plan.end_time
+        latest = max(EARLY * end_time, end_time - SURE * self._sigma_of_time) if triggered else np.inf
         possible = [
             number
             for number, instant in enumerate(self.timeline[:end])
@@ -237,12 +244,14 @@ class ClosedLoopScenario:
                 message = f"flights with small errors failed: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
 
-    @property
+    @cached_property
     def _sigma_of_time(self) -> float:
         if not self.maps.structure.clock.size:
             return 0.0
-        system = self.linear()
-        return float(np.sqrt(system.covariance(self.sizes.true.start)[0, -1, -1]))
+        end = read_plan(self.plan, self.maps, self.sizes.true, self.readout, (self.plan.end,))
+        row = end.partials[0, -1]
+        variance = row @ self.sizes.true.start @ row + sum(each[0, -1, -1] for each in end.processes.values())
+        return float(np.sqrt(max(variance, 0.0)))
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Return the only engine; `ScenarioError` when the nominal flight fails."""
@@ -259,6 +268,7 @@ class ClosedLoopScenario:
         """Return the nominal truth and commands at all instants."""
         planned = self.plan.instants
         x = np.array([self._start, *(each.nominal for each in planned)])
+        x = np.where(np.abs(x).max(axis=0) > ROUNDING * self.plan.steps, x, 0.0)
         times = np.array([0.0, *(each.instant.time for each in planned[:-1]), self.plan.end_time])
         fresh = np.append(True, np.diff(times) > 0.0)
         columns, panels = {LABEL: times[fresh]}, []
