@@ -55,6 +55,8 @@ class Model:
         Mean start errors, and start covariance S.
     processes : mapping of str to ndarray, shape (outputs, outputs)
         Covariance Q_j that each process of noise adds, by name.
+    sizes : mapping of int to tuple of int
+        Outputs that are the root sum of squares of others.
     """
 
     partials: Array
@@ -62,6 +64,7 @@ class Model:
     mean: Array
     covariance: Array
     processes: Mapping[str, Array] = field(default_factory=dict)
+    sizes: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
 
     @property
     def outcome_mean(self) -> Array:

@@ -22,11 +22,13 @@ from mcnav.analysis.requirements import (
     Requirement,
     normal_box_probability,
     normal_quantile,
+    size_members,
     size_probability,
 )
 from mcnav.analysis.requirements_over_time import largest_normal_quantile
 from mcnav.contract.quantities import Output, Source
-from mcnav.statistics.bisection import smallest_reaching
+from mcnav.statistics.bisection import root_between, smallest_reaching
+from mcnav.statistics.normal_size import NormalSize
 
 
 @dataclass(frozen=True)
@@ -241,8 +243,9 @@ def judge_within_range(
 
 
 def judge_linearly(
-    requirements: Sequence[Requirement], mean: Array, covariance: Array, history: Moments | None
-) -> tuple[LinearRequirement, ...]:
+    requirements: Sequence[Requirement], mean: Array, covariance: Array, history: Moments | None,
+    sizes: Mapping[int, tuple[int, ...]] | None = None,
+) -> tuple[LinearRequirement, ...]:  # fmt: skip
     """Judge requirements for normal errors.
 
     Parameters
@@ -251,14 +254,20 @@ def judge_linearly(
         Of the final errors.
     history : Moments or None
         At the epochs of the campaign, for requirements over time.
+    sizes : mapping of int to tuple of int, optional
+        Outputs that are the root sum of squares of others.
     """
-    return tuple(_judge(each, mean, covariance, history) for each in requirements)
+    return tuple(_judge(each, mean, covariance, history, sizes or {}) for each in requirements)
 
 
-def _judge(requirement: Requirement, mean: Array, covariance: Array, history: Moments | None) -> LinearRequirement:
+def _judge(
+    requirement: Requirement, mean: Array, covariance: Array, history: Moments | None,
+    sizes: Mapping[int, tuple[int, ...]],
+) -> LinearRequirement:  # fmt: skip
     if requirement.kind == "sigma_ratio":
         return LinearRequirement(requirement, math.nan, math.nan)
-    picked = np.array(requirement.outputs)
+    members = size_members(requirement.outputs, sizes)
+    picked = np.array(members or requirement.outputs)
     mean, covariance = mean[picked], covariance[np.ix_(picked, picked)]
     if requirement.kind == "box":
         return _judge_box(requirement, mean, covariance)
@@ -266,11 +275,38 @@ def _judge(requirement: Requirement, mean: Array, covariance: Array, history: Mo
     if requirement.epochs and history is not None:
         at = np.array(requirement.epochs)
         means, covariances = history.mean[np.ix_(at, picked)], history.covariance[np.ix_(at, picked, picked)]
-        value, worst = largest_normal_quantile(means, covariances, probability)
+        if members:
+            values = [NormalSize.of(*each).quantile(probability) for each in zip(means, covariances, strict=True)]
+            worst = int(np.argmax(values))
+            mean, covariance, value = means[worst], covariances[worst], values[worst]
+        else:
+            value, worst = largest_normal_quantile(means, covariances, probability)
         time = float(history.times[at[worst]])
+    elif members:
+        value = NormalSize.of(mean, covariance).quantile(probability)
     else:
         value = normal_quantile(mean, covariance, probability)
+    if members:
+        return LinearRequirement(requirement, value, _size_margin(requirement, mean, covariance), time)
     return LinearRequirement(requirement, value, requirement.limits[0] / value if value > 0.0 else math.inf, time)
+
+
+def _size_margin(requirement: Requirement, mean: Array, covariance: Array) -> float:
+    """Return the factor by which errors may grow about the nominal size of a correction; zero if that is too large."""
+    limit, sigma = requirement.limits[0], float(np.sqrt(np.trace(covariance)))
+    if np.linalg.norm(mean) >= limit or sigma == 0.0:
+        return math.inf if sigma == 0.0 and np.linalg.norm(mean) < limit else 0.0
+    probability = size_probability(requirement)
+
+    def grown(multiple: float) -> float:
+        return NormalSize.of(mean, multiple**2 * covariance).quantile(probability)
+
+    high = limit / sigma
+    while grown(high) < limit:
+        high *= 2.0
+    ends = root_between(lambda k: grown(k) - limit, (0.0, float(np.linalg.norm(mean)) - limit),
+                        (high, grown(high) - limit), 1e-12 * high)  # fmt: skip
+    return 0.5 * (ends[0] + ends[1])
 
 
 def sizes_over_time(requirement: Requirement, history: Moments) -> Array:

@@ -34,6 +34,7 @@ from mcnav.statistics.circular_error import (
     normal_probability_within,
     normal_probability_within_sphere,
 )
+from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.order_statistics import RankedSizes
 
 
@@ -164,7 +165,15 @@ def size_probability(requirement: Requirement) -> float:
 
 def linear_quantile(model: Model, outputs: tuple[int, ...], probability: float) -> float:
     """Compute a quantile of the sizes of errors in one, two or three outputs by the linear model."""
+    members = size_members(outputs, model.sizes)
+    if members:
+        return NormalSize.of(*_linear_moments(model, members)).quantile(probability)
     return normal_quantile(*_linear_moments(model, outputs), probability)
+
+
+def size_members(outputs: tuple[int, ...], sizes: Mapping[int, tuple[int, ...]]) -> tuple[int, ...]:
+    """Return the outputs whose size one output is; none where it is no size."""
+    return sizes.get(outputs[0], ()) if len(outputs) == 1 else ()
 
 
 def normal_quantile(mean: Array, covariance: Array, probability: float) -> float:
@@ -230,7 +239,7 @@ def _judge_size(
         shares = [float(np.mean(~(sizes <= limit)))], [float(np.mean(sizes > limit))]
         needed, remark = samples_needed(*shares, 1.0 - probability, (confidence, confidence), counting)
     largest = None
-    if requirement.kind == "quantile":
+    if requirement.kind == "quantile" and not size_members(outputs, model.sizes):
         sigma = _largest_sigma(float(model.outcome_mean[outputs[0]]), limit, probability)
         if sigma is not None:
             largest = largest_sigmas(model.partials[outputs[0]], model.covariance, sigma)

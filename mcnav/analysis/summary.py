@@ -206,6 +206,26 @@ class QuantileEntry(_Entry):
     verdict: str | None = None
 
 
+class SizeEntry(_Entry):
+    """The size of a vector by its exact law and by samples; see `mcnav.analysis.vector_sizes`."""
+
+    output: str
+    nominal: float
+    sigma: float
+    median: float
+    mean: float
+    most: float
+    three_sigma: float
+    three_sigma_probability: float
+    wrong: bool
+    median_sample: float | None
+    mean_sample: float | None
+    most_sample: float | None
+    median_interval: Ends | None
+    mean_interval: Ends | None
+    most_interval: Ends | None
+
+
 class CauseEntry(_Entry):
     """A cause of errors, and its share in their linear mean square."""
 
@@ -475,6 +495,7 @@ class Summary(_Entry):
     higher_order: HigherOrder | None = None
     causes: Causes | None = None
     tails: Sequence[QuantileEntry] = ()
+    sizes: Sequence[SizeEntry] = ()
     requirements: Sequence[RequirementEntry] = ()
     requirements_met: Tally | None = None
     beyond_range: Beyond | None = None

@@ -33,7 +33,7 @@ class Quantile:
         One-sided distribution-free bounds; zero and infinite where the sample is too small or the design has too few
         independent replicates. Failed samples count as largest above, and as smallest below.
     linear : float
-        Quantile of the normal distribution of linear analysis.
+        Quantile of the normal distribution of linear analysis; of a vector's size by its exact law.
     together : (float, float)
         Two-sided interval, at a confidence such that those of all quantiles hold together (Bonferroni).
     verdict : Verdict
@@ -59,8 +59,11 @@ def tails(
     intervals of the verdicts. The units are those of the outputs; for the other parameters see `judge_requirement`.
     """
     picked, remark = independent_samples(blocks)
-    dispersed = np.flatnonzero(np.diag(model.outcome_covariance) > 0.0).tolist()
+    variances = np.diag(model.outcome_covariance)
+    dispersed = np.flatnonzero(variances > 0.0).tolist()
     pairs = [(i, j) for i, j in combinations(dispersed, 2) if units[i] == units[j]]
+    without_derivative = [i for i, members in model.sizes.items() if i not in dispersed and variances[[*members]].any()]
+    dispersed = sorted([*dispersed, *without_derivative])
     wanted = [*(((i,), PROBABILITIES) for i in dispersed), *((pair, (0.5,)) for pair in pairs)]
     family = max(sum(len(probabilities) for _, probabilities in wanted), 1)
     each = 1.0 - 0.5 * (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / family

@@ -20,6 +20,10 @@ class Verdict(StrEnum):
 ROUNDING: Final = 1e-12
 """Difference of a ratio from one that may be rounding: 4,500 times that of a double."""
 
+NUMERICAL: Final = 1e-9
+"""Difference of a ratio from one that derivatives by differences, and steps of integration, may leave: it is shown as
+zero, and nothing is said of it."""
+
 HOPELESS: Final = 1e4
 """Ratio of half width to distance from the tolerance above which no number of samples is given (1e8 times as many)."""
 

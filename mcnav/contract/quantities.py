@@ -50,6 +50,8 @@ class Output:
         Size of the error, SI, beyond which the linear system that it belongs to has lost its meaning.
     of : str
         What it is of; see `Of`. A filter states the covariance of navigation errors alone.
+    size_of : tuple of str
+        Outputs in its unit whose root sum of squares it is: it is not normal, and not linear where they are zero.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Output:
     shown_in: str
     limit: float | None = None
     of: Of = "navigation"
+    size_of: tuple[str, ...] = ()
 
 
 def source_labels(sources: Sequence[str], outputs: Sequence[str]) -> list[str]:

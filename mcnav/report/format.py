@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from mcnav.analysis.verdict import ROUNDING
+from mcnav.analysis.verdict import NUMERICAL
 
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -90,10 +90,12 @@ def share(value: float) -> str:
 def percent(share: float) -> str:
     """Format a signed difference in per cent: two significant digits below 0.1 %, two decimals to 10 %, one above.
 
-    >>> percent(0.0312), percent(-0.0000213), percent(3.5341), percent(-2e-16)
+    A difference that may be numerical is zero.
+
+    >>> percent(0.0312), percent(-0.0000213), percent(3.5341), percent(-3e-12)
     ('+3.12 %', '−0.0021 %', '+353.4 %', '+0.00 %')
     """
-    value = 0.0 if abs(share) < ROUNDING else 100.0 * share
+    value = 0.0 if abs(share) < NUMERICAL else 100.0 * share
     if not math.isfinite(value):
         return "–"
     size = abs(value)

@@ -20,6 +20,7 @@ from mcnav.report.lincov_words import (
     final_means,
     mean_words,
     range_words,
+    size_words,
     worst_first,
 )
 from mcnav.report.model import scale_of
@@ -74,7 +75,7 @@ def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
     said = [*range_words(answer), *filter_words(answer)]
     if answer.beyond is None or any(each.judged for each in answer.requirements):
         said.append(headline(answer))
-    return worst_first([*said, *mean_words(answer)])
+    return worst_first([*said, *mean_words(answer), *size_words(answer)])
 
 
 def largest_causes(answer: LinearAnswer) -> list[str]:

@@ -16,12 +16,14 @@ from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_filter import LinearVerdict
+from mcnav.analysis.vector_sizes import linear_sizes
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.filter_verdict import LEAST
 from mcnav.report.filter_verdict import TONES as FILTER_TONES
 from mcnav.report.format import number, signed
 from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import NAMED, listed
+from mcnav.report.vector_sizes import size_sentence
 
 ROUNDING: Final = 1e-9
 """Share of an output's sigma and of what errors of usual size cause, below which its mean is rounding."""
@@ -72,6 +74,20 @@ def range_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     time, history = answer.beyond.time, answer.history
     since = "at the end" if time is None or history is None else f"from {instant(time, history.readings.label)} on"
     yield f"Errors are beyond the range of linear analysis {since}: {' and '.join(limits)}", "differs"
+
+
+def size_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
+    """Say what the sizes of corrections are by their exact law; nothing without any, or beyond the linear range."""
+    if answer.beyond is not None:
+        return
+    scale = scale_of(answer.outputs)
+    for law in linear_sizes(answer.model.sizes, answer.mean, answer.covariance):
+        output = answer.outputs[law.output]
+        numbers = (law.median, law.mean, law.most)
+        words = size_sentence(
+            output.name, numbers, law.three_sigma, law.wrong, float(scale[law.output]), output.shown_in
+        )
+        yield words.removesuffix("."), ""
 
 
 def filter_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:

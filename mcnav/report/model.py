@@ -20,6 +20,7 @@ from mcnav.analysis.running_ratios import Convergence
 from mcnav.analysis.summary import HigherOrder, Summary
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
+from mcnav.analysis.vector_sizes import SampledSize
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output, Source, source_labels
@@ -54,6 +55,7 @@ class RunAnalysis:
     failures: Mapping[str, tuple[int, Sequence[int]]]
     filter: FilterConsistency | None = None
     beyond: BeyondRange | None = None
+    sizes: tuple[SampledSize, ...] = ()
 
     @cached_property
     def summary(self) -> Summary:
@@ -71,6 +73,7 @@ class RunAnalysis:
             self.left_out,
             self.filter,
             self.beyond,
+            self.sizes,
         )
 
     @cached_property

@@ -29,6 +29,7 @@ from mcnav.report.percentiles import percentiles_table
 from mcnav.report.requirements import allowed_by_requirement, requirement_rows, requirements_table
 from mcnav.report.result_table import Row
 from mcnav.report.sentences import Statement
+from mcnav.report.vector_sizes import sizes_table
 
 Values = Mapping[str, Any]
 """Values of a template."""
@@ -134,6 +135,7 @@ def _numbers(content: RunAnalysis) -> Values:
         "requirements": summary.requirements,
         "requirements_table": requirements_table(summary, "shown", _time_unit(content), together).read,
         "allowed": allowed_by_requirement(summary),
+        "sizes": sizes_table(summary, "shown", together).read if summary.sizes else None,
         "percentiles": percentiles_table(summary, "shown", together, tolerance).read,
         "terms": tables.variance_terms(content) if content.dispersed else None,
         "simulated_budget": tables.simulated_budget(content),

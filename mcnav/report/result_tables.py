@@ -19,6 +19,7 @@ from mcnav.report.output_columns import outputs_table
 from mcnav.report.percentiles import percentiles_table
 from mcnav.report.requirements import allowed_table, requirements_table
 from mcnav.report.result_table import ResultTable, Row, Units, in_units
+from mcnav.report.vector_sizes import sizes_table
 
 CORRELATIONS: Final = "correlations"
 """Name of the row of a budget that correlations between sources contribute."""
@@ -192,6 +193,7 @@ FINAL_TABLES: Final[tuple[Build, ...]] = (
     lambda results: allowed_table(results.summary, results.units),
     _of_rows("covariance", "Covariances and correlations of the final errors", 2, _covariance),
     lambda results: percentiles_table(results.summary, results.units),
+    lambda results: sizes_table(results.summary, results.units),
     lambda results: tests_table(results.summary),
     lambda results: ellipsoids_table(results.summary),
     lambda results: directions_table(results.summary),

@@ -10,11 +10,12 @@ from typing import Final, Literal
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.summary import Beyond, Summary, Tally, Unsettled
-from mcnav.analysis.verdict import ROUNDING
+from mcnav.analysis.verdict import NUMERICAL
 from mcnav.contract.failure import message_of
 from mcnav.report import filter_verdict, joint_words
 from mcnav.report.format import percent
 from mcnav.report.model import humanize, labels_in
+from mcnav.report.vector_sizes import size_sentences
 from mcnav.statistics.power import sensible_step
 
 NEGLIGIBLE: Final = 1e-3
@@ -73,7 +74,7 @@ def statements(summary: Summary) -> list[Statement]:
 
     Where linear analysis agrees and a requirement is not met, its tone is ``partly``: nothing is green.
     """
-    details = _known(*findings(summary), certain_but_small(summary), stopping(summary))
+    details = _known(*findings(summary), *size_sentences(summary), certain_but_small(summary), stopping(summary))
     warnings = _known(caveat(summary), failures(summary))
     linear = Statement("linear", _on_linear(summary), standing(summary), details, warnings)
     stated = [(tone(summary), linear)]
@@ -290,7 +291,7 @@ def certain_but_small(summary: Summary) -> str:
 
 def _holds_one(low: float | None, high: float | None) -> bool:
     """Return whether an interval holds one; null is an end that is not finite."""
-    return (low is None or low - ROUNDING <= 1.0) and (high is None or high + ROUNDING >= 1.0)
+    return (low is None or low - NUMERICAL <= 1.0) and (high is None or high + NUMERICAL >= 1.0)
 
 
 def failures(summary: Summary) -> str:

@@ -20,6 +20,7 @@ from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.summary import Beyond, CombinationEntry, Joint, Summary, tally
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
+from mcnav.analysis.vector_sizes import SampledSize
 from mcnav.report.filter_summary import filter_entries
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.store.manifest import Manifest, ModelRecord
@@ -44,6 +45,7 @@ def summarise(
     left_out: FailureBias | None = None,
     filtered: FilterConsistency | None = None,
     beyond: BeyondRange | None = None,
+    sizes: Sequence[SampledSize] = (),
 ) -> Summary:
     """Collect the results of a run.
 
@@ -67,12 +69,26 @@ def summarise(
         **_joint(comparison.joint, len(names)),
         "causes": asdict(causes) if causes else None,
         "tails": [_named(asdict(quantile), names) | {"verdict": quantile.verdict.value} for quantile in tails],
+        **({"sizes": [_size(each, names) for each in sizes]} if sizes else {}),
         "requirements": [_requirement(judged, names) for judged in requirements],
         "requirements_met": tally(judged.finding.value for judged in requirements),
         **({} if beyond is None else {"beyond_range": _beyond(beyond, record)}),
         "budget": {**asdict(budget), "flown": record.budget},
         **({} if filtered is None else filter_entries(filtered)),
     })  # fmt: skip
+
+
+def _size(size: SampledSize, names: Sequence[str]) -> Keys:
+    """Return a size by its exact law and by samples."""
+    law = size.linear
+    return {
+        "output": names[law.output], "nominal": law.nominal, "sigma": law.sigma,
+        "median": law.median, "mean": law.mean, "most": law.most,
+        "three_sigma": law.three_sigma, "three_sigma_probability": law.three_sigma_probability, "wrong": law.wrong,
+        "median_sample": size.median, "mean_sample": size.mean, "most_sample": size.most,
+        "median_interval": size.median_interval, "mean_interval": size.mean_interval,
+        "most_interval": size.most_interval,
+    }  # fmt: skip
 
 
 def _run(manifest: Manifest) -> Keys:

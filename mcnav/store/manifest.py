@@ -39,7 +39,7 @@ class ManifestError(ValueError):
 class Variable(Record):
     """An error source or an output: its name, SI unit, and the unit in which it is shown.
 
-    ``limit`` and ``of`` are those of `mcnav.contract.quantities.Output`.
+    ``limit``, ``of`` and ``size_of`` are those of `mcnav.contract.quantities.Output`.
     """
 
     name: Name
@@ -47,6 +47,7 @@ class Variable(Record):
     shown_in: Words
     limit: Annotated[float, Field(gt=0.0)] | None = None
     of: Of = "navigation"
+    size_of: tuple[Name, ...] = ()
 
     @model_validator(mode="after")
     def _units(self) -> Self:
@@ -156,6 +157,9 @@ class ModelRecord(Record):
         for name, shape in zip(("partials", "nominal", "start_mean", "start_covariance"), shapes, strict=True):
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name}: is not of the shape that {rows} outputs and {columns} sources ask for")
+        names = {output.name for output in self.outputs}
+        if not all(names.issuperset(output.size_of) for output in self.outputs):
+            raise ValueError("outputs: size_of names an output that there is not")
         for name, covariance in (self.processes or {}).items():
             if covariance.shape != (rows, rows):
                 raise ValueError(f"processes.{name}: is not of the shape that {rows} outputs ask for")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -19,6 +19,7 @@ from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_t
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
 from mcnav.analysis.requirements import requirements_from
+from mcnav.analysis.vector_sizes import components_of, linear_sizes
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.scenario import (
@@ -74,14 +75,15 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
             _check_times(described, times)
         _check_soundness(described)
         linear, readings = _linearize(scenario)
-        model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes)
+        model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes,
+                      components_of(scenario.outputs))  # fmt: skip
         moments = errors.mean, errors.covariance
         history = None if readings is None else covariance_over_time(readings, names, *moments)
         outputs = [{"name": output.name} for output in scenario.outputs]
         entries = [record.model_dump() for record in described.requirements]
         judged = judge_linearly(
             requirements_from(entries, outputs), model.outcome_mean, model.outcome_covariance,
-            None if history is None else history.moments,
+            None if history is None else history.moments, model.sizes,
         )  # fmt: skip
         asked = None
         if times is not None:
@@ -209,6 +211,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
             }
             for number, each in enumerate(answer.requirements)
         ],
+        **_size_rows(answer, names),
         "mean_by_cause": answer.means,
         "filter": None if answer.filter is None else _filter_entry(answer.filter),
         "beyond_range": None if answer.beyond is None else {
@@ -218,6 +221,13 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         "time": None if history is None else history.readings.label,
         "rows": [] if history is None else _rows(history, answer.readings_beyond(history)),
     }  # fmt: skip
+
+
+def _size_rows(answer: LinearAnswer, names: Sequence[str]) -> Mapping[str, object]:
+    """Return the sizes of corrections by their exact law; nothing where there are none."""
+    laws = linear_sizes(answer.model.sizes, answer.mean, answer.covariance)
+    rows = [asdict(law) | {"output": names[law.output], "wrong": law.wrong} for law in laws]
+    return {"sizes": rows} if rows else {}
 
 
 def _filter_entry(verdict: LinearVerdict) -> Mapping[str, object]:

@@ -27,6 +27,7 @@ from mcnav.analysis.running_ratios import convergence
 from mcnav.analysis.summary import Summary
 from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
+from mcnav.analysis.vector_sizes import components_of, sampled_sizes
 from mcnav.contract.quantities import Output
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.lincov.block_sums import Normalization
@@ -152,6 +153,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         failures=failures,
         filter=None if filtered is None else assess_filter(filtered, criterion),
         beyond=beyond,
+        sizes=sampled_sizes(model, samples.outputs, blocks, criterion),
     )
 
 
@@ -300,4 +302,11 @@ def summary_frame(manifest: Manifest) -> Normalization | None:
 def linear_model(record: ModelRecord) -> Model:
     """Return the linear model of a manifest."""
     processes = record.processes or {}
-    return Model(record.partials, record.nominal, record.start_mean, record.start_covariance, processes)
+    return Model(
+        record.partials,
+        record.nominal,
+        record.start_mean,
+        record.start_covariance,
+        processes,
+        components_of(record.outputs),
+    )

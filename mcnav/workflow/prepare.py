@@ -234,6 +234,8 @@ def _variables(entries: Sequence[Source | Output]) -> tuple[Variable, ...]:
     def variable(entry: Source | Output) -> Variable:
         limit = entry.limit if isinstance(entry, Output) else None
         plain = Variable(name=entry.name, unit=entry.unit, shown_in=entry.shown_in)
-        return plain.completed({"limit": limit, "of": None if entry.of == "navigation" else entry.of})
+        size_of = entry.size_of or None if isinstance(entry, Output) else None
+        of = None if entry.of == "navigation" else entry.of
+        return plain.completed({"limit": limit, "of": of, "size_of": size_of})
 
     return tuple(map(variable, entries))

@@ -29,8 +29,8 @@ class Readout:
         structure = self.structure
         outputs: list[Output] = []
 
-        def add(name: str, unit: str, of: Of) -> None:
-            outputs.append(Output(name, unit, unit, of=of))
+        def add(name: str, unit: str, of: Of, size_of: tuple[str, ...] = ()) -> None:
+            outputs.append(Output(name, unit, unit, of=of, size_of=size_of))
 
         for prefix, of, block in (("", "navigation", structure.estimate), ("true_", "truth", structure.truth),
                                   ("navigated_", "truth", structure.estimate)):  # fmt: skip
@@ -43,8 +43,10 @@ class Readout:
             for name in command.names:
                 add(name, command.unit, "control")
         for quantity in structure.corrections.quantities:
-            for name in (*quantity.names, *([f"{quantity.name}_size"] if quantity.axes else [])):
+            for name in quantity.names:
                 add(name, quantity.unit, "control")
+            if quantity.axes:
+                add(f"{quantity.name}_size", quantity.unit, "control", quantity.names)
         for quantity in structure.clock.quantities:
             add(quantity.name, quantity.unit, "time")
         return tuple(outputs)
