@@ -164,6 +164,14 @@ def test_mean_plus_three_sigma_of_a_burn_of_zero_mean_is_too_small(
         assert low <= np.sum(sizes < size) <= high
 
 
+def test_a_burn_that_is_nominally_rounding_has_no_direction() -> None:
+    """Gravity as a difference leaves a nominal burn of 1e-11 m/s, which is none."""
+    described = campaign("OrbitCorrection")
+    scenario: Any = described.scenario
+    assert "the nominal transfer is zero" in scenario.accuracy
+    assert np.all(covariance(described, "transfer_size", "arrival_size") == 0.0)
+
+
 def test_corrections_and_times_are_no_errors() -> None:
     """A nominal burn of 1.5 m/s is no mean error."""
     answer = linear_covariance(campaign("Rendezvous"))
