@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from mcnav import Attitude, ClosedLoop, Correction, Filter, GaussMarkov, Measurement, Phase, Trigger, White
-
-RATE = 0.00114
-TARGET, ARRIVAL, BURN = np.array([500.0, 0.0, 0.0]), 1056.7, 156.7
+from mcnav.config.campaign import Campaign
+from mcnav.config.read import parse_campaign, read_campaign
 
 
 class Scalar(ClosedLoop):
@@ -108,40 +107,11 @@ class Nominal(DoubleIntegrator):
     filter = Filter(gains="nominal")
 
 
-def transition(time):
-    """Clohessy and Wiltshire's, (V-bar, H-bar, R-bar)."""
-    s, c, w = np.sin(RATE * time), np.cos(RATE * time), RATE
-    return np.array([
-        [1, 0, 6 * (w * time - s), 4 * s / w - 3 * time, 0, 2 * (1 - c) / w],
-        [0, c, 0, 0, s / w, 0],
-        [0, 0, 4 - 3 * c, 2 * (c - 1) / w, 0, s / w],
-        [0, 0, 6 * w * (1 - c), 4 * c - 3, 0, 2 * s],
-        [0, -w * s, 0, 0, c, 0],
-        [0, 0, 3 * w * s, -2 * s, 0, c],
-    ])  # fmt: skip
+class Corrected(DoubleIntegrator):
+    """An impulse among measurements, each sample with its own gains."""
 
-
-def burn(estimate):
-    whole = transition(ARRIVAL - BURN)
-    wanted = np.linalg.solve(whole[:3, 3:], (TARGET - estimate.position @ whole[:3, :3].T).T).T
-    return wanted - estimate.velocity
-
-
-class Rendezvous(ClosedLoop):
-    truth = {"position": ("m", 3), "velocity": ("m/s", 3)}
-    processes = {"disturbance": White("m/s^2/sqrt(Hz)", 3)}
-    corrections = (Correction("burn", at=BURN, target=burn),)
-    filter = Filter()
-    step, end = 2.0, ARRIVAL
-
-    def start(self):
-        return {"position": [-2000.0, 0.0, 1000.0], "velocity": [1.71, 0.0, 0.0]}
-
-    def rates(self, truth, noise):
-        _, y, z = truth.position.T
-        vx, _, vz = truth.velocity.T
-        gravity = np.stack([2 * RATE * vz, -(RATE**2) * y, 3 * RATE**2 * z - 2 * RATE * vx], axis=1)
-        return {"position": truth.velocity, "velocity": gravity + noise.disturbance}
+    corrections = (Correction("push", at=20.0, target=lambda estimate: -0.5 * estimate.velocity),)
+    end = 40.0
 
 
 class Trim(ClosedLoop):
@@ -321,17 +291,6 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
         "processes": {"disturbance": "0.1 m/s^2/sqrt(Hz)"},
         "measurements": {"ranging": "2 m"},
     },
-    "Rendezvous": {
-        "errors": {
-            "true_position": f"{100 / 3!r} m", "true_velocity": f"{0.11 / 3!r} m/s",
-            "position": f"{10 / 3!r} m", "velocity": f"{0.011 / 3!r} m/s",
-        },
-        "correlations": [
-            {"between": ["true_position_z", "true_velocity_x"], "coefficient": 0.9},
-            {"between": ["position_z", "velocity_x"], "coefficient": 0.9},
-        ],
-        "processes": {"disturbance": f"{4.8e-10**0.5!r} m/s^2/sqrt(Hz)", "burn": f"{2.5e-7**0.5!r} m/s"},
-    },
     "Trim": {
         "errors": {
             "true_velocity_x": "0.0336119023630829 m/s", "true_velocity_y": "0.043291158546284986 m/s",
@@ -379,10 +338,18 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
 """Sizes of the loops' errors, and of those that inherit from them."""
 
 FILE = Path(__file__)
+CAMPAIGNS = FILE.parents[1] / "campaigns"
+SHIPPED = {
+    "Rendezvous": "24_rendezvous",
+    "CruiseMissile": "28_cruise_missile",
+    "OrbitCorrection": "29_orbit_correction",
+}
+"""Loops of campaigns of the project."""
+
 OF = {
     "GuidedLander": "Landing",
     "Continuous": "DoubleIntegrator", "Remembering": "DoubleIntegrator", "ConstantGain": "DoubleIntegrator",
-    "Nominal": "DoubleIntegrator", "FixedDescent": "Descent",
+    "Nominal": "DoubleIntegrator", "Corrected": "DoubleIntegrator", "FixedDescent": "Descent",
 }  # fmt: skip
 
 
@@ -391,3 +358,10 @@ def tables(name: str, **changes: Any) -> dict[str, Any]:
     settings = changes.pop("settings", {})
     scenario = {"type": f"{FILE.name}:{name}", **settings}
     return {"samples": 64, "seed": 5, "scenario": scenario, **SIZES[OF.get(name, name)], **changes}
+
+
+def campaign(name: str, **changes: Any) -> Campaign:
+    """Return the campaign of a loop of this file, or of one of the project's campaigns, which nothing changes."""
+    if name in SHIPPED:
+        return read_campaign(CAMPAIGNS / f"{SHIPPED[name]}.toml")
+    return parse_campaign(tables(name, **changes), str(FILE.with_name("x.toml")), "x")

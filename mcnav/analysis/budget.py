@@ -46,7 +46,7 @@ def error_budget(partials: Array, start_covariance: Array, processes: Sequence[A
     shares = contributions**2 / divisor
     crossed = 2.0 * partials * (partials @ start_covariance) / divisor
     whole = np.hstack([shares, noise / divisor])
-    sizes = np.hstack([contributions, np.sqrt(noise)])
+    sizes = np.hstack([contributions, np.sqrt(np.maximum(noise, 0.0))])  # rounding of variances that vanish
     return ErrorBudget(whole, 1.0 - whole.sum(axis=1), sizes, np.hstack([crossed - shares, noise / divisor]))
 
 

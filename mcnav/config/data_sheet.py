@@ -21,6 +21,9 @@ from mcnav.units import UnitError, multiplied, quantity
 SCALED: Final = (*SIZES, "limit", "loc", "mean")
 """Keys of a distribution that are multiplied with its size."""
 
+OF_LOOPS: Final = ("processes", "measurements")
+"""Tables of a closed loop that give sizes by the names that are causes, too."""
+
 GRADE: Final = "Grade:"
 """Beginning of the titles of the catalogue's grades."""
 
@@ -35,7 +38,7 @@ class DataSheetNumber:
     Attributes
     ----------
     path : str
-        Such as ``imu.gyro.bias``, ``errors.position``, ``aiding.gnss.position``.
+        Such as ``imu.gyro.bias``, ``errors.position``, ``aiding.gnss.position``, ``measurements.ranging``.
     entry : Value
         As the file or the catalogue has it.
     causes : frozenset of str
@@ -158,6 +161,9 @@ def data_sheet_numbers(content: Mapping[str, Any], sources: tuple[Source, ...]) 
         name = sensor.get("name", sensor["type"].replace("-", "_"))
         keys = [key for key in keys_of_errors(SENSOR_TYPES[sensor["type"]]) if key in sensor and key != "lever_arm"]
         numbers += [DataSheetNumber(f"aiding.{name}.{key}", sensor[key], frozenset(), {}) for key in keys]
+    for table in OF_LOOPS:
+        entries = content.get(table, {}).items()
+        numbers += [DataSheetNumber(f"{table}.{name}", entry, frozenset([name]), {}) for name, entry in entries]
     return [number for number in numbers if _multiplied(number.entry, 0.0) != _multiplied(number.entry, 1.0)]
 
 
@@ -165,7 +171,7 @@ def believed_numbers(content: Mapping[str, Any]) -> list[DataSheetNumber]:
     """List the sizes that a filter believes in place of the true ones: they are settings, and change no error."""
     believes = content.get("filter", {}).get("believes", {})
     tables = {f"imu.{name}": believes.get("imu", {}).get(name, {}) for name in KINDS}
-    tables |= {"errors": believes.get("errors", {})}
+    tables |= {name: believes.get(name, {}) for name in ("errors", *OF_LOOPS)}
     tables |= {f"aiding.{name}": entries for name, entries in believes.get("aiding", {}).items()}
     numbers = [
         DataSheetNumber(f"filter.believes.{table}.{key}", entry, frozenset(), {})

@@ -40,7 +40,7 @@ __all__ = ["Campaign", "campaign_from", "parse_campaign", "read_campaign"]
 
 
 def read_campaign(
-    path: Path,
+    path: str | Path,
     overrides: Mapping[str, Any] | None = None,
     execute: bool = True,
     earlier: Mapping[str, EarlierFile] | None = None,
@@ -61,6 +61,7 @@ def read_campaign(
     CampaignError
         Lists every mistake that was found.
     """
+    path = Path(path)
     content = load_file(path)
     entries = content.get("scenario")
     kind = entries.get("type") if isinstance(entries, dict) else None

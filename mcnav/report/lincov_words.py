@@ -51,6 +51,8 @@ def label_of(answer: LinearAnswer, cause: str) -> str:
     """
     labels = dict(zip(answer.causes, cause_labels(answer), strict=True))
     name = cause.removeprefix(MEAN)
+    if name == NOMINAL:
+        return "nominal value"
     return f"{'mean of ' if cause != name else ''}{labels.get(name, humanize(name))}"
 
 

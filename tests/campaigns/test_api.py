@@ -32,7 +32,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> FlownRun:
 def test_a_file_a_campaign_and_a_dictionary_are_one(run: FlownRun, tmp_path: Path) -> None:
     path = tmp_path / "campaign.toml"
     path.write_text(tomli_w.dumps(described()))
-    for number, campaign in enumerate((path, str(path), mcnav.read_campaign(path))):
+    for number, campaign in enumerate((path, str(path), mcnav.read_campaign(str(path)))):
         again = mcnav.fly(campaign, tmp_path / str(number), jobs=1)
         pd.testing.assert_frame_equal(again.samples, run.samples, check_exact=True)
         pd.testing.assert_frame_equal(again.outputs, run.outputs, check_exact=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +18,18 @@ from mcnav.report.lincov_words import mean_words
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.run import run_campaign
-from tests.closed_loops import FILE, tables
+from tests.closed_loops import CAMPAIGNS, FILE, SHIPPED, tables
 from tests.commands import in_process
 
 
 def written(folder: Path, name: str, **changes: Any) -> Path:
     folder.mkdir(exist_ok=True)
     shutil.copy(FILE, folder)
-    path = folder / f"{name}.toml"
-    path.write_text(tomli_w.dumps(tables(name, **changes)), encoding="utf-8")
+    path, content = folder / f"{name}.toml", {} if name in SHIPPED else tables(name, **changes)
+    if name in SHIPPED:
+        content = tomllib.loads((CAMPAIGNS / f"{SHIPPED[name]}.toml").read_text(encoding="utf-8")) | changes
+        shutil.copy(CAMPAIGNS / content["scenario"]["type"].partition(":")[0], folder)
+    path.write_text(tomli_w.dumps(content), encoding="utf-8")
     return path
 
 

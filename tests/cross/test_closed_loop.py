@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from typing import Any
 
 import numpy as np
@@ -10,15 +11,10 @@ from scipy import linalg
 
 from mcnav._types import Array
 from mcnav.config.campaign import Campaign
-from mcnav.config.read import parse_campaign
 from mcnav.studies.lincov import linear_covariance
-from tests.closed_loops import ARRIVAL, BURN, FILE, tables, transition
+from tests.closed_loops import CAMPAIGNS, campaign
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-
-
-def campaign(name: str, **changes: Any) -> Campaign:
-    return parse_campaign(tables(name, **changes), str(FILE.with_name("x.toml")), "x")
 
 
 def covariance(described: Campaign) -> tuple[list[str], Array]:
@@ -197,14 +193,15 @@ def test_readings_around_corrections() -> None:
 def test_readings_around_a_burn() -> None:
     """What the burn does to the velocity of Clohessy and Wiltshire, from the covariance before it."""
     described = campaign("Rendezvous")
+    rendezvous = runpy.run_path(str(CAMPAIGNS / "rendezvous.py"))
     answer = linear_covariance(described).history
     assert answer is not None
     at = answer.readings.updates.index("before")
-    assert answer.readings.times[at] == answer.readings.times[at + 1] == BURN
+    assert answer.readings.times[at] == answer.readings.times[at + 1] == rendezvous["BURN"]
     names = [output.name for output in described.scenario.outputs]
     of = {kind: [names.index(f"{kind}{part}_{axis}") for part in ("position", "velocity") for axis in "xyz"]
           for kind in ("true_", "navigated_")}  # fmt: skip
-    whole = transition(ARRIVAL - BURN)
+    whole = rendezvous["transition"](rendezvous["ARRIVAL"] - rendezvous["BURN"])
     targeting = np.hstack([-np.linalg.solve(whole[:3, 3:], whole[:3, :3]), -np.eye(3)])
     state = np.eye(12)
     state[3:6, 6:] += targeting

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from mcnav._types import Array
 from mcnav.contract.samples import Batch
 from mcnav.systems.closed_loop.rotations import from_matrix, to_matrix, turn_between, turned
-from tests.cross.test_closed_loop import campaign, covariance, sigmas
+from tests.closed_loops import campaign
+from tests.cross.test_closed_loop import covariance, sigmas
 
 WALK, DRIFT_WALK, TRACKER, INTERVAL, RATE = 1e-4, 5e-6, 5e-4, 5.0, 0.1
 

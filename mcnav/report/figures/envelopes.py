@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 from scipy import special
@@ -13,6 +14,9 @@ from mcnav.report.figures.filter_errors import errors_and_sigmas
 from mcnav.report.figures.marks import Axis, Band, Line, Panel, Rule, Series, axis
 from mcnav.report.figures.palette import AREA, FLOWN, LINEAR
 from mcnav.report.model import RunAnalysis
+
+OWN: Final = ("vectorised", "single")
+"""Engines of classes of the user's, which have no other one to hand samples over to."""
 
 
 def envelopes(content: RunAnalysis) -> Figure | None:
@@ -42,7 +46,10 @@ def envelopes(content: RunAnalysis) -> Figure | None:
         moments = {"linear mean": known.linear_mean, "linear sigma": known.linear_sigma, "mean": known.mean,
                    "sigma": known.sigma}  # fmt: skip
         columns |= {f"{names[i]}, {words} [{units[i]}]": each[:, i] * scale[i] for words, each in moments.items()}
-    surface = "Ranges are arc lengths on the earth's surface. " if "range" in names else ""
+    about = ""
+    if content.summary.engine not in OWN:
+        about = "Ranges are arc lengths on the earth's surface. " if "range" in names else ""
+        about += "Samples outside the fast engine's range of validity are not included. "
     return Figure(
         name="envelopes",
         title="Errors over the flight",
@@ -52,8 +59,7 @@ def envelopes(content: RunAnalysis) -> Figure | None:
         key=tuple(series.values()),
         columns=columns,
         size=side_by_side(len(moving)),
-        caption=f"{surface}Samples outside the fast engine's range of validity are not included. Lines at "
-        f"± {reach:.2f}σ: {low} % and {high} % of a normal distribution.",
+        caption=f"{about}Lines at ± {reach:.2f}σ: {low} % and {high} % of a normal distribution.",
     )
 
 

@@ -6,6 +6,7 @@ import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ from mcnav.systems.closed_loop.passage import meet, set_signs
 from mcnav.systems.closed_loop.sizes import SMALL, Sizes, difference_steps
 from mcnav.systems.closed_loop.structure import Structure
 from mcnav.systems.closed_loop.timeline import Instant
+
+ROUNDING: Final = 1e-6
+"""Share of the sizes of the truth below which what a correction changes in the nominal is rounding."""
 
 
 @dataclass(frozen=True)
@@ -399,9 +403,19 @@ class Planner:
         sizes = filled(np.maximum(self.true.corrections[number], believed))
         name = self.maps.impulses[number].declared.name
         result = self.derivatives(function, sizes, f"correction {name} at {time:g} s")
-        self.x = result.value
+        self.x = self._without_rounding(number, result.value)
         self.propagate(result.state, result.inputs, believed)
         return Transition(result.state, result.inputs, "correct", number, straight=result.straight)
+
+    def _without_rounding(self, number: int, x: Array) -> Array:
+        """Return X after a correction, whose commanded impulse is zero where it is rounding: it has no direction."""
+        structure = self.maps.structure
+        _, place = list(structure.corrections.places())[number]
+        changed = structure.truth.whole
+        if np.all(np.abs(x - self.x)[changed] < ROUNDING * self.steps[changed]):
+            x = x.copy()
+            x[place] = 0.0
+        return x
 
     def guide(self, time: float) -> Transition:
         """Command."""

@@ -54,9 +54,15 @@ CHUNK_NUMBERS: Final = 16_000_000
 MOST_SAMPLES: Final = 1_024
 """Numbers over time, and samples, of a chunk."""
 
-EARLY: Final = 0.8
-"""Share of the nominal flight to a trigger in which epochs lie, besides its end: samples that have ended before an
+SURE: Final = 6.0
+"""Sigmas of the final time before the nominal end by trigger up to which epochs lie: samples that have ended before an
 epoch are read out as they were at their end."""
+
+EARLY: Final = 0.8
+"""Share of the nominal flight up to which epochs lie in any case."""
+
+ROUNDING: Final = 1e-9
+"""Share of a quantity's size below which its nominal values are rounding."""
 
 
 class ClosedLoopScenario:
@@ -168,7 +174,8 @@ class ClosedLoopScenario:
         """Instants that are epochs, by number: cycle instants, evenly thinned, and the end."""
         triggered = self.maps.ends
         end = self.plan.end if triggered else len(self.timeline) - 1
-        latest = EARLY * self.plan.end_time if triggered else np.inf
+        end_time = self.plan.end_time
+        latest = max(EARLY * end_time, end_time - SURE * self._sigmas_of_times.get("end", 0.0)) if triggered else np.inf
         possible = [
             number
             for number, instant in enumerate(self.timeline[:end])
@@ -305,17 +312,16 @@ class ClosedLoopScenario:
         sigma = sigmas_of(self.readings, start)[-1]
         return tuple(said or departures_from_twins(setup, batch, result, sigma))
 
-    @property
+    @cached_property
     def _sigmas_of_times(self) -> dict[str, float]:
-        """Linear sigmas of the times of events by trigger, by name."""
+        """Linear sigmas of the times of events by trigger, s, by name."""
         if not self.maps.events:
             return {}
-        variances = np.diag(self.linear().covariance(self.sizes.true.start)[0])
-        names = [output.name for output in self.outputs]
+        with np.errstate(all="ignore"):
+            end = read_plan(self.plan, self.maps, self.sizes.true, self.readout, (self.plan.end,))
+        sigmas, names = sigmas_of(end, self.sizes.true.start)[-1], [output.name for output in self.outputs]
         places = [names.index(quantity.name) for quantity in self.maps.structure.clock.quantities]
-        return {
-            event.name: float(np.sqrt(variances[place])) for event, place in zip(self.maps.events, places, strict=True)
-        }
+        return {event.name: float(sigmas[place]) for event, place in zip(self.maps.events, places, strict=True)}
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Return the only engine; `ScenarioError` when the nominal flight fails."""
@@ -332,6 +338,7 @@ class ClosedLoopScenario:
         """Return the nominal truth and commands at all instants."""
         planned = self.plan.instants
         x = np.array([self._start, *(each.nominal for each in planned)])
+        x = np.where(np.abs(x).max(axis=0) > ROUNDING * self.plan.steps, x, 0.0)
         times = np.array([0.0, *(each.instant.time for each in planned[:-1]), self.plan.end_time])
         fresh = np.append(True, np.diff(times) > 0.0)
         columns, panels = {LABEL: times[fresh]}, []

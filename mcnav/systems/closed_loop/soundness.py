@@ -13,6 +13,7 @@ from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.maps import Event
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.simulation import simulate
+from mcnav.systems.closed_loop.timeline import Instant
 
 SAMPLES: Final = 3
 SEED: Final = 1966
@@ -136,39 +137,59 @@ def _trigger_of(event: Event) -> str:
 
 
 def _near_updates(setup: Setup, event: Event, sigma: float) -> list[str]:
-    """Find measurements within one sigma of an event of the nominal."""
+    """Find measurements, corrections and commands within one sigma of an event of the nominal."""
     time = setup.plan.event_times[event.name]
     near = max(sigma, SAME * setup.plan.end_time)
     after = next(number for number, instant in enumerate(setup.timeline) if instant.time >= time - near)
     instants = [setup.timeline[max(after - 1, 0)], *setup.timeline[after : after + 2]]
     told = "samples end before or after it" if event.kind == "end" else "it comes before or after it"
+    changes = [(instant, _change_at(setup, instant)) for instant in instants if abs(instant.time - time) <= near]
     return [
-        f"{_trigger_of(event)} is met at {time:.6g} s, within one sigma of the measurement at {instant.time:.6g} s: "
-        f"{told}, and an update may jump over the trigger"
-        for instant in instants
-        if instant.measurements and abs(instant.time - time) <= near
+        f"{_trigger_of(event)} is met at {time:.6g} s, within one sigma of the {change[0]} at {instant.time:.6g} s: "
+        f"{told}, and {change[1]}"
+        for instant, change in changes
+        if change is not None
     ]
 
 
+def _change_at(setup: Setup, instant: Instant) -> tuple[str, str] | None:
+    """Name what changes X at an instant, and what that means for a trigger near it; none where nothing does."""
+    maps = setup.maps
+    if instant.measurements:
+        return "measurement", "an update may jump over the trigger"
+    if instant.corrections:
+        return "correction", "the correction is made or not"
+    if instant.guide and maps.guide is not None and not maps.continuous:
+        return "command", "the last command is of one cycle or of the next"
+    return None
+
+
 def _step_error(setup: Setup) -> list[str]:
-    """Compare each step with two halves of it, about the nominal and one size to its sides."""
+    """Compare each step with two halves of it, about the nominal and one size to its sides.
+
+    The difference of a step goes on as the linear system has it, so that what decays does not add up.
+    """
     maps, structure = setup.maps, setup.maps.structure
     inputs, space = structure.white.size + structure.markov.size, structure.space
     sides = np.concatenate([np.zeros((structure.size, 1)), np.diag(setup.steps), -np.diag(setup.steps)], axis=1)
     white = np.zeros((2, inputs, sides.shape[1]))
     fractions = np.repeat([1.0, 0.5], sides.shape[1])
-    total, largest, at = np.zeros(structure.size), np.zeros(structure.size), np.zeros(structure.size)
+    error, whole_error = np.zeros_like(sides), np.zeros(structure.size)
+    largest, at = np.zeros(structure.size), np.zeros(structure.size)
     for planned in setup.plan.instants:
         length, times = planned.instant.length, planned.instant.step_times()
-        for time, before in zip(times, planned.before[: len(times)], strict=False):
+        for time, before, step in zip(times, planned.before, planned.steps, strict=False):
             x, begin = space.plus(before[:, None], sides), np.full(sides.shape[1], time)
             both = maps.step(np.tile(x, 2), np.tile(begin, 2), length, np.tile(white, 2), fractions)
             whole, half = both[:, : x.shape[1]], both[:, x.shape[1] :]
-            error = _largest(space.minus(maps.step(half, begin + 0.5 * length, 0.5 * length, white), whole))
-            total += error
-            at = np.where(error > largest, time, at)
-            largest = np.maximum(error, largest)
-    shares = total / setup.steps
+            added = space.minus(maps.step(half, begin + 0.5 * length, 0.5 * length, white), whole)
+            error = step.state @ error + added
+            at = np.where(_largest(added) > largest, time, at)
+            largest = np.maximum(_largest(added), largest)
+            whole_error = np.maximum(whole_error, _largest(error))
+        for update in planned.updates:
+            error = update.state @ error
+    shares = whole_error / setup.steps
     worst = int(np.argmax(shares))
     if not shares[worst] > LARGEST_STEP_ERROR:
         return []

@@ -94,7 +94,7 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
     if not all(check.passed for check in checks):
         return checks
     tried("determinism", lambda: _determinism(prepared, errors))
-    tried("each sample for itself", lambda: _independence(prepared, errors))
+    tried("each sample for itself", lambda: _independence(prepared, errors, _spread(scenario.linear().end, sizes)))
     tried("travels to workers", lambda: _travels(prepared, errors))
     tried("linear near zero", lambda: _linear_near_zero(prepared, scenario.linear().end, errors, sizes))
     tried("partials against differences", lambda: _partials(prepared, scenario.linear().end, sizes))
@@ -139,10 +139,17 @@ def _determinism(prepared: Engine, errors: Array) -> str:
     return "the same bits twice"
 
 
-def _independence(prepared: Engine, errors: Array) -> str:
+def _spread(model: LinearModel, sizes: Array) -> Array:
+    """Return the linear sigma of each output with errors of these sizes and its noise, shape (outputs,)."""
+    variance = np.sum((model.partials * sizes) ** 2, axis=1)
+    noise = sum((np.diag(each) for each in model.processes.values()), np.zeros(len(variance)))
+    return np.asarray(np.sqrt(variance + np.maximum(noise, 0.0)))
+
+
+def _independence(prepared: Engine, errors: Array, spread: Array) -> str:
     together = without_noise(prepared)(errors).values
     alone = np.vstack([without_noise(prepared)(row[None, :]).values for row in errors[::-1]])[::-1]
-    worst = apart(together, alone)
+    worst = apart(together, alone, spread)
     if worst > SAME:
         raise _Broken(f"a sample flown alone differs by {worst:.1e} from the same among others")
     return f"alone as among others, to {worst:.1e}"

@@ -103,14 +103,16 @@ def same(one: SimulationResult, other: SimulationResult) -> bool:
     return np.array_equal(one.values, other.values, equal_nan=True) and one.failures.keys() == other.failures.keys()
 
 
-def apart(one: Array, other: Array) -> float:
+def apart(one: Array, other: Array, spread: Array | None = None) -> float:
     """Compute the largest difference of outcomes of the same samples, (n, outputs), as a share of an output's size.
 
-    Infinite when a sample failed in one of them alone.
+    Infinite when a sample failed in one of them alone. The size is that of its largest outcome, or ``spread``, shape
+    (outputs,), where that is larger.
     """
     if not np.array_equal(np.isnan(one), np.isnan(other)):
         return np.inf
     scale = np.nan_to_num(np.abs(one)).max(axis=0, initial=0.0)
+    scale = scale if spread is None else np.maximum(scale, spread)
     gaps = np.nan_to_num(np.abs(one - other)).max(axis=0, initial=0.0)
     return float((gaps / np.where(scale > 0.0, scale, 1.0)).max(initial=0.0))
 

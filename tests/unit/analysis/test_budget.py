@@ -81,6 +81,12 @@ def test_saved_and_shares_differ_by_cross_terms() -> None:
     np.testing.assert_allclose(budget.saved[:, 0] - budget.shares[:, 0], budget.cross_terms, atol=1e-15)
 
 
+def test_a_variance_of_rounding_has_no_size() -> None:
+    """Where outputs cancel, sums of covariances leave a negative variance of rounding."""
+    budget = error_budget(np.eye(2), np.diag([4.0, 1.0]), [np.diag([1.0, -1e-30])])
+    np.testing.assert_array_equal(budget.contributions[:, 2], [1.0, 0.0])
+
+
 def test_sobol_indices_of_a_product() -> None:
     """y = a + a b with normal a, b: V = s_a^2 (1 + s_b^2); S_a = 1 / (1 + s_b^2), S_b = 0, total of a one."""
     errors = ErrorModel(NAMES, {"a": Normal(1.0), "b": Normal(0.5)})

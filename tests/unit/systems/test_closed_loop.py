@@ -10,20 +10,15 @@ import pytest
 
 from mcnav._types import Array
 from mcnav.config.campaign import Campaign
-from mcnav.config.read import parse_campaign
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.closed_loop.noise import Noise
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
-from tests.closed_loops import FILE, tables
+from tests.closed_loops import campaign
 
 LOOPS = (
-    "DoubleIntegrator", "Nominal", "Continuous", "Pendulum", "Rendezvous", "Descent", "Landing", "Satellite", "Kicked",
-    "Braking", "Remembering", "Lander", "GuidedLander",
+    "DoubleIntegrator", "Nominal", "Continuous", "Pendulum", "Corrected", "Rendezvous", "Descent", "Landing",
+    "Satellite", "Kicked", "Braking", "Remembering", "Lander", "GuidedLander",
 )  # fmt: skip
-
-
-def campaign(name: str, **changes: Any) -> Campaign:
-    return parse_campaign(tables(name, **changes), str(FILE.with_name("x.toml")), "x")
 
 
 def scaled(sizes: Sizes, share: float) -> Sizes:

@@ -197,11 +197,32 @@ def test_mistakes_get_one_line(tmp_path: Path, changes: str, told: str) -> None:
         (PUSH.format("Trigger(lambda time, truth: 1e-2 * (time - 4.5) + truth.x, latest=9.0)"),
          "the trigger of push grazes: one sigma of its time is"),
         ("    end = Trigger(lambda time: time - 8.0, latest=50.0)\n", "within one sigma of the measurement at 8 s"),
+        ("    measurements = (Measurement('ranging', 'm', interval=4.0, truth=lambda truth: truth.x),)\n"
+         "    end = Trigger(lambda time: time - 7.0, latest=50.0)\n", "within one sigma of the command at 7 s"),
     ],
 )  # fmt: skip
 def test_remarks(tmp_path: Path, changes: str, told: str) -> None:
     of = scenario(tmp_path, "\n" + changes)
     assert told in of.accuracy
+
+
+def test_errors_of_steps_that_decay_do_not_add_up(tmp_path: Path) -> None:
+    """A force that follows the command in three steps, for a hundred of them."""
+    lag = """
+    truth = {"x": "m", "v": "m/s", "force": "m/s^2"}
+    estimate = {"x": "m", "v": "m/s"}
+    end = 100.0
+
+    def rates(self, truth, command, noise):
+        return {"x": truth.v, "v": truth.force + noise.gusts, "force": (command - truth.force) / 3.0}
+
+    def sense(self, truth):
+        return truth.force
+
+    def navigate(self, estimate, sensed):
+        return {"x": estimate.v, "v": sensed}
+"""
+    assert scenario(tmp_path, lag).remarks == ()
 
 
 @pytest.mark.parametrize(
