@@ -338,7 +338,7 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
 """Sizes of the loops' errors, and of those that inherit from them."""
 
 FILE = Path(__file__)
-CAMPAIGNS = FILE.parents[1] / "campaigns"
+CAMPAIGNS = FILE.resolve().parent.parent / "campaigns"
 SHIPPED = {
     "Rendezvous": "24_rendezvous",
     "CruiseMissile": "28_cruise_missile",

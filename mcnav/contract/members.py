@@ -21,6 +21,7 @@ from mcnav.contract.scenario import (
     Replayable,
     Scenario,
     ScenarioError,
+    ScenarioWithUpdates,
     VariableStart,
 )
 
@@ -33,6 +34,7 @@ PROTOCOLS: Final[Mapping[frozenset[Capability], type]] = {
     frozenset({Capability.COVARIANCE}): CovarianceScenario,
     frozenset({Capability.START_TIMES}): VariableStart,
     frozenset({Capability.START_TIMES, Capability.NOISE}): NoisyStart,
+    frozenset({Capability.UPDATES}): ScenarioWithUpdates,
     frozenset({Capability.REPLAY}): Replayable,
 }
 """What a scenario with some capabilities has to have."""

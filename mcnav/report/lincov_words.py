@@ -144,7 +144,7 @@ def _departure(answer: LinearAnswer) -> str:
 def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     """Say where a mean error is largest against its sigma, and what causes it; nothing where all means are zero.
 
-    Of outputs that are no navigation errors, means count by which errors move them.
+    Commands, corrections and times are no errors; of what is of the truth, means count by which errors move it.
     """
     history = answer.meaningful
     if history is not None and not np.any(_without_rounding(answer, answer.model.nominal)):
@@ -158,7 +158,8 @@ def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
         of_errors = np.array([output.of == "navigation" for output in answer.outputs])
         means = means - np.where(of_errors, 0.0, parts[NOMINAL])
         parts[NOMINAL] = np.where(of_errors, parts[NOMINAL], 0.0)
-    sizes = np.abs(_without_rounding(answer, means))
+    are_errors = np.array([output.of in ("navigation", "truth") for output in answer.outputs])
+    sizes = np.abs(_without_rounding(answer, means)) * are_errors
     if not sizes.any():
         return
     ratios = _ratios(sizes, sigmas)

@@ -23,6 +23,9 @@ SMALL_DEPARTURE: Final = 0.05
 DEPARTURE: Final = 0.5
 """Departure of a sample from its twin, in sigma, from which on something bends within one sigma."""
 
+LARGEST: Final = 1e150
+"""Numbers whose squares are still known."""
+
 GROWTH: Final = 50.0
 """Growth of a sigma within the second half of a flight: one that grows with the cube of time grows eightfold."""
 
@@ -71,9 +74,9 @@ def _largest(setup: Setup, result: SimulationResult, sigma: Array) -> tuple[str,
 
 def check_finite(readings: LinearReadings, names: tuple[str, ...]) -> None:
     """Raise `ScenarioError` when a loop's linear system grows beyond all numbers."""
-    known = np.isfinite(readings.partials).all(axis=2) & np.isfinite(readings.nominal)
+    known = (np.abs(readings.partials) < LARGEST).all(axis=2) & (np.abs(readings.nominal) < LARGEST)
     for covariance in readings.processes.values():
-        known &= np.isfinite(np.diagonal(covariance, axis1=1, axis2=2))
+        known &= np.diagonal(covariance, axis1=1, axis2=2) < LARGEST**2
     if known.all():
         return
     epoch = int(np.argmin(known.all(axis=1)))

@@ -23,6 +23,7 @@ PROTOCOLS: Final[dict[Capability, type]] = {
     Capability.COVARIANCE: contract.CovarianceScenario,
     Capability.START_TIMES: contract.VariableStart,
     Capability.EPOCHS: contract.EpochScenario,
+    Capability.UPDATES: contract.ScenarioWithUpdates,
     Capability.REPLAY: contract.Replayable,
     Capability.TRAJECTORY: Scenario,
     Capability.USER_CODE: Scenario,
