@@ -84,6 +84,8 @@ class LinearAnswer:
         Verdict on the filter; none without a filter whose covariance is known over time.
     kind : str
         Type of its scenario.
+    remarks : tuple of str
+        What the scenario notices of itself; see `mcnav.contract.scenario.RemarkingScenario`.
     """
 
     campaign: str
@@ -95,6 +97,7 @@ class LinearAnswer:
     asked: LinearCovariance | None = None
     filter: LinearVerdict | None = None
     kind: str = ""
+    remarks: tuple[str, ...] = ()
 
     @cached_property
     def covariance(self) -> Array:

@@ -429,6 +429,7 @@ class Summary(_Entry):
     campaign: str
     verdict: str
     unsettled: Unsettled | None = None
+    remarks: Sequence[str] = ()
     samples: int
     failed: int
     failures: Mapping[str, int] = {}

@@ -18,6 +18,7 @@ from mcnav.contract.scenario import (
     LinearOverTime,
     NoisyScenario,
     NoisyStart,
+    RemarkingScenario,
     Replayable,
     Scenario,
     ScenarioError,
@@ -36,6 +37,7 @@ PROTOCOLS: Final[Mapping[frozenset[Capability], type]] = {
     frozenset({Capability.START_TIMES, Capability.NOISE}): NoisyStart,
     frozenset({Capability.UPDATES}): ScenarioWithUpdates,
     frozenset({Capability.REPLAY}): Replayable,
+    frozenset({Capability.REMARKS}): RemarkingScenario,
 }
 """What a scenario with some capabilities has to have."""
 

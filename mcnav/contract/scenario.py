@@ -46,6 +46,9 @@ class Capability(StrEnum):
     TRAJECTORY = "trajectory"
     """It navigates along a trajectory that can be shown by itself."""
 
+    REMARKS = "remarks"
+    """It notices where its linear model or its samples are not to be relied on."""
+
     USER_CODE = "user code"
     """It runs code that may end the process."""
 
@@ -180,6 +183,23 @@ class Replayable(Scenario, Protocol):
 
     def simulate_one(self, errors: Array) -> History:
         """One sample, shape (sources,), by the reference engine to its end, or to where it failed."""
+
+
+class RemarkingScenario(Scenario, Protocol):
+    """A scenario with `REMARKS`."""
+
+    def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
+        """Say what is to be noticed with errors of this mean and covariance, a clause each, without a full stop."""
+
+
+def remarks_of(scenario: Scenario, mean: Array, covariance: Array) -> tuple[str, ...]:
+    """Return what a scenario notices of itself with errors of this mean and covariance; nothing where it cannot."""
+    return scenario.remarks_on(mean, covariance) if can_remark(scenario) else ()
+
+
+def can_remark(scenario: Scenario) -> TypeGuard[RemarkingScenario]:
+    """Return whether a scenario notices where its linear model or its samples are not to be relied on."""
+    return Capability.REMARKS in scenario.can
 
 
 def can_have_noise(scenario: Scenario) -> TypeGuard[NoisyScenario]:

@@ -40,7 +40,7 @@ from mcnav.report.lincov import (
 )
 from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import listed
-from mcnav.report.sentences import BEYOND
+from mcnav.report.sentences import BEYOND, noticed
 from mcnav.report.share_table import ShareRow, each_cause, share_table, together
 
 EXPLANATION: Final = (
@@ -65,7 +65,9 @@ def page(answer: LinearAnswer, outages: drawn.Outages) -> Page:
     """Return the page; outages are those of the aiding sensors."""
     (words, tone), *others = statements(answer)
     left_out, largest = not_modelled(answer.kind), largest_table(answer)
-    verdict = Verdict(f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION])
+    verdict = Verdict(
+        f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION], noticed(answer.remarks)
+    )
     answers = Answers([final_table(answer), *([largest] if largest.rows else [])])
     moving, meaningful = drawn.sigmas(answer, outages), answer.beyond is None
     sections = []
@@ -91,7 +93,8 @@ def terminal(answer: LinearAnswer) -> list[Part]:
         final_table(answer),
         None if answer.meaningful is None else largest_table(answer),
     ]
-    return [Verdict(words, tone), *(Sentence(*each) for each in others), *joined(*tables)]
+    remarks = [Sentence(remark, "undecided") for remark in noticed(answer.remarks)]
+    return [Verdict(words, tone), *(Sentence(*each) for each in others), *remarks, *joined(*tables)]
 
 
 def _causes(causes: Sequence[tuple[str, float]]) -> str:

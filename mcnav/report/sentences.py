@@ -75,7 +75,7 @@ def statements(summary: Summary) -> list[Statement]:
     Where linear analysis agrees and a requirement is not met, its tone is ``partly``: nothing is green.
     """
     details = _known(*findings(summary), *size_sentences(summary), certain_but_small(summary), stopping(summary))
-    warnings = _known(caveat(summary), failures(summary))
+    warnings = _known(caveat(summary), failures(summary), *noticed(summary.remarks))
     linear = Statement("linear", _on_linear(summary), standing(summary), details, warnings)
     stated = [(tone(summary), linear)]
     if (counts := summary.counts) is not None:
@@ -86,6 +86,15 @@ def statements(summary: Summary) -> list[Statement]:
         explained = _known(filter_verdict.explanation(summary))
         stated.append((honesty, Statement("filter", words, honesty, explained)))
     return [statement for _, statement in sorted(stated, key=lambda each: WORST.index(each[0]))]
+
+
+def noticed(remarks: Sequence[str]) -> tuple[str, ...]:
+    """Return what a scenario notices of itself, a sentence each.
+
+    >>> noticed(["guide has a kink at the nominal"])
+    ('Noticed: guide has a kink at the nominal.',)
+    """
+    return tuple(f"Noticed: {remark}." for remark in remarks)
 
 
 def _known(*sentences: str) -> tuple[str, ...]:

@@ -96,6 +96,7 @@ def _run(manifest: Manifest) -> Keys:
     return {
         "campaign": manifest.campaign,
         "unsettled": manifest.unsettled.to_json() if manifest.unsettled else None,
+        **({"remarks": list(manifest.remarks)} if manifest.remarks else {}),
         "samples": manifest.samples,
         "engine": manifest.identity.engine,
         "seed": manifest.seed,

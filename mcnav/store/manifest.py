@@ -303,6 +303,7 @@ class Manifest(Record):
     store: Annotated[str, Field(pattern="^(samples|summary)$")] = "samples"
     stored_rows: Annotated[Count | None, Field(alias="kept")] = None
     unsettled: UnsettledRecord | None = None
+    remarks: tuple[Words, ...] = ()
     model: ModelRecord
     complete: bool = False
     chunks: Annotated[tuple[ChunkFile, ...], Field(alias="parts")] = ()

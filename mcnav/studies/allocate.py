@@ -55,7 +55,7 @@ from mcnav.files import indented_json, to_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import allocate as tables
 from mcnav.report.html import page_html
-from mcnav.studies.lincov import linear_covariance
+from mcnav.studies.lincov import answer_linearly
 from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, KINDS
 
 FILE: Final = "allocate.json"
@@ -91,7 +91,7 @@ class _Variations:
     def __init__(self, campaign: str | Path | Campaign | Mapping[str, Any], progress: Progress) -> None:
         self.content, self._file, self._stem = document_of(campaign)
         self.campaign = self.at({})
-        self.base = linear_covariance(self.campaign)
+        self.base = answer_linearly(self.campaign)
         self.numbers = data_sheet_numbers(self.content, self.campaign.scenario.sources)
         self.beliefs = believed_numbers(self.content) if self.closed_loop else []
         self.computed = 1
@@ -118,7 +118,7 @@ class _Variations:
             self.computed += 1
             self._progress.advance(1)
             try:
-                self._known[key] = linear_covariance(self.at(values)).requirements
+                self._known[key] = answer_linearly(self.at(values)).requirements
             except CampaignError:
                 self._known[key] = None
         return self._known[key]

@@ -30,6 +30,7 @@ from mcnav.contract.scenario import (
     has_updates,
     is_linear_at_any_time,
     is_linear_over_time,
+    remarks_of,
 )
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
@@ -69,6 +70,15 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
     >>> answer.sigma, answer.met  # doctest: +SKIP
     """
     described = campaign_from(campaign)
+    answer = answer_linearly(described, times)
+    with one_thread(), _scenario_errors(described):
+        return replace(
+            answer, remarks=remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
+        )
+
+
+def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAnswer:
+    """Compute what `linear_covariance` does, without what the scenario notices of itself."""
     scenario, errors = described.scenario, described.errors
     names = tuple(source.name for source in scenario.sources)
     with one_thread(), _scenario_errors(described):
@@ -201,6 +211,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
     history = answer.asked or answer.history
     return {
         "campaign": answer.campaign,
+        **({"remarks": answer.remarks} if answer.remarks else {}),
         "outputs": names,
         "units": [output.unit for output in answer.outputs],
         "mean": answer.mean,

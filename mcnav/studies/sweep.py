@@ -36,7 +36,7 @@ from mcnav.report import sweep as report
 from mcnav.report.html import page_html
 from mcnav.report.sweep_page import page
 from mcnav.studies.confirmation import check_count, choose_points, confirm
-from mcnav.studies.lincov import linear_covariance
+from mcnav.studies.lincov import answer_linearly
 from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads
 
 JOBS: Final = 2
@@ -153,7 +153,7 @@ class _Study:
         for point in product(*((float(each.values[0]), float(each.values[-1])) for each in self.variables)):
             campaign = self.points.campaign_at(point)
             if runs_user_code(campaign.scenario):
-                linear_covariance(campaign)
+                answer_linearly(campaign)
 
     def _just_met(self, margins: Array) -> tuple[JustMet, ...]:
         """Solve for the values at which each limit is just met: of the second variable at some values of the first."""

@@ -19,6 +19,7 @@ from mcnav.contract.scenario import (
     ScenarioError,
     can_have_filter,
     is_linear_over_time,
+    remarks_of,
 )
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
@@ -66,6 +67,8 @@ class PreparedSystem:
         None where the engine has no histories.
     unsettled : UnsettledRecord or None
         The partial derivative for which there is no linear model to compare with.
+    remarks : tuple of str
+        What the scenario notices of itself.
     timeout : float or None
         Time limit of one sample, s.
     file : str
@@ -80,6 +83,7 @@ class PreparedSystem:
     throughout: LinearHistory | None
     history: History
     unsettled: UnsettledRecord | None
+    remarks: tuple[str, ...]
     timeout: float | None
     file: str
 
@@ -119,8 +123,11 @@ def prepare_system(
         engine = prepare_engine(scenario, engine_name, probes, errors.mean, errors.standard_deviations)
         throughout = linear_history(scenario, engine)
         model, history = _linear(scenario, errors, engine, throughout), scenario.nominal()
+        remarks = remarks_of(scenario, errors.mean, errors.covariance)
     record = None if doubt is None else unsettled_record(doubt)
-    return PreparedSystem(scenario, draws, engine, engine_name, model, throughout, history, record, timeout, file)
+    return PreparedSystem(
+        scenario, draws, engine, engine_name, model, throughout, history, record, remarks, timeout, file
+    )
 
 
 def unsettled_record(doubt: Unsettled) -> UnsettledRecord:

@@ -214,6 +214,7 @@ def _first_manifest(
         store=campaign.store,
         stored_rows=min(STORED_ROWS, campaign.samples) if campaign.store == SUMMARY else None,
         unsettled=system.unsettled,
+        remarks=system.remarks,
         model=system.model,
         complete=False,
         chunks=(),

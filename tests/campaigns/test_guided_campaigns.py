@@ -12,7 +12,9 @@ import pytest
 
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.contract.samples import Batch
+from mcnav.contract.scenario import remarks_of
 from mcnav.studies.lincov import linear_covariance
+from mcnav.systems.reentry.guided.remarks import draw_flights
 from mcnav.workflow.run import run_campaign
 from tests.commands import invoke
 from tests.conftest import ROOT
@@ -57,6 +59,75 @@ def test_it_is_the_navigation_error_that_decides_about_the_miss() -> None:
     factors = np.linalg.solve(covariance[np.ix_(known, known)], covariance[known, at])
     np.testing.assert_allclose(factors, [-3.3, -1.0], atol=0.02)
     assert np.sqrt(covariance[at, at] - factors @ covariance[known, at]) == pytest.approx(0.26, abs=0.005)
+
+
+def _at_the_limit(share: float = 1.0) -> Campaign:
+    """Campaign 26 started 21.7 min before reentry, with a share of the report's errors: the L/D reaches its limit."""
+    errors = {name: quantity.split(" ", 1) for name, quantity in _entries(25)["errors"].items()}
+    entries = _entries(26) | {"samples": 200, "name": "limited"}
+    entries |= {"errors": {name: f"{share * float(number)!r} {unit}" for name, (number, unit) in errors.items()}}
+    entries["scenario"]["start"] = "-21.7 min"
+    return parse_campaign(entries, "test.toml", "test")
+
+
+def _remarks(campaign: Campaign) -> tuple[str, ...]:
+    return remarks_of(campaign.scenario, campaign.errors.mean, campaign.errors.covariance)
+
+
+@pytest.mark.parametrize(
+    ("share", "told"),
+    [
+        (1.0, ["in true_range (48.9 km)", "one sigma of the commanded L/D is"]),
+        (0.3, ["in true_range (14.7 km)"]),
+        (0.1, ["in true_range_rate (4.87 m/s)"]),
+        (0.03, []),
+    ],
+)
+def test_flights_that_depart_from_linear_analysis_are_noticed(share: float, told: list[str]) -> None:
+    """In 3,000 other flights 35 % are farther than five sigma with 0.3 of the errors, 9 % with 0.1, 0.3 % with 0.03."""
+    remarks = _remarks(_at_the_limit(share))
+    assert len(remarks) == len(told)
+    assert all(words in remark for words, remark in zip(told, remarks, strict=True))
+
+
+@pytest.mark.parametrize("number", [25, 26])
+def test_campaigns_whose_landing_point_is_linear_have_no_remarks(number: int) -> None:
+    """At most 1.6 % of 3,000 other flights are farther than five sigma, and 36 % farther than one, in any output."""
+    assert _remarks(parse_campaign(_entries(number), "test.toml", "test")) == ()
+
+
+def test_drawn_flights_have_the_moments_of_the_campaign() -> None:
+    """Also where errors are correlated, one is twice another, and some have none; 4.4 standard errors of the mean."""
+    mean, covariance = np.arange(4.0), np.array([[4.0, 8.0, 1.0, 0.0], [8.0, 16.0, 2.0, 0.0], [1, 2, 9, 0], [0] * 4])
+    errors = draw_flights(mean, covariance).errors - mean
+    np.testing.assert_allclose(errors[:, 1], 2.0 * errors[:, 0], atol=1e-6)
+    assert not errors[:, 3].any()
+    sampled, variances = errors.T @ errors / len(errors), np.diag(covariance)
+    error = np.sqrt((np.outer(variances, variances) + covariance**2) / len(errors))
+    assert np.all(np.abs(sampled - covariance) <= 4.4 * error + 1e-12)
+
+
+def test_remarks_are_shown_by_run_and_lincov_and_kept(tmp_path: Path) -> None:
+    """In the terminal, on both pages, in both files; `mcnav report` writes them from the manifest."""
+    campaign, folder = _at_the_limit(), tmp_path / "run"
+    told, limited = _remarks(campaign)
+    (tmp_path / "limited.toml").write_text(campaign.to_toml(), encoding="utf-8")
+    shown = [
+        invoke("lincov", "limited.toml", "--out", "lincov", cwd=tmp_path).stdout,
+        invoke("run", "limited.toml", "--out", "run", cwd=tmp_path).stdout,
+        invoke("show", "run", cwd=tmp_path).stdout,
+        (tmp_path / "lincov" / "lincov.html").read_text(encoding="utf-8"),
+        (folder / "report.html").read_text(encoding="utf-8"),
+    ]
+    (folder / "summary.json").unlink()
+    (folder / "report.html").unlink()
+    invoke("report", "run", cwd=tmp_path)
+    shown.append((folder / "report.html").read_text(encoding="utf-8"))
+    for text in shown:
+        assert f"Noticed: {told}." in " ".join(text.split())
+        assert f"Noticed: {limited}." in " ".join(text.split())
+    for path in (tmp_path / "lincov" / "lincov.json", folder / "summary.json"):
+        assert json.loads(path.read_text(encoding="utf-8"))["remarks"] == [told, limited]
 
 
 def test_a_skip_without_range_control_has_no_linear_model(tmp_path: Path) -> None:

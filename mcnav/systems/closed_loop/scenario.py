@@ -126,7 +126,8 @@ class ClosedLoopScenario:
     @property
     def can(self) -> frozenset[Capability]:
         """What the scenario can do."""
-        always = {Capability.USER_CODE, Capability.LINEAR_OVER_TIME, Capability.EPOCHS, Capability.UPDATES}
+        over_time = {Capability.LINEAR_OVER_TIME, Capability.EPOCHS, Capability.UPDATES}
+        always = {Capability.USER_CODE, Capability.REMARKS, *over_time}
         noise = {Capability.NOISE} if self.noisy else set()
         return frozenset(always | noise | ({Capability.FILTER} if self.judged is not None else set()))
 
@@ -279,11 +280,14 @@ class ClosedLoopScenario:
     def accuracy(self) -> str:
         """Describe how samples are simulated and linearized."""
         length = max(instant.length for instant in self.timeline)
-        told = (
+        return (
             f"{self.spec.code.file}, class {self.spec.name}, many at once; Runge-Kutta steps of {length:.4g} s; "
             "derivatives of each map by central differences of fourth order along the nominal"
         )
-        return "; ".join([told, *self.remarks])
+
+    def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
+        """Return `remarks`: sizes of the loop are already those of the campaign's errors."""
+        return self.remarks
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
@@ -324,7 +328,11 @@ class ClosedLoopScenario:
         return {event.name: float(sigmas[place]) for event, place in zip(self.maps.events, places, strict=True)}
 
     def engine(self, engine: str, probes: Array) -> Engine:
-        """Return the only engine; `ScenarioError` when the nominal flight fails."""
+        """Return the only engine.
+
+        Raises `ScenarioError` when the nominal flight fails, or samples depend on more than their errors and noise.
+        """
+        self.remarks  # noqa: B018  fails where samples are not repeatable
         schema, epochs = self.filter_schema, self.epochs
         width = len(self.outputs) + (0 if schema is None else schema.width)
         chunk = int(np.clip(CHUNK_NUMBERS // (width * len(epochs.times)), 32, MOST_SAMPLES))

@@ -25,12 +25,20 @@ PROTOCOLS: Final[dict[Capability, type]] = {
     Capability.EPOCHS: contract.EpochScenario,
     Capability.UPDATES: contract.ScenarioWithUpdates,
     Capability.REPLAY: contract.Replayable,
+    Capability.REMARKS: contract.RemarkingScenario,
     Capability.TRAJECTORY: Scenario,
     Capability.USER_CODE: Scenario,
     Capability.DIFFERENCED: Scenario,
 }
 
-EXAMPLES: Final = ["01_tn_d1772_trajectory_4", "11_cruise", "12_hover", "14_polar", "19_flight_with_gnss"]
+EXAMPLES: Final = [
+    "01_tn_d1772_trajectory_4",
+    "11_cruise",
+    "12_hover",
+    "14_polar",
+    "19_flight_with_gnss",
+    "26_reentry_to_a_landing_site",
+]
 
 
 def members(protocol: type) -> set[str]:

@@ -221,6 +221,21 @@ class _Phase:
         """Compute the size of the specific force and its partial derivatives."""
         return force_partials(joint, self.numbers, self.polynomials, EQUIPMENT)
 
+    def command(self, used: Array) -> tuple[float, Array]:
+        """Compute L/D before its limit for the polar state that the law is fed with, shape (4,), and its gradient."""
+        value, gradient = 0.0, np.zeros(4)
+        for k in range(4):
+            state = used.astype(complex)
+            state[k] += 1j * STEP
+            lift = command(state, state[1] - self.numbers[8], self.numbers, self.polynomials)
+            value, gradient[k] = lift.real, lift.imag / STEP
+        return value, gradient
+
+    @property
+    def limited(self) -> bool:
+        """Whether L/D is at its limit without errors."""
+        return bool(self.numbers[5])
+
     def growth(self, time: float) -> float:
         """Compute the rate of the size of the specific force, m/s^3."""
         state = self.solution(time)[None, :8].copy()
@@ -403,12 +418,7 @@ def _kink_shift(phase: _Phase, navigation: GuidedNavigation, joint: Array) -> Ar
     begin = 4 if navigation.guidance.input == "indicated" else 0
     if phase.event == NEXT_KNOT:
         return np.asarray(-by_source[begin + 1] / rates[begin + 1])
-    gradient = np.zeros(4)
-    free = phase.numbers.copy()
-    for k in range(4):
-        used = joint[begin : begin + 4].astype(complex)
-        used[k] += 1j * STEP
-        gradient[k] = command(used, used[1] - free[8], free, phase.polynomials).imag / STEP
+    _, gradient = phase.command(joint[begin : begin + 4])
     return np.asarray(-(gradient @ by_source[begin : begin + 4]) / (gradient @ rates[begin : begin + 4]))
 
 

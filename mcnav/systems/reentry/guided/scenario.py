@@ -26,6 +26,7 @@ from mcnav.systems.reentry.guided.following import Following, NoMargin, follow
 from mcnav.systems.reentry.guided.linear import LinearFlight, NoLinearSystem, fly_linear
 from mcnav.systems.reentry.guided.outputs import outputs_of, read_flights, read_linear
 from mcnav.systems.reentry.guided.reference import GuidedReferenceEngine
+from mcnav.systems.reentry.guided.remarks import departures_of, draw_flights, limited_lift
 from mcnav.systems.reentry.guided.start_times import partials_before_reentry
 from mcnav.systems.reentry.outputs import FurtherOutput
 from mcnav.systems.reentry.scenario import HISTORY_TIME, Flight, Reentry, epoch_times
@@ -116,7 +117,7 @@ class GuidedReentry:
     sources = (*OF_NAVIGATION, *TRUTH_SOURCES)
     engines = ("ensemble", "reference")
     revision = REVISION
-    can = frozenset({Capability.LINEAR_OVER_TIME, Capability.START_TIMES, Capability.REPLAY})
+    can = frozenset({Capability.LINEAR_OVER_TIME, Capability.START_TIMES, Capability.REPLAY, Capability.REMARKS})
     start_clock = Reentry.start_clock
 
     def __init__(
@@ -217,6 +218,14 @@ class GuidedReentry:
         navigation = self._unguided.navigation
         times = (epoch_times(navigation) - navigation.trajectory.reentry_time) / 60.0
         return GuidedEngine(self.navigation, Epochs(HISTORY_TIME, times, self.nominal().events))
+
+    def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
+        """Say how flights with drawn errors depart from linear analysis, and whether the lift reaches its limit."""
+        batch = draw_flights(mean, covariance)
+        departing = departures_of(
+            batch, self.engine("ensemble", batch.errors), self.linear().end, covariance, self.outputs
+        )
+        return (*departing, *limited_lift(self._flight, covariance))
 
     def nominal(self) -> History:
         """Tabulate the nominal flight against time from reentry."""
