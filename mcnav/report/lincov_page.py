@@ -44,7 +44,7 @@ from mcnav.report.sentences import BEYOND, noticed
 from mcnav.report.share_table import ShareRow, each_cause, share_table, together
 
 EXPLANATION: Final = (
-    "Linear analysis for normal errors; nothing is simulated. mcnav run tests it by Monte Carlo simulation."
+    "Linear analysis for normal errors; no number here is of samples. mcnav run tests it by Monte Carlo simulation."
 )
 
 REQUIREMENTS: Final = (
