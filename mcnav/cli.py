@@ -651,7 +651,7 @@ def lincov(
     ] = None,
     form: FormatOption = "table",
 ) -> None:
-    """Compute the linear covariance at the end and over time, its causes, and requirements; nothing is simulated.
+    """Compute the linear covariance at the end and over time, its causes, and requirements; not of samples.
 
     With aiding, it is that of the closed loop: true sigmas and those that the filter states, twice where an update
     falls on a time.

@@ -1,4 +1,4 @@
-"""Linear covariance of a campaign: at its end, over time, by cause, and against its requirements; no number is of samples."""
+"""Linear covariance of a campaign: at its end, over time, by cause, and against its requirements; not of samples."""
 
 from __future__ import annotations
 
