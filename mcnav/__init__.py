@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from mcnav.contract.quantities import Output, Source
     from mcnav.contract.samples import SimulationResult
     from mcnav.errors import CampaignError, RunFolderError
+    from mcnav.identification.identify import IdentifiedNoise, identify_noise
     from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign, sweep
     from mcnav.studies.allocate import allocate
     from mcnav.studies.lincov import linear_covariance
@@ -69,6 +70,7 @@ _HOMES = {
     "Flown": "mcnav.systems.user.flown",
     "FlownRun": "mcnav.notebook",
     "History": "mcnav.contract.history",
+    "IdentifiedNoise": "mcnav.identification.identify",
     "Innovations": "mcnav.systems.user.flown",
     "SimulationResult": "mcnav.contract.samples",
     "LinearAnswer": "mcnav.analysis.linear_answer",
@@ -81,6 +83,7 @@ _HOMES = {
     "compare_runs": "mcnav.workflow.compare",
     "export_run": "mcnav.workflow.export",
     "fly": "mcnav.notebook",
+    "identify_noise": "mcnav.identification.identify",
     "linear_covariance": "mcnav.studies.lincov",
     "open_run": "mcnav.notebook",
     "read_campaign": "mcnav.config.read",
@@ -104,6 +107,7 @@ __all__ = [
     "FlownRun",
     "GaussMarkov",
     "History",
+    "IdentifiedNoise",
     "Innovations",
     "LinearAnswer",
     "Measurement",
@@ -122,6 +126,7 @@ __all__ = [
     "compare_runs",
     "export_run",
     "fly",
+    "identify_noise",
     "linear_covariance",
     "open_run",
     "read_campaign",

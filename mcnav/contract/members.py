@@ -109,7 +109,10 @@ def _wrong_parameters(instance: object, name: str, static: Any, wanted: Any) -> 
     needed = [each.name for each in asked if each.default is each.empty]
     optional = {each.name: None for each in asked if each.default is not each.empty}
     try:
-        inspect.signature(given).bind(*needed, **optional)
+        signature = inspect.signature(given)
+        if any(each.kind is each.VAR_POSITIONAL for each in signature.parameters.values()):
+            return ""  # it hands on whatever it gets
+        signature.bind(*needed, **optional)
     except TypeError:
         return f"must have the parameters ({', '.join((*needed, *(f'{name}=…' for name in optional)))})"
     except ValueError:  # a method of C, whose parameters are not known

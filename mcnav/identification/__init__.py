@@ -1,0 +1,1 @@
+"""Identification of an instrument's noise from a static record: likelihood, intervals, test of fit."""

@@ -1,0 +1,189 @@
+"""Test of fit: does a record look like its model?
+
+Four tests, each of what the model forbids, and one answer: the model is rejected at 5 % when the smallest of their
+p-values p is so small that ``1 − (1 − p)⁴ < 0.05`` (Šidák 1967).
+
+    line       the largest ordinate over its variance, of n − 1 independent χ²₁: P = 1 − F(x)^(n−1)
+    shape      sums of ordinates over their variances, in octaves, against their numbers; the estimates' own share by
+               simulation of the bands with one step of scoring each
+    trend      −2 log L with and without a linear trend of the readings, by Student's t with as many degrees of
+               freedom as ordinates decide on the variance of the lowest one
+    steadiness mean squares of differences of readings over time, in segments, against their mean (Bartlett)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.fft import dct
+from scipy.stats import chi2
+from scipy.stats import t as student
+
+from mcnav._types import Array
+from mcnav.identification.fit import Candidate
+from mcnav.identification.likelihood import maximize
+from mcnav.identification.processes import Grid
+from mcnav.identification.spectrum import ALONE, Bands, Record
+
+SIMULATIONS: Final = 4000
+"""Of the test of shape."""
+
+SEGMENTS: Final = 50
+"""Of the test of steadiness."""
+
+SIZE: Final = 0.05
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A test of fit.
+
+    Attributes
+    ----------
+    name : str
+    p : float
+    at : float
+        Where the record departs most from the model: a frequency (Hz), a time (s) or a slope per second.
+    """
+
+    name: str
+    p: float
+    at: float
+
+
+@dataclass(frozen=True)
+class Goodness:
+    """All tests of fit."""
+
+    findings: tuple[Finding, ...]
+
+    @property
+    def p(self) -> float:
+        """Of all tests together."""
+        smallest = min(finding.p for finding in self.findings)
+        return float(-np.expm1(len(self.findings) * np.log1p(-min(smallest, 1.0 - 1e-16))))
+
+    @property
+    def rejected(self) -> bool:
+        """Whether the record does not look like its model."""
+        return self.p < SIZE
+
+    @property
+    def worst(self) -> Finding:
+        """The test with the smallest p."""
+        return min(self.findings, key=lambda finding: finding.p)
+
+
+def check_fit(candidate: Candidate, record: Record, readings: Array) -> Goodness:
+    """Test a model at its maximum against its record."""
+    return Goodness(
+        (
+            _check_line(candidate, record),
+            _check_shape(candidate),
+            _check_trend(candidate, record, readings),
+            _check_steadiness(candidate, record, readings),
+        )
+    )
+
+
+def _variances(candidate: Candidate, grid: Grid) -> Array:
+    return candidate.model.variances(grid, candidate.best.logs)[0]
+
+
+def _check_line(candidate: Candidate, record: Record) -> Finding:
+    """Look for a spectral line."""
+    largest, order, step = 0.0, 1, 1 << 18
+    for begin in range(0, len(record.ordinates), step):
+        part = record.ordinates[begin : begin + step]
+        grid = Grid(record.interval, record.count, np.arange(begin + 1.0, begin + 1.0 + len(part)))
+        ratio = part / _variances(candidate, grid)
+        at = int(np.argmax(ratio))
+        if ratio[at] > largest:
+            largest, order = float(ratio[at]), begin + at + 1
+    p = -np.expm1(len(record.ordinates) * np.log1p(-chi2.sf(largest, 1)))
+    return Finding("line", float(p), 0.5 * order / record.duration)
+
+
+def _check_shape(candidate: Candidate) -> Finding:
+    """Compare sums of ordinates by octave with the model's."""
+    bands = candidate.bands
+    variances, slopes = candidate.model.variances(bands.grid, candidate.best.logs)
+    relative = slopes / variances[:, None]
+    octave = np.floor(np.log2(bands.grid.order)).astype(int)
+    groups = np.equal.outer(np.unique(octave), octave).astype(float)
+    numbers = groups @ bands.numbers
+    projection = np.linalg.pinv(0.5 * (relative.T * bands.numbers) @ relative, rcond=1e-10)
+    draws = np.random.default_rng(0).gamma(0.5 * bands.numbers, 2.0, (SIMULATIONS, len(bands.numbers)))
+
+    def statistic(sums: Array) -> Array:
+        # after one step of scoring, so that what the estimates take away is taken away alike
+        step = 0.5 * ((sums - bands.numbers) @ relative) @ projection
+        ratio = (sums * np.exp(-np.clip(step @ relative.T, -3.0, 3.0))) @ groups.T / numbers
+        return np.asarray((numbers * (ratio - 1.0 - np.log(ratio))).sum(axis=1))
+
+    sums = bands.sums / variances
+    own = float(statistic(sums[None])[0])
+    p = (1.0 + np.count_nonzero(statistic(draws) >= own)) / (1.0 + SIMULATIONS)
+    ratio = groups @ sums / numbers
+    worst = int(np.argmax(numbers * (ratio - 1.0 - np.log(ratio))))
+    middle = np.exp((groups[worst] @ np.log(bands.grid.frequency)) / groups[worst].sum())
+    return Finding("shape", float(p), float(middle))
+
+
+def _check_trend(candidate: Candidate, record: Record, readings: Array) -> Finding:
+    """Compare the likelihood with that of a model with a linear trend, whose transform is known."""
+    count, kept = record.count, min(ALONE, record.count - 1)
+    order = np.arange(1.0, count)
+    half = 0.5 * np.pi * order[:kept] / count
+    # DCT-II of 0, 1, 2 ... (times the interval): -sqrt(2/n) cos(w/2) / (2 sin^2(w/2)) for odd j, zero for even j
+    ramp = np.where(order[:kept] % 2 == 1, -np.sqrt(2.0 / count) * np.cos(half) / (2.0 * np.sin(half) ** 2), 0.0)
+    ramp *= record.interval
+    coefficients = _low_coefficients(readings - record.mean, kept)
+    model, bands, best = candidate.model, candidate.bands, candidate.best
+    slope = 0.0
+    for _ in range(20):
+        weight = ramp / model.variances(bands.grid, best.logs)[0][:kept]
+        previous, slope = slope, float(weight @ coefficients / (weight @ ramp))
+        sums = bands.sums.copy()
+        sums[:kept] = (coefficients - slope * ramp) ** 2
+        best = maximize(model, Bands(bands.grid, bands.numbers, sums), best.logs)
+        if abs(slope - previous) <= 1e-6 * abs(slope):
+            break
+    ratio = max(candidate.best.deviance - best.deviance, 0.0)
+    # few ordinates decide on the variance of the lowest: with v of them a likelihood ratio (v + 1) log(1 + t^2 / v)
+    _, slopes = model.variances(bands.grid, candidate.best.logs)
+    relative = slopes / model.variances(bands.grid, candidate.best.logs)[0][:, None]
+    spread = float(
+        relative[0] @ np.linalg.pinv(0.5 * (relative.T * bands.numbers) @ relative, rcond=1e-10) @ relative[0]
+    )
+    freedom = max(2.0 / spread, 1.0)
+    statistic = np.sqrt(freedom * np.expm1(min(ratio / (freedom + 1.0), 500.0)))
+    return Finding("trend", float(2.0 * student.sf(statistic, freedom)), slope)
+
+
+def _low_coefficients(readings: Array, kept: int) -> Array:
+    """Compute the first coefficients of the cosine transform, with their signs."""
+    return np.asarray(dct(readings, type=2, norm="ortho"))[1 : kept + 1]
+
+
+def _check_steadiness(candidate: Candidate, record: Record, readings: Array) -> Finding:
+    """Compare mean squares of differences of readings in segments of time."""
+    segments = min(SEGMENTS, record.count // 100)
+    if segments < 2:
+        return Finding("steadiness", 1.0, 0.0)
+    length = record.count // segments
+    differences = np.diff(readings[: segments * length].reshape(segments, length), axis=1)
+    squares = np.einsum("ij,ij->i", differences, differences) / (length - 1)
+    # gamma_k of differences by the model: sums of s lambda over all angles; var(mean square) = 2 sum gamma_k^2 / length
+    angles = Grid(record.interval, record.count, np.linspace(0.5, record.count - 0.5, 4096))
+    density = 4.0 * np.sin(angles.half) ** 2 * _variances(candidate, angles)
+    own = density.mean()
+    freedom = (length - 1) * own**2 / np.square(density).mean()
+    mean = squares.mean()
+    # Bartlett's statistic for equal degrees of freedom
+    statistic = freedom * segments * (np.log(mean) - np.log(squares).mean())
+    statistic /= 1.0 + (segments + 1.0) / (3.0 * segments * freedom)
+    worst = int(np.argmax(np.abs(np.log(squares / mean))))
+    return Finding("steadiness", float(chi2.sf(statistic, segments - 1)), (worst + 0.5) * length * record.interval)

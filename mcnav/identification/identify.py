@@ -1,0 +1,120 @@
+"""Identification of an instrument's noise from equally spaced static readings of one axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mcnav.identification.fit import AxisFit, Estimate, fit
+from mcnav.identification.goodness import Goodness, check_fit
+from mcnav.identification.spectrum import transform
+
+FEWEST: Final = 1_000
+"""Readings of the shortest record that is accepted."""
+
+
+@dataclass(frozen=True)
+class IdentifiedNoise:
+    """What a static record says of the noise of one axis.
+
+    Attributes
+    ----------
+    mean : float
+        Of the readings: the bias of this turn-on, with what is measured at rest.
+    duration : float
+        Of the record, s.
+    estimates : tuple of Estimate
+        Parameters of the model that was chosen, with 95 % intervals, in the units of `mcnav.identification.processes`.
+    margin : float
+        By how much the criterion of the next model is larger; below 4 the choice means little.
+    goodness : Goodness
+        Test of fit of that model.
+    """
+
+    fitted: AxisFit
+    goodness: Goodness
+
+    @property
+    def mean(self) -> float:
+        """Of the readings."""
+        return self.fitted.record.mean
+
+    @property
+    def duration(self) -> float:
+        """Of the record, s."""
+        return self.fitted.record.duration
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Parameters of the chosen model."""
+        return self.fitted.estimates
+
+    @property
+    def margin(self) -> float:
+        """By how much the criterion of the next model is larger."""
+        return self.fitted.margin
+
+    def __str__(self) -> str:
+        """Tabulate the estimates, and say whether the model fits."""
+        lines = [_line(each) for each in self.estimates]
+        worst = self.goodness.worst
+        fits = "the model fits" if not self.goodness.rejected else f"the model does not fit: {worst.name}"
+        lines.append(f"{fits} (p = {self.goodness.p:.2g}); margin over the next model {self.margin:.3g}")
+        return "\n".join(lines)
+
+
+def _line(estimate: Estimate) -> str:
+    if estimate.identified:
+        return f"{estimate.name:18} {estimate.value:.4g}  ({estimate.low:.4g} to {estimate.high:.4g}, 95 %)"
+    hours = estimate.duration_wanted / 3600.0
+    wanted = f"{hours:.3g} hours would do" if np.isfinite(hours) else "no record would show it"
+    below = f"below {estimate.high:.4g}; " if np.isfinite(estimate.high) else ""
+    return f"{estimate.name:18} not identifiable from this record: {below}{wanted}"
+
+
+def identify_noise(readings: ArrayLike, interval: float) -> IdentifiedNoise:
+    """Estimate white noise, quantization, and a rate random walk or Gauss-Markov process from static readings.
+
+    The likelihood is that of the record's cosine transform (Whittle), exact for white noise and random walks; intervals
+    are profiles of it. Quantization and a slow process are in the model where the likelihood wants them.
+
+    Parameters
+    ----------
+    readings : array_like, shape (n,)
+        Rates (rad/s) or specific forces (m/s^2) of one axis at rest, each the mean over ``interval``.
+    interval : float
+        Between readings, s.
+
+    Returns
+    -------
+    IdentifiedNoise
+
+    Raises
+    ------
+    ValueError
+        When there are fewer than 1,000 readings, some are not finite, all are equal, or the interval is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rates = 1e-4 * np.random.default_rng(1).standard_normal(36_000)
+    >>> noise = identify_noise(rates, 0.1)
+    >>> [each.name for each in noise.estimates]
+    ['random_walk']
+    """
+    values = np.array(readings, dtype=float)
+    if values.ndim != 1 or len(values) < FEWEST:
+        raise ValueError(f"expected at least {FEWEST:,} readings of one axis; got an array of shape {values.shape}")
+    if not (np.isfinite(interval) and interval > 0.0):
+        raise ValueError(f"expected a positive interval between readings, s; got {interval}")
+    known = np.isfinite(values)
+    if not known.all():
+        raise ValueError(f"reading {int(np.argmin(known))} is not finite; fit a stretch without gaps")
+    if np.ptp(values) == 0.0:
+        raise ValueError(f"all readings are {values[0]:g}: the instrument is stuck, or switched off")
+    record = transform(values.copy(), interval)
+    fitted = fit(record)
+    return IdentifiedNoise(fitted, check_fit(fitted.chosen, record, values))

@@ -1,0 +1,158 @@
+"""Likelihood of a record's cosine transform, its maximum, and intervals by profiles.
+
+With variances λ_b(θ) of the bands, n_b ordinates and their sums S_b,
+
+    −2 log L(θ) = Σ_b [ n_b log λ_b + S_b / λ_b ]        information  ½ Σ_b n_b ∂log λ_b ∂log λ_bᵀ
+
+(Whittle 1953). The maximum is found by Fisher's scoring, damped as in Levenberg's method. A 95 % interval holds the
+values of a parameter at which the largest likelihood over the others is within a factor exp(−1.92) of the maximum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.stats import chi2
+
+from mcnav._types import Array
+from mcnav.identification.processes import CORRELATION_TIME, Grid, Model
+from mcnav.identification.spectrum import Bands
+
+STEPS: Final = 60
+CONVERGED: Final = 1e-10
+"""Decrement of -2 log L below which the maximum is reached: far below the 3.84 of an interval."""
+
+LARGEST_STEP: Final = 1.5
+"""Of a logarithm within one step of scoring."""
+
+SHORTEST_TIME: Final = 4.0
+"""Smallest correlation time that is tried, in intervals between readings."""
+
+LONGEST_TIME: Final = 50.0
+"""Largest correlation time that is tried, in lengths of the record: beyond, the process is a random walk."""
+
+NEAR: Final = 1e-3
+"""Of -2 log L about the end of an interval: its probability is right to 1e-4."""
+
+REACH: Final = 60.0
+"""How far from the estimate the end of an interval is looked for, in a logarithm."""
+
+
+@dataclass(frozen=True)
+class Maximum:
+    """A maximum of the likelihood.
+
+    Attributes
+    ----------
+    logs : ndarray, shape (parameters,)
+        Logarithms of the parameters.
+    deviance : float
+        −2 log L there.
+    """
+
+    logs: Array
+    deviance: float
+
+
+def deviance(model: Model, bands: Bands, logs: Array) -> float:
+    """Compute −2 log L."""
+    variances, _ = model.variances(bands.grid, logs)
+    return _deviance(bands, variances)
+
+
+def _deviance(bands: Bands, variances: Array) -> float:
+    return float(np.sum(bands.numbers * np.log(variances) + bands.sums / variances))
+
+
+def information(model: Model, bands: Bands, logs: Array) -> Array:
+    """Compute the expected information of the logarithms, shape (parameters, parameters)."""
+    variances, slopes = model.variances(bands.grid, logs)
+    relative = slopes / variances[:, None]
+    return np.asarray(0.5 * (relative.T * bands.numbers) @ relative)
+
+
+def limits(model: Model, grid: Grid) -> tuple[Array, Array]:
+    """Return the smallest and largest logarithms that are tried: those of correlation times have ends."""
+    timed = np.array([name == CORRELATION_TIME for name in model.parameters])
+    shortest, longest = np.log(SHORTEST_TIME * grid.interval), np.log(LONGEST_TIME * grid.duration)
+    return np.where(timed, shortest, -np.inf), np.where(timed, longest, np.inf)
+
+
+def maximize(model: Model, bands: Bands, start: Array, held: Iterable[int] = ()) -> Maximum:
+    """Find the maximum near a start; ``held`` are parameters that stay as they are."""
+    lowest, highest = limits(model, bands.grid)
+    logs = np.clip(np.array(start, dtype=float), lowest, highest)
+    free = np.array([at for at in range(len(logs)) if at not in set(held)], dtype=np.intp)
+    variances, slopes = model.variances(bands.grid, logs)
+    value, damping = _deviance(bands, variances), 1e-3
+    for _ in range(STEPS):
+        if not len(free):
+            break
+        relative = slopes[:, free] / variances[:, None]
+        gradient = 0.5 * relative.T @ (bands.sums / variances - bands.numbers)
+        scoring = 0.5 * (relative.T * bands.numbers) @ relative
+        ridge = np.diag(damping * np.maximum(np.diag(scoring), 1e-6))
+        step = np.clip(np.linalg.solve(scoring + ridge, gradient), -LARGEST_STEP, LARGEST_STEP)
+        trial = logs.copy()
+        trial[free] = np.clip(trial[free] + step, lowest[free], highest[free])
+        new, new_slopes = model.variances(bands.grid, trial)
+        after = _deviance(bands, new) if np.all(new > 0.0) and np.all(np.isfinite(new)) else np.inf
+        if after <= value:
+            gained, damping = value - after, max(damping * 0.2, 1e-9)
+            logs, value, variances, slopes = trial, after, new, new_slopes
+            if gained < CONVERGED and damping < 1e-2:
+                break
+        else:
+            damping *= 8.0
+            if damping > 1e12:
+                break
+    return Maximum(logs, value)
+
+
+def profile_interval(
+    model: Model, bands: Bands, best: Maximum, parameter: int, confidence: float = 0.95
+) -> tuple[float, float]:
+    """Find the interval of a parameter's logarithm; an end that the record does not show is infinite."""
+    limit = float(chi2.ppf(confidence, 1))
+    sd = 1.0 / np.sqrt(max(information(model, bands, best.logs)[parameter, parameter], 1e-12))
+    lowest, highest = limits(model, bands.grid)
+
+    def end(sign: float) -> float:
+        reach = REACH
+        if sign > 0.0 and np.isfinite(highest[parameter]):
+            reach = highest[parameter] - best.logs[parameter]
+        if sign < 0.0 and np.isfinite(lowest[parameter]):
+            reach = best.logs[parameter] - lowest[parameter]
+        known: list[tuple[float, Array]] = [(0.0, best.logs)]
+
+        def excess(distance: float) -> float:
+            start = min(known, key=lambda pair: abs(pair[0] - distance))[1].copy()
+            start[parameter] = best.logs[parameter] + sign * distance
+            profile = maximize(model, bands, start, held=(parameter,))
+            known.append((distance, profile.logs))
+            return profile.deviance - best.deviance - limit
+
+        inner, outer = 0.0, min(2.0 * sd, reach)
+        above = excess(outer)
+        while above < 0.0:
+            if outer >= reach:
+                return sign * np.inf
+            inner, outer = outer, min(2.0 * outer, reach)
+            above = excess(outer)
+        while outer - inner > max(1e-3 * sd, 1e-9):
+            # a parabola from the maximum is near the profile; the middle makes sure
+            parabola, margin = outer * np.sqrt(limit / (limit + above)), 0.05 * (outer - inner)
+            trial = parabola if inner + margin < parabola < outer - margin else 0.5 * (inner + outer)
+            value = excess(trial)
+            if value < 0.0:
+                inner = trial
+            else:
+                outer, above = trial, value
+            if abs(value) < NEAR:
+                return float(best.logs[parameter] + sign * trial)
+        return float(best.logs[parameter] + sign * 0.5 * (inner + outer))
+
+    return end(-1.0), end(1.0)

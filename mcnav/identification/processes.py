@@ -1,0 +1,162 @@
+"""Spectra of the processes of an instrument's noise, as the cosine transform of a record sees them.
+
+A record of n readings, each the mean of a rate over an interval Δ, has the orthonormal cosine transform (DCT-II)
+``c_j`` at the angles ``ω_j = π j / n``, j = 1 … n − 1; j = 0 is its mean. With ``s = 4 sin²(ω/2)`` the variances are
+
+    white noise              N²/Δ
+    rate random walk         K² Δ (1/s − 1/6)
+    quantization             (Q/Δ)² (s + (4/n) cos²(ω/2))
+    Gauss-Markov process     σ² h(ω; ρ),  ρ = exp(−Δ/τ)
+
+White noise and a random walk have uncorrelated ``c_j``: the differences of their readings have a tridiagonal Toeplitz
+covariance, which the sine transform diagonalizes. Of the others the variances are exact, ends of the record included,
+and the correlations of the order 1/n.
+
+Units: a gyro's N is in rad/sqrt(s), K in rad/s/sqrt(s), σ in rad/s, Q in rad; an accelerometer's in m/s/sqrt(s),
+m/s²/sqrt(s), m/s², m/s; τ in s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Angles of a record's cosine transform at which variances are wanted.
+
+    Attributes
+    ----------
+    interval : float
+        Δ between readings, s.
+    count : int
+        n readings.
+    order : ndarray, shape (m,)
+        j of each angle; a mean of several where ordinates are taken together.
+    """
+
+    interval: float
+    count: int
+    order: Array
+
+    @property
+    def half(self) -> Array:
+        """``ω / 2`` of each angle."""
+        return np.asarray(0.5 * np.pi * self.order / self.count)
+
+    @property
+    def frequency(self) -> Array:
+        """Of each angle, Hz."""
+        return np.asarray(0.5 * self.order / (self.count * self.interval))
+
+    @property
+    def duration(self) -> float:
+        """Of the record, s."""
+        return self.count * self.interval
+
+    def lasting(self, duration: float) -> Grid:
+        """Return a grid of the same interval with another number of readings, and the same frequencies."""
+        count = max(2, round(duration / self.interval))
+        return Grid(self.interval, count, self.order * (count / self.count))
+
+
+def white_noise(grid: Grid) -> Array:
+    """Variance of c for N = 1."""
+    return np.full(len(grid.order), 1.0 / grid.interval)
+
+
+def random_walk(grid: Grid) -> Array:
+    """Variance of c for K = 1."""
+    return np.asarray(grid.interval * (0.25 / np.sin(grid.half) ** 2 - 1.0 / 6.0))
+
+
+def quantization(grid: Grid) -> Array:
+    """Variance of c for Q = 1: of differences of white errors of the accumulated angle or velocity."""
+    squared = np.sin(grid.half) ** 2
+    return np.asarray(4.0 * (squared + (1.0 - squared) / grid.count) / grid.interval**2)
+
+
+def gauss_markov(grid: Grid, correlation_time: float) -> Array:
+    """Variance of c for σ = 1: a first-order Gauss-Markov process, stationary from before the record.
+
+    Means over Δ have the autocovariances ``γ_0 = 2 (a − 1 + ρ)/a²`` and ``γ_k = ((1 − ρ)/a)² ρ^(k−1)`` with
+    ``a = Δ/τ``, ``ρ = exp(−a)``. Over an endless record their sum is ``γ_0 − γ_1/ρ + (γ_1/ρ)(1 − ρ²)/d`` with
+    ``d = 1 − 2 ρ cos ω + ρ²``; what lies beyond both ends, ``(4/n)(γ_1/ρ) ρ (1 − ρ)² cos²(ω/2)/d²``, is taken off.
+    """
+    ratio = grid.interval / correlation_time
+    less, rho = -np.expm1(-ratio), np.exp(-ratio)  # 1 - rho without cancellation
+    squared = np.sin(grid.half) ** 2
+    distance = less * less + 4.0 * rho * squared  # 1 - 2 rho cos w + rho^2
+    at_lag = (less / ratio) ** 2 / rho  # gamma_k = at_lag rho^k
+    # gamma_0 - at_lag, by a series where the difference cancels
+    same = 2.0 * (ratio - less) / ratio**2 - at_lag if ratio > 1e-3 else -ratio * ratio / 12.0 - ratio / 3.0
+    endless = same + at_lag * less * (1.0 + rho) / distance
+    parity = np.where(grid.order == np.round(grid.order), 1.0 - (-1.0) ** np.round(grid.order) * rho**grid.count, 1.0)
+    beyond = 4.0 / grid.count * at_lag * rho * less * less * (1.0 - squared) / distance**2 * parity
+    return np.asarray(endless - beyond)
+
+
+@dataclass(frozen=True)
+class Process:
+    """A process: its parameters, and its variance for sizes of one.
+
+    Attributes
+    ----------
+    size : str
+        Name of its size.
+    timed : bool
+        Whether it has a correlation time, too.
+    """
+
+    size: str
+    spectrum: Callable[..., Array]
+    timed: bool = False
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of its parameters."""
+        return (self.size, CORRELATION_TIME) if self.timed else (self.size,)
+
+
+CORRELATION_TIME: Final = "correlation_time"
+
+WHITE: Final = Process("random_walk", white_noise)
+QUANTIZATION: Final = Process("quantization", quantization)
+RATE_RANDOM_WALK: Final = Process("rate_random_walk", random_walk)
+GAUSS_MARKOV: Final = Process("instability", gauss_markov, timed=True)
+"""The processes, with the names of `mcnav.systems.ins.imu.instruments.Noise`."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A sum of processes. Parameters are logarithms, in the order of `parameters`."""
+
+    processes: tuple[Process, ...]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters in order."""
+        return tuple(name for process in self.processes for name in process.parameters)
+
+    def variances(self, grid: Grid, logs: Array) -> tuple[Array, Array]:
+        """Compute the variances of c, shape (m,), and their derivatives by the parameters, shape (m, parameters)."""
+        total, columns, at = np.zeros(len(grid.order)), [], 0
+        for process in self.processes:
+            squared = np.exp(2.0 * logs[at])
+            if process.timed:
+                step, times = 1e-4, np.exp(logs[at + 1])
+                value = squared * process.spectrum(grid, times)
+                ahead, behind = (process.spectrum(grid, times * np.exp(sign * step)) for sign in (1.0, -1.0))
+                columns += [2.0 * value, squared * (ahead - behind) / (2.0 * step)]
+            else:
+                value = squared * process.spectrum(grid)
+                columns.append(2.0 * value)
+            total += value
+            at += len(process.parameters)
+        return total, np.stack(columns, axis=1)
