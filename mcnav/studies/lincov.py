@@ -84,7 +84,7 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
         entries = [record.model_dump() for record in described.requirements]
         judged = judge_linearly(
             requirements_from(entries, outputs), model.outcome_mean, model.outcome_covariance,
-            None if history is None else history.moments, model.sizes,
+            None if history is None else history.moments, model.sizes, model.nominal,
         )  # fmt: skip
         asked = None
         if times is not None:
