@@ -72,7 +72,7 @@ def answer(names: Sequence[str], dispersion_range: DispersionRange, tolerance: f
     agrees, within = dispersion_range.agrees_until[:-1], f"within ±{100.0 * tolerance:g} % of the linear one"
     if np.isnan(agrees).all():
         return "No output is disturbed by any error: there is nothing to compare."
-    first = int(np.nanargmin(agrees))
+    first = int(np.flatnonzero(agrees == np.nanmin(agrees))[0])
     value, smallest, largest = (
         float(agrees[first]),
         float(dispersion_range.multiples[0]),
