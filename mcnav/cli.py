@@ -626,8 +626,8 @@ def linearity(
     Example: mcnav linearity campaigns/14_polar.toml --samples 500
     """
     from mcnav.config.read import read_campaign
-    from mcnav.report import linearity_words, progress
-    from mcnav.report.linearity import terminal
+    from mcnav.report import progress
+    from mcnav.report.linearity import remarks, terminal
     from mcnav.report.terminal_parts import printed
     from mcnav.studies.linearity import write_linearity
 
@@ -636,8 +636,8 @@ def linearity(
     with progress.shown(err) as shown:
         study, files = write_linearity(content, target, tolerance, samples, largest, shown)
     out.print(printed(terminal(content.scenario.outputs, study.together, study.tolerance)))
-    if study.without_noise:
-        out.print(linearity_words.WITHOUT_NOISE)
+    for sentence in remarks(content.scenario.outputs, study.noise, study.sizes_alone):
+        out.print(sentence)
     out.print()
     _print_written(files)
 

@@ -24,7 +24,7 @@ from mcnav.analysis.requirements_over_time import largest_normal_quantile
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Output
 from mcnav.errors import suggestion
-from mcnav.units import UnitError, quantity
+from mcnav.units import UnitError, conversion, quantity
 
 SIGMA, DRMS, BOX = "sigma", "drms", "box"
 
@@ -199,11 +199,12 @@ def requirement_measures(requirements: Sequence[Requirement], outputs: Sequence[
     for number, each in enumerate(requirements):
         if each.kind == "sigma_ratio":
             continue
-        names = ", ".join(outputs[place].name for place in each.outputs)
-        shown = "" if each.kind in RADII else f", {size_probability(each):g}"
-        name = f"{each.kind}({names}{shown})" + (f" {each.when}" if each.when else "")
-        taken = [measure.name for measure in measures]
-        name = name if name not in taken else f"{name} #{number + 1}"
+        name = _requirement_name(each, outputs)
+        alike = [other for other in requirements if _requirement_name(other, outputs) == name]
+        if len(alike) > 1:
+            name = f"{name} below {_limits(each, outputs)}"
+        if name in [measure.name for measure in measures]:
+            name = f"{name} #{number + 1}"
         of = outputs[each.outputs[0]]
         unit, shown_in = ("1", "%") if each.kind == BOX else (of.unit, of.shown_in)
         measures.append(
@@ -212,3 +213,19 @@ def requirement_measures(requirements: Sequence[Requirement], outputs: Sequence[
             )
         )
     return measures
+
+
+def _requirement_name(requirement: Requirement, outputs: Sequence[Output]) -> str:
+    """Return the measure that a requirement limits, in words."""
+    names = ", ".join(outputs[place].name for place in requirement.outputs)
+    shown = "" if requirement.kind in RADII else f", {size_probability(requirement):g}"
+    return f"{requirement.kind}({names}{shown})" + (f" {requirement.when}" if requirement.when else "")
+
+
+def _limits(requirement: Requirement, outputs: Sequence[Output]) -> str:
+    """Return its limits in the units in which the outputs are shown."""
+    shown = []
+    for place, limit in zip(requirement.outputs, requirement.limits, strict=False):  # a radius has a limit alone
+        of = outputs[place]
+        shown.append(f"{limit / conversion(of.shown_in, of.unit):.6g} {of.shown_in}".removesuffix(" 1"))
+    return ", ".join(shown)

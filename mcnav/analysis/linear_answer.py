@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.comparison import ROUNDING, Model
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of, picked, readings_beyond
@@ -41,7 +41,8 @@ class LinearRequirement:
         Quantile or radius, SI, or probability of a box; NaN for a sigma ratio, and where errors are beyond the range of
         linear analysis: these need Monte Carlo.
     margin : float
-        Multiple of all final errors at which the requirement is just met: at least one where it is met.
+        Multiple of all errors at which the requirement is just met: at least one where it is met. What a flight without
+        errors has stays as it is; zero where that is beyond the limit already.
     time : float or None
         Where it holds at several epochs, time of the largest value, in the unit of the history.
     """
@@ -225,7 +226,13 @@ def within_range(
 
 
 def judge_within_range(
-    requirements: Sequence[Requirement], limits: Array, mean: Array, covariance: Array, history: Moments | None
+    requirements: Sequence[Requirement],
+    limits: Array,
+    mean: Array,
+    covariance: Array,
+    history: Moments | None,
+    sizes: Mapping[int, tuple[int, ...]] | None = None,
+    nominal: Array | None = None,
 ) -> tuple[LinearRequirement, ...]:
     """Judge requirements for normal errors, and none that holds where errors are beyond the limits of the outputs.
 
@@ -233,7 +240,7 @@ def judge_within_range(
     ----------
     limits : ndarray, shape (outputs,)
         See `mcnav.analysis.linear_range.limits_of`.
-    mean, covariance, history
+    mean, covariance, history, sizes, nominal
         As for `judge_linearly`.
     """
     over_time = None
@@ -241,13 +248,13 @@ def judge_within_range(
         variances = np.diagonal(history.covariance, axis1=1, axis2=2)
         over_time = history.times, history.mean, np.sqrt(np.maximum(variances, 0.0))
     beyond = find_beyond(limits, mean, np.sqrt(np.maximum(np.diag(covariance), 0.0)), over_time)
-    judged = judge_linearly(requirements, mean, covariance, history)
+    judged = judge_linearly(requirements, mean, covariance, history, sizes, nominal)
     return within_range(judged, beyond, None if history is None else history.times)
 
 
 def judge_linearly(
     requirements: Sequence[Requirement], mean: Array, covariance: Array, history: Moments | None,
-    sizes: Mapping[int, tuple[int, ...]] | None = None,
+    sizes: Mapping[int, tuple[int, ...]] | None = None, nominal: Array | None = None,
 ) -> tuple[LinearRequirement, ...]:  # fmt: skip
     """Judge requirements for normal errors.
 
@@ -259,56 +266,73 @@ def judge_linearly(
         At the epochs of the campaign, for requirements over time.
     sizes : mapping of int to tuple of int, optional
         Outputs that are the root sum of squares of others.
+    nominal : ndarray, shape (outputs,), optional
+        Part of the mean that a flight without errors has; by default none.
     """
-    return tuple(_judge(each, mean, covariance, history, sizes or {}) for each in requirements)
+    fixed = np.zeros_like(mean) if nominal is None else nominal
+    return tuple(_judge(each, mean, covariance, history, sizes or {}, fixed) for each in requirements)
 
 
 def _judge(
     requirement: Requirement, mean: Array, covariance: Array, history: Moments | None,
-    sizes: Mapping[int, tuple[int, ...]],
+    sizes: Mapping[int, tuple[int, ...]], nominal: Array,
 ) -> LinearRequirement:  # fmt: skip
     if requirement.kind == "sigma_ratio":
         return LinearRequirement(requirement, math.nan, math.nan)
     members = size_members(requirement.outputs, sizes)
     picked = np.array(members or requirement.outputs)
-    mean, covariance = mean[picked], covariance[np.ix_(picked, picked)]
+    mean, covariance, nominal = mean[picked], covariance[np.ix_(picked, picked)], nominal[picked]
     if requirement.kind == "box":
-        return _judge_box(requirement, mean, covariance)
+        return _judge_box(requirement, mean, covariance, nominal)
+
+    def quantile(mean: Array, covariance: Array) -> float:
+        if members:
+            return NormalSize.of(mean, covariance).quantile(probability)
+        return normal_quantile(mean, covariance, probability)
+
     probability, time = size_probability(requirement), None
     if requirement.epochs and history is not None:
         at = np.array(requirement.epochs)
         means, covariances = history.mean[np.ix_(at, picked)], history.covariance[np.ix_(at, picked, picked)]
         if members:
-            values = [NormalSize.of(*each).quantile(probability) for each in zip(means, covariances, strict=True)]
+            values = [quantile(*each) for each in zip(means, covariances, strict=True)]
             worst = int(np.argmax(values))
-            mean, covariance, value = means[worst], covariances[worst], values[worst]
+            value = values[worst]
         else:
             value, worst = largest_normal_quantile(means, covariances, probability)
-        time = float(history.times[at[worst]])
-    elif members:
-        value = NormalSize.of(mean, covariance).quantile(probability)
+        time, mean, covariance = float(history.times[at[worst]]), means[worst], covariances[worst]
+        nominal = np.zeros(len(picked)) if history.nominal is None else history.nominal[at[worst], picked]
     else:
-        value = normal_quantile(mean, covariance, probability)
-    if members:
-        return LinearRequirement(requirement, value, _size_margin(requirement, mean, covariance), time)
-    return LinearRequirement(requirement, value, requirement.limits[0] / value if value > 0.0 else math.inf, time)
+        value = quantile(mean, covariance)
+    if nominal.any():
+        margin = _margin_about(requirement.limits[0], nominal, mean, covariance, quantile)
+    else:
+        margin = requirement.limits[0] / value if value > 0.0 else math.inf
+    return LinearRequirement(requirement, value, margin, time)
 
 
-def _size_margin(requirement: Requirement, mean: Array, covariance: Array) -> float:
-    """Return the factor by which errors may grow about the nominal size of a correction; zero if that is too large."""
-    limit, sigma = requirement.limits[0], float(np.sqrt(np.trace(covariance)))
-    if np.linalg.norm(mean) >= limit or sigma == 0.0:
-        return math.inf if sigma == 0.0 and np.linalg.norm(mean) < limit else 0.0
-    probability = size_probability(requirement)
+def _margin_about(
+    limit: float, nominal: Array, mean: Array, covariance: Array, quantile: Callable[[Array, Array], float]
+) -> float:
+    """Return the factor k by which errors may grow about a nominal, until a quantile of its size is the limit.
 
-    def grown(multiple: float) -> float:
-        return NormalSize.of(mean, multiple**2 * covariance).quantile(probability)
+    The quantile is that of ``N(nominal + k (mean - nominal), k^2 covariance)``. The probability of an interval,
+    a circle or a sphere that holds the nominal falls with k, so that there is one factor.
+    """
+    own, errors = float(np.linalg.norm(nominal)), mean - nominal
+    size = float(np.sqrt(np.trace(covariance) + errors @ errors))
+    if own >= limit:
+        return 0.0
+    if size <= ROUNDING * own:
+        return math.inf
 
-    high = limit / sigma
-    while grown(high) < limit:
+    def excess(multiple: float) -> float:
+        return quantile(nominal + multiple * errors, multiple**2 * covariance) - limit
+
+    high = limit / size
+    while excess(high) < 0.0:
         high *= 2.0
-    ends = root_between(lambda k: grown(k) - limit, (0.0, float(np.linalg.norm(mean)) - limit),
-                        (high, grown(high) - limit), 1e-12 * high)  # fmt: skip
+    ends = root_between(excess, (0.0, own - limit), (high, excess(high)), 1e-12 * high)
     return 0.5 * (ends[0] + ends[1])
 
 
@@ -320,19 +344,40 @@ def sizes_over_time(requirement: Requirement, history: Moments) -> Array:
     return np.array([normal_quantile(*each, probability) for each in zip(mean, covariance, strict=True)])
 
 
-def _judge_box(requirement: Requirement, mean: Array, covariance: Array) -> LinearRequirement:
+def _judge_box(requirement: Requirement, mean: Array, covariance: Array, nominal: Array) -> LinearRequirement:
     """Judge the probability that several outputs lie within their limits together.
 
     With all errors multiplied by k it is that of limits divided by k, so that the margin is the reciprocal of the
-    smallest multiple of the limits with the required probability.
+    smallest multiple of the limits with the required probability. Where a flight without errors has some of the mean,
+    errors grow about that.
     """
-    limits = np.array(requirement.limits)
+    limits, wanted = np.array(requirement.limits), size_probability(requirement)
     value = normal_box_probability(mean, covariance, limits)
+    if nominal.any():
+        return LinearRequirement(requirement, value, _box_margin_about(nominal, mean, covariance, limits, wanted))
     widest = float(((np.abs(mean) + 40.0 * np.sqrt(np.diag(covariance))) / limits).max())
     if widest == 0.0:
         return LinearRequirement(requirement, value, math.inf)
     least = smallest_reaching(
         lambda multiple: normal_box_probability(mean, covariance, multiple * limits),
-        size_probability(requirement), 0.0, widest,
+        wanted, 0.0, widest,
     )  # fmt: skip
     return LinearRequirement(requirement, value, 1.0 / least)
+
+
+def _box_margin_about(nominal: Array, mean: Array, covariance: Array, limits: Array, wanted: float) -> float:
+    """Return the factor by which errors may grow about a nominal, until the probability of a box is the wanted one."""
+    errors = mean - nominal
+    size = np.sqrt(np.diag(covariance) + errors**2)
+    if np.any(np.abs(nominal) >= limits):
+        return 0.0
+    if np.all(size <= ROUNDING * np.abs(nominal)):
+        return math.inf
+
+    def outside(multiple: float) -> float:
+        return 1.0 - normal_box_probability(nominal + multiple * errors, multiple**2 * covariance, limits)
+
+    high = float((limits / np.where(size > 0.0, size, np.inf)).max())
+    while outside(high) < 1.0 - wanted:
+        high *= 2.0
+    return smallest_reaching(outside, 1.0 - wanted, 0.0, high)

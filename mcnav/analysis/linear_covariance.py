@@ -25,11 +25,14 @@ class Moments:
     times : ndarray, shape (m,)
     mean, covariance : ndarray, shapes (m, outputs) and (m, outputs, outputs)
         SI.
+    nominal : ndarray, shape (m, outputs), optional
+        Part of the mean that a flight without errors has; none where there is none.
     """
 
     times: Array
     mean: Array
     covariance: Array
+    nominal: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,8 @@ class LinearCovariance:
     def moments(self) -> Moments:
         """Moments after the updates of each time."""
         at = self.settled
-        return Moments(self.readings.times[at], self.mean[at], self.covariance[at])
+        nominal = None if self.readings.nominal is None else self.readings.nominal[at]
+        return Moments(self.readings.times[at], self.mean[at], self.covariance[at], nominal)
 
 
 def covariance_over_time(

@@ -8,7 +8,7 @@ dispersions*: at which multiple does the sigma ratio of Monte Carlo to P S P^T l
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final
 
@@ -18,11 +18,13 @@ from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion, Model, compare
 from mcnav.analysis.verdict import Verdict
 from mcnav.contract.linear import LinearModel
+from mcnav.contract.samples import SimulationResult
 from mcnav.lincov.partials import Propagate
 from mcnav.sampling.designs import SamplingDesign
 
 Simulator = Callable[[float], Propagate]
-"""Function from the largest multiple to a simulation of errors that is accurate for errors of about that size."""
+"""Function from a multiple to a simulation of errors that is accurate for errors of about that size; in `together` with
+so many times the noise, if it has any."""
 
 SMALLEST: Final = 0.1
 PER_DECADE: Final = 8
@@ -35,7 +37,7 @@ ROOT_TOLERANCE: Final = 1e-3
 """Relative accuracy of the multiples of dispersion."""
 
 
-def _decade(multiple: Array) -> Array:
+def decade(multiple: Array) -> Array:
     """Return the largest multiple of the decade in which a multiple lies: the engine is prepared for it."""
     return np.asarray(SMALLEST * 10.0 ** np.ceil(np.log10(multiple / SMALLEST) - 1e-9))
 
@@ -79,10 +81,10 @@ def alone(simulate: Simulator, linear: LinearModel, directions: Array, tolerance
 
     def departures(multiples: Array, which: IndexArray) -> Array:
         """Compute the departure of each output for multiples of chosen directions of both signs, shape (n, outputs)."""
-        decade = _decade(multiples)
+        tops = decade(multiples)
         values = np.empty((len(multiples), len(linear.nominal)))
-        for top in np.unique(decade):
-            rows = np.flatnonzero(decade == top)
+        for top in np.unique(tops):
+            rows = np.flatnonzero(tops == top)
             values[rows] = engines(float(top))(multiples[rows, None] * both[which[rows]]).values
         expected = multiples[:, None] * changes[which]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -153,12 +155,20 @@ class DispersionRange:
     differs_from: Array
 
 
-def _ratios(model: Model, draws: Array, outcomes: Array, criterion: Criterion, design: SamplingDesign) -> Array:
-    """Compute ratio, lower and upper bound for each output and the joint distribution, shape (outputs + 1, 3)."""
-    rows = np.full((len(model.nominal) + 1, 3), np.nan)
+def _ratios(
+    model: Model, draws: Array, simulated: SimulationResult, criterion: Criterion, design: SamplingDesign
+) -> Array:
+    """Compute ratio, lower and upper bound for each output and the joint distribution, shape (outputs + 1, 3).
+
+    NaN where there is none: a size of zero nominal has a law of its own, and no linear sigma.
+    """
+    rows, outcomes = np.full((len(model.nominal) + 1, 3), np.nan), simulated.values
+    unknown = list(model.laws_of_sizes)
     if not np.isfinite(outcomes).all(axis=1).mean() >= 1.0 - LARGEST_FAILED_SHARE:
-        return np.full_like(rows, BEYOND)
-    result = compare(model, draws, outcomes, criterion, design)
+        rows[:] = BEYOND
+        rows[unknown] = np.nan
+        return rows
+    result = compare(model, draws, outcomes, criterion, design, simulated.linear_values)
     judgements = [output.paired for output in result.outputs]
     if result.ellipsoid is not None:
         judgements.append(result.ellipsoid.judgement)
@@ -169,6 +179,7 @@ def _ratios(model: Model, draws: Array, outcomes: Array, criterion: Criterion, d
             row[:] = BEYOND
     if result.ellipsoid is not None and result.ellipsoid.surprised:
         rows[-1] = BEYOND
+    rows[unknown] = np.nan
     return rows
 
 
@@ -178,16 +189,18 @@ def together(
     """Find where the dispersions of all errors together leave the linear ones.
 
     The same draws are used at every multiple, so that the ratio is a smooth function of the multiple. The model and the
-    draws, shape (n, sources), are of the stated errors; for the rest see `mcnav.analysis.comparison.compare`.
+    draws, shape (n, sources), are of the stated errors and noise; for the rest see `mcnav.analysis.comparison.compare`.
     """
     count = len(model.nominal) + 1
-    engines = cache(simulate)
 
     @cache
     def judged(multiple: float) -> Array:
-        outcomes = engines(float(_decade(np.array(multiple))))(multiple * draws).values
-        scaled = Model(model.partials, model.nominal, multiple * model.mean, multiple**2 * model.covariance)
-        return _ratios(scaled, multiple * draws, outcomes, criterion, design)
+        simulated, square = simulate(multiple)(multiple * draws), multiple**2
+        scaled = replace(
+            model, mean=multiple * model.mean, covariance=square * model.covariance,
+            processes={name: square * each for name, each in model.processes.items()},
+        )  # fmt: skip
+        return _ratios(scaled, multiple * draws, simulated, criterion, design)
 
     low, high = 1.0 - criterion.tolerance, 1.0 + criterion.tolerance
 

@@ -13,7 +13,7 @@ from mcnav.config.campaign import Campaign, check_stored_samples
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import read_requirements
 from mcnav.config.schema import CampaignFile, CampaignTable, UntilTable
-from mcnav.config.sources import expand_groups, read_correlations, read_errors, read_joint
+from mcnav.config.sources import read_correlations, read_errors, read_joint
 from mcnav.config.start_times import StartTimesPlan, read_start_times
 from mcnav.config.stopping import StoppingRule, read_stopping_rule
 from mcnav.config.table_of_values import StoredTable, stored_table
@@ -150,7 +150,7 @@ def _read_distributions(
     """Read the distributions of ``[errors]``, and those that other tables give; mistakes are added to the context."""
     entries, distributions = context.content.get("errors"), dict[str, Distribution]()
     if isinstance(entries, dict) and sources is not None:
-        distributions = read_errors(expand_groups(entries, sources), sources, context)
+        distributions = read_errors(entries, sources, context)
     if described is None:
         return distributions
     for name in described.sigmas.keys() & distributions.keys():

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from mcnav.config.distributions import ENTRY, KIND, implausible
 from mcnav.config.schema import CorrelationTable, JointTable
 from mcnav.config.table_of_values import ValuesError
-from mcnav.config.toml import Content
 from mcnav.contract.quantities import Source
 from mcnav.entries.context import FileContext
 from mcnav.entries.validation import validate_entry
@@ -18,30 +18,67 @@ from mcnav.sampling.error_model import Correlation
 from mcnav.sampling.multivariate_t import MultivariateT
 
 
-def expand_groups(entries: Mapping[str, Any], sources: Sequence[Source]) -> Content:
-    """Give the entry of a group, such as ``position``, to each of its sources that has no entry of its own."""
+@dataclass(frozen=True)
+class Entry:
+    """The entry of a source, and the key under which it is written."""
+
+    value: Any
+    key: str
+
+
+def expand_groups(entries: Mapping[str, Any], sources: Sequence[Source], context: FileContext) -> Mapping[str, Entry]:
+    """Give the entry of a group, such as ``position``, to each of its sources that has no entry of its own.
+
+    It holds for all of them, or is a list or a table by axis. Mistakes are added to the context.
+    """
     groups: dict[str, list[str]] = {}
     for source in sources:
         if source.group and source.group != source.name:
             groups.setdefault(source.group, []).append(source.name)
-    given = {name: entry for group, entry in entries.items() for name in groups.get(group, ())}
-    return {**given, **{name: entry for name, entry in entries.items() if name not in groups}}
+    given: dict[str, Entry] = {}
+    for group, entry in entries.items():
+        if group in groups:
+            given |= _by_source(group, groups[group], entry, context)
+    return {**given, **{name: Entry(entry, name) for name, entry in entries.items() if name not in groups}}
+
+
+def _by_source(group: str, members: Sequence[str], entry: object, context: FileContext) -> dict[str, Entry]:
+    """Return the entries of the sources of a group; one by axis names them as they go on after the group's name."""
+    axes = {name.removeprefix(f"{group}_"): name for name in members}
+    if isinstance(entry, list):
+        if len(entry) != len(axes):
+            message = f"got a list of {len(entry)}; expected {len(axes)}, for {', '.join(axes)}"
+            context.problem(f"errors.{group}", message)
+            return {}
+        pairs = zip(members, entry, strict=True)
+        return {name: Entry(value, f"{group} #{number}") for number, (name, value) in enumerate(pairs, start=1)}
+    if isinstance(entry, dict) and entry.keys() & axes.keys():
+        for axis in entry.keys() - axes.keys():
+            context.problem(f"errors.{group}.{axis}", f"unknown axis; expected {', '.join(axes)}")
+        return {axes[axis]: Entry(value, f"{group}.{axis}") for axis, value in entry.items() if axis in axes}
+    return {name: Entry(entry, group) for name in members}
 
 
 def read_errors(entries: Mapping[str, Any], sources: Sequence[Source], context: FileContext) -> dict[str, Distribution]:
-    """Read the distributions of ``[errors]``, by source; mistakes are added to the context."""
+    """Read the distributions of ``[errors]``, by source; mistakes are added to the context.
+
+    A mistake in the entry of a group is told once.
+    """
     known = {source.name: source for source in sources}
-    distributions = {}
-    for name, entry in entries.items():
-        key = f"errors.{name}"
+    distributions: dict[str, Distribution] = {}
+    wrong: set[str] = set()
+    for name, entry in expand_groups(entries, sources, context).items():
+        key = f"errors.{entry.key}"
         if len(context.problems) > MOST_PROBLEMS:
             break
         if name not in known:
             context.problem(key, f"unknown error source{suggestion(name, list(known))}")
-            continue
-        distribution = _read_distribution(entry, known[name], key, context)
-        if distribution is not None:
-            distributions[name] = distribution
+        elif key not in wrong:
+            distribution = _read_distribution(entry.value, known[name], key, context)
+            if distribution is None:
+                wrong.add(key)
+            else:
+                distributions[name] = distribution
     return distributions
 
 

@@ -55,6 +55,21 @@ class HistoryEngine(Engine, Protocol):
         """Power sums over the samples that can be followed, at every epoch; nothing is kept of a single sample."""
 
 
+class ScalableEngine(Engine, Protocol):
+    """An engine whose noise can be multiplied."""
+
+    def with_noise(self, multiple: float) -> Engine:
+        """Return that of the final errors with so many times the noise.
+
+        What a filter believes of errors and noise is multiplied alike, so that its gains are the same.
+        """
+
+
+def scales_noise(engine: Engine) -> TypeGuard[ScalableEngine]:
+    """Return whether the noise of an engine can be multiplied."""
+    return engine.noisy and hasattr(engine, "with_noise")
+
+
 def has_histories(engine: Engine) -> TypeGuard[HistoryEngine]:
     """Return whether an engine computes the errors at its epochs in a pass of their own."""
     return engine.epochs is not None and hasattr(engine, "histories")

@@ -8,7 +8,7 @@ from functools import cache, cached_property
 from typing import Any, Final, Protocol
 
 from mcnav._types import Array
-from mcnav.contract.engine import Engine, HistoryEngine
+from mcnav.contract.engine import Engine, HistoryEngine, ScalableEngine
 from mcnav.contract.scenario import (
     Capability,
     CovarianceScenario,
@@ -78,8 +78,10 @@ def lacks_scenario(scenario: Scenario) -> list[str]:
 
 
 def lacks_engine(engine: Engine) -> list[str]:
-    """Return what an engine lacks of `Engine`, and of `HistoryEngine` if it has histories, a line for each member."""
-    return lacks(engine, HistoryEngine if hasattr(engine, "histories") else Engine)
+    """Return what an engine lacks of `Engine`, and of what it has a member of besides, a line for each member."""
+    further = {"histories": HistoryEngine, "with_noise": ScalableEngine}
+    asked = [Engine, *(protocol for member, protocol in further.items() if hasattr(engine, member))]
+    return list(dict.fromkeys(line for protocol in asked for line in lacks(engine, protocol)))
 
 
 def ready_engine(scenario: Scenario, engine: str, probes: Array) -> Engine:

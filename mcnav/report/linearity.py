@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -27,7 +28,14 @@ from mcnav.report.document import (
     joined,
 )
 from mcnav.report.figures import linearity as drawn
-from mcnav.report.linearity_words import WITHOUT_NOISE, answer, linearity_rows, multiple_words
+from mcnav.report.linearity_words import (
+    OF_NOISE,
+    NoiseUse,
+    answer,
+    linearity_rows,
+    multiple_words,
+    without_sigma,
+)
 from mcnav.report.model import humanize, labels_of
 from mcnav.report.sentences import JOINT
 
@@ -78,9 +86,26 @@ def dispersion_table(dispersion_range: DispersionRange, outputs: Sequence[Output
     )
 
 
+@dataclass(frozen=True)
+class About:
+    """What the page has to say of a study; as its attributes of these names."""
+
+    tolerance: float
+    confidence: float
+    samples: int
+    noise: NoiseUse
+    sizes_alone: tuple[int, ...]
+
+
+def remarks(outputs: Sequence[Output], noise: NoiseUse, sizes_alone: Sequence[int]) -> list[str]:
+    """Say what becomes of noise, and of sizes without a linear sigma."""
+    sizes = [humanize(outputs[number].name) for number in sizes_alone]
+    return [each for each in (OF_NOISE[noise], without_sigma(sizes)) if each]
+
+
 def page(
     campaign: str,
-    about: tuple[float, float, int, bool],
+    about: About,
     single: AloneRange,
     dispersion: DispersionRange,
     contributions: Array,
@@ -89,15 +114,14 @@ def page(
 ) -> Page:
     """Return the page.
 
-    ``about`` is tolerance, confidence, samples, and whether noise is left out; ``contributions`` is the linear effect
-    of one sigma of each source, SI, shape (sources, outputs).
+    ``contributions`` is the linear effect of one sigma of each source, SI, shape (sources, outputs).
     """
-    tolerance, confidence, samples, without_noise = about
+    tolerance = about.tolerance
     names, within = [humanize(output.name) for output in outputs], f"{100 * tolerance:g} %"
     directions, minor = [*labels_of(sources, outputs), ALL_AT_ONCE], minor_effects(contributions)
     caption = (
-        f"Multiples of the stated errors, from {samples:,} samples, which are the same at each multiple except for "
-        f"scale. Intervals hold jointly at {100 * confidence:g} % for any one multiple."
+        f"Multiples of the stated errors, from {about.samples:,} samples, which are the same at each multiple except "
+        f"for scale. Intervals hold jointly at {100 * about.confidence:g} % for any one multiple."
     )
     question = f"By what factor can the stated errors grow before linear covariance analysis is wrong by {within}?"
     verdict = Verdict(answer(names, dispersion, tolerance))
@@ -114,7 +138,7 @@ def page(
         f"{campaign}: range of linearity",
         "Range of linearity",
         campaign,
-        joined(Sentence(question), verdict, Sentence(WITHOUT_NOISE) if without_noise else None),
+        joined(Sentence(question), verdict, *map(Sentence, remarks(outputs, about.noise, about.sizes_alone))),
         [Section("together", "All errors scaled together", together), Section("alone", "Each source alone", alone)],
     )
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import Final, Literal
 
 import numpy as np
 
@@ -15,7 +15,28 @@ WITHOUT_NOISE: Final = (
     "The scenario has noise, which is left out here: the range is that of the constant errors. "
     "A run compares linear covariance and samples with noise."
 )
-"""Note on the range of linearity of a scenario with noise."""
+"""Note on the range of linearity of a scenario whose noise cannot be multiplied."""
+
+NoiseUse = Literal["", "scaled", "left out"]
+"""What becomes of the noise of a scenario, if it has any."""
+
+OF_NOISE: Final[Mapping[NoiseUse, str]] = {
+    "": "",
+    "scaled": (
+        "Noise is multiplied like the errors, and so is what a filter believes of both. Each source alone is simulated "
+        "without noise."
+    ),
+    "left out": WITHOUT_NOISE,
+}
+
+
+def without_sigma(names: Sequence[str]) -> str:
+    """Name sizes that are zero in the nominal; empty for none."""
+    if not names:
+        return ""
+    return (
+        f"Linear analysis has no σ of sizes that are zero in the nominal, and they have no range: {', '.join(names)}."
+    )
 
 
 def multiple_words(value: float, largest: float) -> str:
@@ -51,7 +72,7 @@ def answer(names: Sequence[str], dispersion_range: DispersionRange, tolerance: f
     agrees, within = dispersion_range.agrees_until[:-1], f"within ±{100.0 * tolerance:g} % of the linear one"
     if np.isnan(agrees).all():
         return "No output is disturbed by any error: there is nothing to compare."
-    first = int(np.nanargmin(agrees))
+    first = int(np.flatnonzero(agrees == np.nanmin(agrees))[0])
     value, smallest, largest = (
         float(agrees[first]),
         float(dispersion_range.multiples[0]),

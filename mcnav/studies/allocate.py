@@ -177,8 +177,9 @@ class _Scaled:
             history = covariance_over_time(readings, tuple(self._names), mean, covariance)
         moments = None if history is None else history.moments
         return judge_within_range(
-            self._requirements, self._limits, scaled.outcome_mean, scaled.outcome_covariance, moments
-        )
+            self._requirements, self._limits, scaled.outcome_mean, scaled.outcome_covariance, moments,
+            model.sizes, model.nominal,
+        )  # fmt: skip
 
 
 def values_of(changed: Sequence[DataSheetNumber], factor: float) -> dict[str, Value]:

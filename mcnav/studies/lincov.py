@@ -94,7 +94,7 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         entries = [record.model_dump() for record in described.requirements]
         judged = judge_linearly(
             requirements_from(entries, outputs), model.outcome_mean, model.outcome_covariance,
-            None if history is None else history.moments, model.sizes,
+            None if history is None else history.moments, model.sizes, model.nominal,
         )  # fmt: skip
         asked = None
         if times is not None:

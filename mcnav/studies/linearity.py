@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -11,11 +12,12 @@ import numpy as np
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
-from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, together
+from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, decade, together
+from mcnav.analysis.vector_sizes import components_of
 from mcnav.config.read import Campaign
-from mcnav.contract.engine import without_noise
+from mcnav.contract.engine import Engine, scales_noise, without_noise
 from mcnav.contract.members import ready_engine
-from mcnav.contract.samples import SimulationResult
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import PROBES
 from mcnav.files import write_texts
@@ -23,6 +25,7 @@ from mcnav.lincov.partials import Propagate
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import linearity as tables
 from mcnav.report.html import page_html
+from mcnav.report.linearity_words import NoiseUse
 from mcnav.sampling.designs import SamplingDesign
 
 SAMPLES: Final = 2_000
@@ -36,7 +39,9 @@ class LinearityStudy:
 
     The multiples refer to ``sizes``, one sigma of each source (the value of a fixed one), shape (sources,), SI, whose
     effect by the linear model is ``contributions``, shape (sources, outputs). ``alone`` has one direction per source,
-    then all sources at plus one sigma. Where the scenario has noise it is left out, and ``without_noise`` is true.
+    then all sources at plus one sigma, without noise. ``noise`` is what becomes of it with all errors together: it is
+    ``scaled`` like them, or ``left out``; empty without any. ``sizes_alone`` are outputs, by number, that have no
+    linear sigma: sizes that are zero in the nominal.
     """
 
     tolerance: float
@@ -46,7 +51,8 @@ class LinearityStudy:
     alone: AloneRange
     together: DispersionRange
     samples: int
-    without_noise: bool
+    noise: NoiseUse
+    sizes_alone: tuple[int, ...]
 
 
 def linearity_study(
@@ -59,8 +65,8 @@ def linearity_study(
     """Find a campaign's range of linearity.
 
     The tolerance is the campaign's by default; samples are those at each multiple of all errors together, up to the
-    largest multiple. Noise is left out: the range is that of the constant errors. Raises `CampaignError` when there is
-    noise and no constant error.
+    largest multiple. Noise is multiplied like the errors where the engine can do so. Elsewhere it is left out: the
+    range is that of the constant errors, and `CampaignError` is raised when there is noise and no constant error.
     """
     progress.phase(Phase.PREPARING)
     scenario, errors = campaign.scenario, campaign.errors
@@ -69,13 +75,13 @@ def linearity_study(
     sizes = np.where(errors.standard_deviations > 0.0, errors.standard_deviations, errors.mean)
     directions = np.vstack([np.diag(sizes), sizes])
     linear = scenario.linear().end
-    if linear.processes and not sizes.any():
+    engines = cache(lambda top: ready_engine(scenario, scenario.engines[0], top * draws[:PROBES]))
+    noise: NoiseUse = "" if not linear.processes else "scaled" if scales_noise(engines(1.0)) else "left out"
+    if noise == "left out" and not sizes.any():
         message = "has noise and no constant errors, and the range of linearity is that of constant errors"
         raise CampaignError([Problem(campaign.file, "scenario", message)])
 
-    def counted(probes: Array) -> Propagate:
-        propagate = without_noise(ready_engine(scenario, scenario.engines[0], probes))
-
+    def counted(propagate: Propagate) -> Propagate:
         def propagate_and_count(errors: Array) -> SimulationResult:
             outcomes = propagate(errors)
             progress.advance(len(errors))
@@ -83,16 +89,21 @@ def linearity_study(
 
         return propagate_and_count
 
+    processes = linear.processes if noise == "scaled" else {}
+    model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, processes,
+                  components_of(scenario.outputs))  # fmt: skip
     with one_thread():
         progress.phase(Phase.SIMULATING, note="each source alone")
         single = alone(
-            lambda multiple: counted(multiple * np.vstack([directions, -directions])),
+            lambda top: counted(
+                without_noise(ready_engine(scenario, scenario.engines[0], top * np.vstack([directions, -directions])))
+            ),
             linear, directions, criterion.tolerance, LARGEST_ALONE,
         )  # fmt: skip
         progress.phase(Phase.SIMULATING, note="all errors together")
         dispersion = together(
-            lambda multiple: counted(multiple * draws[:PROBES]),
-            Model(linear.partials, linear.nominal, errors.mean, errors.covariance),
+            lambda multiple: counted(_at_multiple(engines(float(decade(np.array(multiple)))), multiple, campaign.seed)),
+            model,
             draws,
             criterion,
             SamplingDesign.of(campaign.design, samples),
@@ -100,8 +111,17 @@ def linearity_study(
         )
     effects = (linear.partials * sizes).T
     return LinearityStudy(
-        criterion.tolerance, criterion.confidence, sizes, effects, single, dispersion, samples, bool(linear.processes)
-    )
+        criterion.tolerance, criterion.confidence, sizes, effects, single, dispersion, samples, noise,
+        tuple(model.laws_of_sizes),
+    )  # fmt: skip
+
+
+def _at_multiple(engine: Engine, multiple: float, seed: int) -> Propagate:
+    """Return the simulation of errors with so many times the noise, or without noise where it cannot be multiplied."""
+    if not scales_noise(engine):
+        return without_noise(engine)
+    noisy = engine.with_noise(multiple)
+    return lambda errors: noisy.simulate(Batch(np.arange(len(errors)), errors, seed))
 
 
 def write_linearity(
@@ -120,7 +140,7 @@ def write_linearity(
     sources, outputs = campaign.scenario.sources, campaign.scenario.outputs
     study = linearity_study(campaign, tolerance, samples, largest, progress)
     progress.phase(Phase.REPORTING)
-    about = (study.tolerance, study.confidence, study.samples, study.without_noise)
+    about = tables.About(study.tolerance, study.confidence, study.samples, study.noise, study.sizes_alone)
     page = tables.page(campaign.name, about, study.alone, study.together, study.contributions, sources, outputs)
     files = {
         "linearity.csv": tables.alone_table(study.alone, study.sizes, sources, outputs).to_csv(index=False),

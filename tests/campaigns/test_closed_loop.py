@@ -13,12 +13,16 @@ import pytest
 import tomli_w
 
 from mcnav.config.read import read_campaign
+from mcnav.contract.samples import Batch
 from mcnav.errors import CampaignError
 from mcnav.report.lincov_words import mean_words
 from mcnav.studies.lincov import linear_covariance
+from mcnav.studies.linearity import linearity_study
+from mcnav.systems.closed_loop.sizes import LoopSizes
+from mcnav.systems.user.conformance import check_conformance
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.run import run_campaign
-from tests.closed_loops import CAMPAIGNS, FILE, SHIPPED, tables
+from tests.closed_loops import CAMPAIGNS, FILE, SHIPPED, campaign, tables
 from tests.commands import in_process
 
 
@@ -172,3 +176,65 @@ def test_a_nominal_command_is_no_mean_error(tmp_path: Path) -> None:
     bias = {"true_vx": {"distribution": "fixed", "value": "1 m/s"}}
     ((sentence, _),) = mean_words(linear_covariance(written(tmp_path / "case", "Kicked", errors=bias)))
     assert "that of navigated x" in sentence  # which is true x: the navigator errs in nothing
+
+
+@pytest.mark.parametrize("name", ["Corrected", "Pendulum"])
+def test_noise_multiplied_is_a_loop_of_such_sizes(name: str) -> None:
+    """A plan of three times the errors, made anew, has the gains of the stated ones; differences are good to 1e-6."""
+    scenario: Any = campaign(name).scenario
+    sizes = LoopSizes(scenario.sizes.true.scaled(3.0), scenario.sizes.believed.scaled(3.0))
+    batch = Batch(np.arange(4), 3.0 * np.random.default_rng(7).standard_normal((4, len(scenario.sources))) * 1e-3, 5)
+    stated, multiplied = (each.engine("vectorised", batch.errors) for each in (scenario, scenario.with_sizes(sizes)))
+    result, expected = stated.with_noise(3.0).simulate(batch), multiplied.simulate(batch)
+    scale = np.abs(expected.values).max(axis=0) + 1e-12
+    np.testing.assert_allclose(result.values / scale, expected.values / scale, atol=1e-6)
+    np.testing.assert_allclose(result.linear_values / scale, expected.linear_values / scale, atol=1e-6)
+    assert np.abs(result.values - stated.simulate(batch).values).max() > 0.0
+
+
+def test_a_linear_loop_with_noise_is_linear_at_any_multiple() -> None:
+    study = linearity_study(campaign("DoubleIntegrator"), samples=200, largest=4.0)
+    assert study.noise == "scaled"
+    assert np.isinf(study.together.agrees_until).all()
+    np.testing.assert_allclose(study.together.ratios, 1.0, atol=1e-6)
+
+
+def test_sizes_of_zero_nominal_have_no_range_of_linearity(tmp_path: Path) -> None:
+    path = written(tmp_path / "case", "Trim")
+    shown = in_process("linearity", path, "--samples", "200", "--largest", "1", "--out", tmp_path / "range").output
+    assert "The stated errors may grow" in shown
+    assert "zero in the nominal, and they have no range: burn size" in " ".join(shown.split())
+
+
+def test_a_scenario_is_not_blamed_for_sizes_of_zero_nominal() -> None:
+    described = campaign("Trim")
+    checks = check_conformance(described.scenario, described.errors.standard_deviations)
+    assert [check.told for check in checks if not check.passed] == []
+
+
+BY_AXIS = {"velocity": ["1 cm/s", "2 cm/s", "3 cm/s"]}
+"""Errors of a group of sources."""
+
+
+@pytest.mark.parametrize("entry", [BY_AXIS["velocity"], dict(zip("xyz", BY_AXIS["velocity"], strict=True))])
+def test_errors_of_a_group_are_given_by_axis(entry: object) -> None:
+    described = campaign("Trim", errors={"true_velocity": entry})
+    sigmas = dict(zip(described.errors.names, described.errors.standard_deviations, strict=True))
+    assert [sigmas[f"true_velocity_{axis}"] for axis in "xyz"] == pytest.approx([0.01, 0.02, 0.03])
+
+
+@pytest.mark.parametrize(
+    ("entry", "line"),
+    [
+        ("1 kg", "errors.true_velocity: got '1 kg'"),
+        (["1 m/s", "2 m/s"], "errors.true_velocity: got a list of 2; expected 3, for x, y, z"),
+        (["1 m/s", "2 kg", "1 m/s"], "errors.true_velocity #2: got '2 kg'"),
+        ({"x": "1 m/s", "w": "1 m/s"}, "errors.true_velocity.w: unknown axis; expected x, y, z"),
+        ({"sigma": "1 kg"}, "errors.true_velocity.sigma: got '1 kg'"),
+    ],
+)
+def test_one_mistake_in_the_errors_of_a_group_is_one_line(entry: object, line: str) -> None:
+    with pytest.raises(CampaignError) as wrong:
+        campaign("Trim", errors={"true_velocity": entry})
+    assert len(str(wrong.value).splitlines()) == 1
+    assert line in str(wrong.value)

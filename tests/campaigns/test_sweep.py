@@ -299,7 +299,7 @@ def test_formats(aided: Path) -> None:
     [
         (("--vary", "imu.gyro.biass=1..2 deg/h"), "imu.gyro.biass: unknown key; did you mean 'bias'?"),
         (("--vary", "imu.gyro.bias=1..2 km"), "imu.gyro.bias: got '1.0 km', which is a length"),
-        (("--vary", "errors.position=1..2 s"), "errors.position_north: got '1.0 s', which is a time"),
+        (("--vary", "errors.position=1..2 s"), "errors.position: got '1.0 s', which is a time"),
         (("--vary", "aiding.gns.position=1..2 m"), "aiding.gns.position: no sensor of [[aiding]] is named 'gns'"),
         (("--vary", "imu.gyro.bias=2..1 deg/h"), "--vary: imu.gyro.bias: got '2..1 deg/h', which is empty"),
         (("--vary", "imu.gyro.bias"), "--vary: got 'imu.gyro.bias'; expected KEY=VALUES"),

@@ -41,10 +41,13 @@ class ErrorDefinitions:
     def sources(self, sources: Sequence[Source], patterns: Mapping[str, str] | None = None) -> Node:
         """Return the schema of ``[errors]`` with the sources of a scenario, and patterns of others by SI unit."""
         nodes: dict[str, Node] = {}
+        groups: dict[str, list[str]] = {}
+        for source in sources:
+            groups.setdefault(source.group, []).append(source.name)
         for source in sources:
             if source.group and source.group != source.name:
                 every = f"Errors {source.group} along each axis: {_shown(source)}"
-                nodes.setdefault(source.group, self.node(source.unit, every))
+                nodes.setdefault(source.group, self._by_axis(source, groups[source.group], every))
         for source in sources:
             nodes[source.name] = self.node(source.unit, f"Error {source.name}: {_shown(source)}")
         node = table(nodes)
@@ -52,6 +55,13 @@ class ErrorDefinitions:
             told = "Constant error of a sensor of [[aiding]]."
             node["patternProperties"] = {pattern: self.node(unit, told) for unit, pattern in patterns.items()}
         return node
+
+    def _by_axis(self, source: Source, members: Sequence[str], description: str) -> Node:
+        """Return the schema of the entry of a group: one for all sources, or one for each of its axes."""
+        one = self.node(source.unit, "")
+        each = table({name.removeprefix(f"{source.group}_"): one for name in members})
+        every = {"type": "array", "items": one, "minItems": len(members), "maxItems": len(members)}
+        return {"description": description, "anyOf": [one, every, each]}
 
 
 def _shown(source: Source) -> str:

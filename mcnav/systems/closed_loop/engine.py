@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mcnav.contract.filter_record import FilterSchema
@@ -75,10 +75,16 @@ class ClosedLoopEngine:
     outputs: int
     chunk: int
     accuracy: str
-    epochs: Epochs
+    epochs: Epochs | None
     noisy: bool
     filter: FilterSchema | None
     parallel: str = "processes"
+
+    def with_noise(self, multiple: float) -> ClosedLoopEngine:
+        """Return that of the final outputs with so many times the noise, and as its filter believes it."""
+        sizes = LoopSizes(self.sizes.true.scaled(multiple), self.sizes.believed.scaled(multiple))
+        plan, last = self.plan.scaled(multiple), {self.plan.end: 0}
+        return replace(self, sizes=sizes, plan=plan, instants=last, epochs=None, filter=None)
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples; without noise their final outputs alone."""

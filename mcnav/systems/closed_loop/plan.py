@@ -159,6 +159,20 @@ class PlannedInstant:
     covariance: Array
     covariance_before: Array
 
+    def scaled(self, multiple: float) -> PlannedInstant:
+        """Return what a filter that believes a multiple of all errors does: with the same gains."""
+        square = multiple**2
+
+        def scaled(each: Transition) -> Transition:
+            factor = None if each.factor is None else multiple * each.factor
+            moments = tuple(replace(moment, covariance=square * moment.covariance) for moment in each.moments)
+            return replace(each, factor=factor, moments=moments)
+
+        return replace(
+            self, steps=tuple(map(scaled, self.steps)), updates=tuple(map(scaled, self.updates)),
+            covariance=square * self.covariance, covariance_before=square * self.covariance_before,
+        )  # fmt: skip
+
     @property
     def changed(self) -> bool:
         """Whether a measurement or a correction changes X at it."""
@@ -196,6 +210,10 @@ class Plan:
     innovations: dict[str, float] = field(default_factory=dict)
     kinks: set[str] = field(default_factory=set)
     _written: bytes | None = field(default=None, init=False, repr=False, compare=False)
+
+    def scaled(self, multiple: float) -> Plan:
+        """Return the plan of a filter that believes a multiple of all errors."""
+        return replace(self, instants=[each.scaled(multiple) for each in self.instants])
 
     def __reduce__(self) -> tuple[Callable[[bytes], Plan], tuple[bytes]]:
         """Return the plan as a text of bytes, which is written once, and read once in a worker: chunks share it."""

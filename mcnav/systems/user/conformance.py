@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.contract.engine import Engine, without_noise
@@ -27,7 +28,8 @@ TRIED: Final = 16
 """Samples that are simulated."""
 
 AGREEMENT: Final = 1e-3
-"""Share of a row's largest contribution within which partial derivatives must agree with differences."""
+"""Share of a row's largest contribution, that of noise included, within which partial derivatives must agree with
+differences."""
 
 SMALL, SMALLER = 0.1, 0.01
 """Shares of sigma at which departures from linear are compared: ten times smaller errors must bend ten times less. A
@@ -96,8 +98,8 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
     tried("determinism", lambda: _determinism(prepared, errors))
     tried("each sample for itself", lambda: _independence(prepared, errors, _spread(scenario.linear().end, sizes)))
     tried("travels to workers", lambda: _travels(prepared, errors))
-    tried("linear near zero", lambda: _linear_near_zero(prepared, scenario.linear().end, errors, sizes))
-    tried("partials against differences", lambda: _partials(prepared, scenario.linear().end, sizes))
+    tried("linear near zero", lambda: _linear_near_zero(scenario, prepared, errors, sizes))
+    tried("partials against differences", lambda: _partials(scenario, prepared, sizes))
     tried("nominal outputs", lambda: _nominal_outputs(scenario, scenario.linear().end, sizes))
     tried("history", lambda: _history(scenario))
     if is_users_with_noise(scenario) and isinstance(prepared, StochasticUserEngine):
@@ -162,36 +164,56 @@ def _travels(prepared: Engine, errors: Array) -> str:
     return "the same bits"
 
 
-def _linear_near_zero(prepared: Engine, model: LinearModel, errors: Array, sizes: Array) -> str:
+def _differentiable(scenario: Scenario, model: LinearModel) -> NDArray[np.bool_]:
+    """Return which outputs have a derivative, shape (outputs,); sizes of what is zero in the nominal have none."""
+    sizes = np.array([bool(output.size_of) for output in scenario.outputs])
+    return np.asarray(~(sizes & (model.nominal == 0.0) & ~model.partials.any(axis=1)))
+
+
+def _linear_near_zero(scenario: Scenario, prepared: Engine, errors: Array, sizes: Array) -> str:
+    model = scenario.linear().end
     whole = without_noise(prepared)(errors).values - model.nominal
-    spread = np.maximum(np.sqrt(np.sum((model.partials * sizes) ** 2, axis=1)), np.nanmax(np.abs(whole), axis=0))
-    moving = spread > 0.0
-    if not moving.any():
+    effect = np.maximum(np.sqrt(np.sum((model.partials * sizes) ** 2, axis=1)), np.nanmax(np.abs(whole), axis=0))
+    spread = np.maximum(effect, _spread(model, sizes))
+    least = np.where(spread**2 > 2.0 * effect**2, AGREEMENT, LEAST)  # where noise disperses it more, gains are as exact
+    moving = np.flatnonzero((spread > 0.0) & _differentiable(scenario, model))
+    if not len(moving):
         return "no output depends on any error"
-    shares = []
+    by_output = []
     for scale in (SMALL, SMALLER):
         result = without_noise(prepared)(scale * errors)
         if result.failures:
             raise _Broken(f"a flight with {scale:g} of the errors failed: {next(iter(result.failures.values()))}")
         departure = np.abs(result.values - model.nominal - scale * errors @ model.partials.T)
-        shares.append(float((departure[:, moving] / (scale * spread[moving])).max()))
-    if shares[1] > max(0.3 * shares[0], LEAST):
+        by_output.append((departure[:, moving] / (scale * spread[moving])).max(axis=0))
+    shares = [float(each.max()) for each in by_output]
+    large_most, small_most = (float((each / least[moving]).max()) for each in by_output)
+    if small_most > max(0.3 * large_most, 1.0):
+        worst = int(np.argmax(by_output[1] / least[moving]))
+        large, small = (float(each[worst]) for each in by_output)
         raise _Broken(
-            f"errors of {SMALLER:g} sigma depart from linear by {shares[1]:.1e} of their effect, errors of {SMALL:g} "
-            f"sigma by {shares[0]:.1e}: there is a kink or a jump at zero, or noise"
+            f"{scenario.outputs[moving[worst]].name}: errors of {SMALLER:g} sigma depart from linear by {small:.1e} of "
+            f"their effect, errors of {SMALL:g} sigma by {large:.1e}: there is a kink or a jump at zero, or noise"
         )
     return f"departs by {shares[0]:.1e} at {SMALL:g} sigma, {shares[1]:.1e} at {SMALLER:g}"
 
 
-def _partials(prepared: Engine, model: LinearModel, sizes: Array) -> str:
-    differences = differentiate(without_noise(prepared), sizes)
+def _partials(scenario: Scenario, prepared: Engine, sizes: Array) -> str:
+    model, differences = scenario.linear().end, differentiate(without_noise(prepared), sizes)
     contributions = np.abs(differences.model.partials * sizes).max(axis=1)
+    contributions = np.maximum(contributions, _spread(replace(model, partials=np.zeros_like(model.partials)), sizes))
     scale = np.where(contributions > 0.0, contributions, 1.0)
-    gap = float((np.abs((model.partials - differences.model.partials) * sizes).max(axis=1) / scale).max())
+    gaps = np.abs((model.partials - differences.model.partials) * sizes).max(axis=1) / scale
+    gaps = np.where(_differentiable(scenario, model), gaps, 0.0)
+    worst = int(np.argmax(gaps))
+    gap = float(gaps[worst])
     if differences.error > AGREEMENT:
         raise _Broken(f"no steps of differences agree to better than {differences.error:.1e}")
     if gap > AGREEMENT:
-        raise _Broken(f"partial derivatives differ from differences by {gap:.1e} of their row's largest contribution")
+        name = scenario.outputs[worst].name
+        raise _Broken(
+            f"{name}: partial derivatives differ from differences by {gap:.1e} of their row's largest contribution"
+        )
     return f"agree to {max(gap, differences.error):.1e}"
 
 

@@ -10,6 +10,7 @@ from mcnav.analysis.requirements import Requirement
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Output
 from mcnav.systems.ins.scenario import NAVIGATION_ERRORS
+from mcnav.units import conversion
 
 PLANE = (Output("range", "m", "km"), Output("cross_range", "m", "km"), Output("range_rate", "m/s", "m/s"))
 ROUND = CovarianceReadings(
@@ -73,6 +74,18 @@ def test_requirements_are_measures_with_limits_and_epochs() -> None:
     assert box.falls
     assert box.bound == 0.9
     assert box.name != again.name
+
+
+def test_requirements_on_one_output_are_told_apart_by_their_limits() -> None:
+    limits = (22.0, 17.6, 17.6)
+    requirements = [Requirement("quantile", (0,), (limit,), 0.9973) for limit in limits]
+    requirements.append(Requirement("quantile", (0,), (22.0,), 0.9))
+    unit = PLANE[0].shown_in
+    size = [f"{limit / conversion(unit, PLANE[0].unit):.6g} {unit}" for limit in limits]
+    of = "quantile(range, 0.9973) below"
+    assert [each.name for each in requirement_measures(requirements, PLANE)] == [
+        f"{of} {size[0]}", f"{of} {size[1]}", f"{of} {size[2]} #3", "quantile(range, 0.9)",
+    ]  # fmt: skip
 
 
 def test_measures_without_requirements() -> None:

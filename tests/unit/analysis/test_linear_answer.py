@@ -24,7 +24,9 @@ def model(*sigmas: float) -> Model:
 def judged(
     requirements: list[Requirement], described: Model, history: Moments | None = None
 ) -> tuple[LinearRequirement, ...]:
-    return judge_linearly(requirements, described.outcome_mean, described.outcome_covariance, history)
+    return judge_linearly(
+        requirements, described.outcome_mean, described.outcome_covariance, history, nominal=described.nominal
+    )
 
 
 def test_quantile_and_radius_of_normal_errors() -> None:
@@ -45,14 +47,32 @@ def test_margin_of_a_box() -> None:
     assert found.met
 
 
-def test_margin_scales_all_errors_with_their_mean() -> None:
-    requirement = Requirement("cep", (0, 1), (2.0,), 0.5)
-    described = Model(np.eye(2), np.array([0.3, 0.0]), np.array([0.0, 0.4]), np.diag([1.0, 4.0]))
+@pytest.mark.parametrize("kind", ["cep", "box"])
+@pytest.mark.parametrize("nominal", [0.0, 0.3])
+def test_margin_scales_all_errors_with_their_mean_about_the_nominal(kind: str, nominal: float) -> None:
+    requirement = Requirement(kind, (0, 1), (2.0,) if kind == "cep" else (2.0, 3.0), 0.5)
+    described = Model(np.eye(2), np.array([nominal, 0.0]), np.array([0.0, 0.4]), np.diag([1.0, 4.0]))
     (found,) = judged([requirement], described)
     k = found.margin
-    scaled = Model(np.eye(2), k * described.nominal, k * described.mean, k**2 * described.covariance)
+    scaled = Model(np.eye(2), described.nominal, k * described.mean, k**2 * described.covariance)
     (just,) = judged([requirement], scaled)
-    assert just.value == pytest.approx(2.0, rel=ROOT)
+    assert just.value == pytest.approx(2.0 if kind == "cep" else 0.5, rel=ROOT)
+
+
+def test_a_time_of_flight_may_be_dispersed_until_its_limit() -> None:
+    """At 500 s with a sigma of 1 s, 510 s in 97.725 % (one side, 2 sigma) of flights allow a sigma of 5 s."""
+    requirement = Requirement("quantile", (0,), (510.0,), special.ndtr(2.0))
+    (found,) = judged([requirement], Model(np.eye(1), np.array([500.0]), np.zeros(1), np.eye(1)))
+    assert found.value == pytest.approx(502.0, rel=ROOT)
+    assert found.margin == pytest.approx(5.0, rel=1e-7)
+
+
+@pytest.mark.parametrize(("nominal", "sigma", "margin"), [(511.0, 1.0, 0.0), (500.0, 0.0, np.inf)])
+@pytest.mark.parametrize("kind", ["quantile", "box"])
+def test_a_nominal_beyond_its_limit_leaves_no_room(kind: str, nominal: float, sigma: float, margin: float) -> None:
+    requirement = Requirement(kind, (0,), (510.0,), 0.9)
+    (found,) = judged([requirement], Model(np.eye(1), np.array([nominal]), np.zeros(1), np.eye(1) * sigma**2))
+    assert found.margin == margin
 
 
 def test_a_sigma_ratio_needs_monte_carlo() -> None:

@@ -37,6 +37,7 @@ def ranges(agrees: list[float]) -> DispersionRange:
          "the stated"),
         ([0.1, np.nan, 0.1], "At no multiple is every sigma shown to be within ±5 % of the linear one: range is not at "
          "the smallest multiple tried, 0.1. Their joint distribution is not shown to agree even at 0.1 times"),
+        ([np.nan, np.inf, np.nan], "may grow by a factor of 50, the largest tried: every"),
         ([np.nan, np.nan, np.nan], "No output is disturbed by any error"),
     ],
 )  # fmt: skip
