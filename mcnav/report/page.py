@@ -78,7 +78,7 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
     throughout, flown, dispersed = drawn.get("envelopes"), drawn.get("flight"), content.dispersed
     sections = [
         combination_section(content, drawn),
-        None if throughout is None else Section("throughout", "Errors over the flight", [throughout]),
+        None if throughout is None else Section("throughout", throughout.title, [throughout]),
         *filter_sections(content, drawn),
         None if flown is None else Section("flight", flown.title, [flown]),
         budget_section(content, drawn) if dispersed else None,
