@@ -87,7 +87,7 @@ def dispersion_over_time(content: RunAnalysis) -> Figure | None:
         columns=columns,
         size=side_by_side(len(drawn)),
         caption="True and navigation dispersion are about the nominal; the navigation error is navigated less true. "
-        f"Axes are logarithmic where sigmas differ much; below {100.0 * SMALLEST:g} % of the largest none is drawn.{own}",
+        f"On logarithmic axes, what is below {100.0 * SMALLEST:g} % of the largest is not shown.{own}",
     )
 
 

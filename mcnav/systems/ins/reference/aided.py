@@ -34,8 +34,9 @@ from mcnav.systems.ins.linear.covariance import map_covariances
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY
 from mcnav.systems.ins.reference.collocation import AT_END, NODES, REASONS, STATE, WEIGHTS, WENT_ON, advance
 from mcnav.systems.ins.reference.compensation import Compensation, measure
-from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, LocalFrame, gravitation_gradients
+from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, gravitation_gradients
 from mcnav.systems.ins.reference.earth_fixed_sensors import SensorModel, SensorTruth
+from mcnav.systems.ins.reference.local_frame import LocalFrame
 from mcnav.systems.ins.reference.mechanization import (
     LONGEST_STEP,
     LOWEST_SHARE,

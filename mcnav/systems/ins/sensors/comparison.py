@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mcnav._types import Array
-
-if TYPE_CHECKING:
-    from mcnav.systems.ins.reference.earth_fixed_errors import LocalFrame
+from mcnav.systems.ins.reference.local_frame import LocalFrame
 
 
 @dataclass(frozen=True)
