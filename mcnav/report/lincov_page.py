@@ -75,7 +75,7 @@ def page(answer: LinearAnswer, outages: drawn.Outages) -> Page:
         sections.append(Section("requirements", "Requirements", parts))
     if moving is not None:
         over_time = "Errors and dispersions over time" if any(kinds_of(answer.outputs)) else "Errors over time"
-        sections.append(Section("over-time", over_time, [moving]))
+        sections.append(Section("over-time", over_time, [*joined(moving, drawn.truth(answer))]))
     if meaningful and (budget := drawn.budget(answer)) is not None:
         sections.append(Section("budget", "Error budget", [budget, *_budget_parts(answer, outages)]))
     if meaningful and answer.sigma.any() and (correlations := drawn.correlations(answer)) is not None:

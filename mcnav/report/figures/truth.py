@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.analysis.envelopes import Envelopes
+from mcnav.contract.quantities import Output
 from mcnav.report.figures.figure import HALF, Figure, side_by_side
 from mcnav.report.figures.gapped import upward
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, axis
 from mcnav.report.figures.palette import FILTER, POINT, SOURCE_COLOURS
 from mcnav.report.kinds import Quantity, planes, quantities
-from mcnav.report.model import RunAnalysis, humanize
+from mcnav.report.model import RunAnalysis, humanize, scale_of
+from mcnav.store.manifest import Variable
 
 KINDS: Final = {
     "true": ("true dispersion", SOURCE_COLOURS[4]),
@@ -52,75 +54,97 @@ def series_of(kind: str, route: str) -> Series:
     return Series(f"{kind}-{route.split()[0].lower()}", f"{words}, {route}", colour, ROUTES[route])
 
 
+@dataclass(frozen=True)
+class SigmasOverTime:
+    """Sigmas of all outputs at some times, SI, shapes (times, outputs), by route; those of the filter with NaN.
+
+    Attributes
+    ----------
+    label : str
+        Of the times.
+    times : ndarray
+    events : mapping of str to float
+        Named instants.
+    sigma, own : mapping of str to ndarray
+        By `ROUTES`; own are those that the filter states of the navigation errors.
+    remark : str
+        What else the caption says.
+    """
+
+    label: str
+    times: Array
+    events: Mapping[str, float]
+    sigma: Mapping[str, Array]
+    own: Mapping[str, Array]
+    remark: str = ""
+
+
 def dispersion_over_time(content: RunAnalysis) -> Figure | None:
     """Draw one sigma of the truth, of what is navigated, and of the navigation error; none without them over time."""
-    known = content.envelopes
-    if known is None:
+    known, outputs = content.envelopes, content.manifest.model.outputs
+    if known is None or not quantities(outputs):
         return None
+    own, remark = dict[str, Array](), ""
+    if content.filter is not None and np.array_equal(content.filter.times, known.times):
+        stated = {each.name: each for each in content.filter.outputs}
+        for route, attribute in (("Monte Carlo", "filter"), ("linear", "filter_linear")):
+            values = [getattr(stated.get(output.name), attribute, None) for output in outputs]
+            nothing = np.full(len(known.times), np.nan)
+            own[route] = np.column_stack([nothing if each is None else each for each in values])
+        remark = " The filter's own is the root of the mean variance that the samples' filters state."
+    sigma = {"Monte Carlo": known.sigma, "linear": known.linear_sigma}
+    return over_time(outputs, SigmasOverTime(known.label, known.times, known.events, sigma, own, remark))
+
+
+def over_time(outputs: Sequence[Variable | Output], known: SigmasOverTime) -> Figure | None:
+    """Draw the sigmas of each quantity that has an output of truth, a panel each; none where nothing is dispersed."""
+    drawn = {each: _curves(outputs, known, each) for each in quantities(outputs)}
     drawn = {
         each: curves
-        for each in quantities(content.manifest.model.outputs)
-        if (curves := _curves(content, known, each))
-        and any(np.nanmax(part, initial=0.0) > 0.0 for part in curves.values())
+        for each, curves in drawn.items()
+        if any(np.nanmax(part, initial=0.0) > 0.0 for part in curves.values())
     }
     if not drawn:
         return None
     columns: dict[str, NDArray[Any]] = {known.label: known.times}
     for each, curves in drawn.items():
-        unit = content.output_units[each.true]
-        columns |= {
-            f"{humanize(each.name)}, {series_of(*key).label}, 1σ [{unit}]": part for key, part in curves.items()
-        }
-    listed = dict.fromkeys(key for curves in drawn.values() for key in curves)
-    own = " The filter's own is the root of the mean variance that the samples' filters state." * any(
-        kind == "own" for kind, _ in listed
-    )
+        name, unit = humanize(each.name), outputs[each.true].shown_in
+        columns |= {f"{name}, {series_of(*key).label}, 1σ [{unit}]": part for key, part in curves.items()}
+    listed = {key for curves in drawn.values() for key in curves}
     return Figure(
         name="dispersion-over-time",
         title="Truth and navigation over time, 1σ",
         description="Standard deviation over time of the truth about the nominal, of what is navigated about the "
-        "nominal, and of the navigation error, by linear analysis and Monte Carlo.",
-        panels=[_over_time(content, known, each, curves) for each, curves in drawn.items()],
-        key=[
-            series_of(*key) for key in sorted(listed, key=lambda key: ([*ROUTES].index(key[1]), [*KINDS].index(key[0])))
-        ],
+        f"nominal, and of the navigation error: {' and '.join(known.sigma)}.",
+        panels=[_panel(known, each, outputs[each.true].shown_in, curves) for each, curves in drawn.items()],
+        key=[series_of(kind, route) for route in ROUTES for kind in KINDS if (kind, route) in listed],
         columns=columns,
         size=side_by_side(len(drawn)),
         caption="True and navigation dispersion are about the nominal; the navigation error is navigated less true. "
-        f"On logarithmic axes, what is below {100.0 * SMALLEST:g} % of the largest is not shown.{own}",
+        f"What is below {100.0 * SMALLEST:g} % of a panel's largest is not drawn.{known.remark}",
     )
 
 
-def _curves(content: RunAnalysis, known: Envelopes, each: Quantity) -> Curves:
-    """Return the sigmas of a quantity over time in the unit shown, the filter's own where its epochs are the same."""
-    scale, curves = content.output_scale[each.true], Curves()
+def _curves(outputs: Sequence[Variable | Output], known: SigmasOverTime, each: Quantity) -> Curves:
+    """Return the sigmas of a quantity over time in the unit in which its truth is shown."""
+    scale, curves = scale_of(outputs)[each.true], Curves()
     for kind, place in (("true", each.true), ("navigated", each.navigated), ("error", each.error)):
         if place is not None:
-            curves[kind, "Monte Carlo"] = known.sigma[:, place] * scale
-            curves[kind, "linear"] = known.linear_sigma[:, place] * scale
-    stated = {} if content.filter is None else {output.name: output for output in content.filter.outputs}
-    if content.filter is not None and each.name in stated and np.array_equal(content.filter.times, known.times):
-        curves["own", "Monte Carlo"] = stated[each.name].filter * scale
-        if (linear := stated[each.name].filter_linear) is not None:
-            curves["own", "linear"] = linear * scale
+            curves |= {(kind, route): values[:, place] * scale for route, values in known.sigma.items()}
+    if each.error is not None:
+        stated = {("own", route): values[:, each.error] * scale for route, values in known.own.items()}
+        curves |= {key: values for key, values in stated.items() if np.isfinite(values).any()}
     return curves
 
 
-def _over_time(
-    content: RunAnalysis, known: Envelopes, each: Quantity, curves: Mapping[tuple[str, str], Array]
-) -> Panel:
+def _panel(known: SigmasOverTime, each: Quantity, unit: str, curves: Mapping[tuple[str, str], Array]) -> Panel:
     largest = max(float(np.nanmax(part, initial=0.0)) for part in curves.values())
     seen = {key: np.where(part > SMALLEST * largest, part, np.nan) for key, part in curves.items()}
     marks: list[Mark] = [Line(series_of(*key), known.times, part, WIDTHS[key[0]]) for key, part in seen.items()]
     inside = [(at, name) for name, at in known.events.items() if known.times[0] < at < known.times[-1]]
     marks += [Rule(at, kind="dotted", name=name) for at, name in inside]
     reach = np.concatenate([*seen.values()])
-    return Panel(
-        humanize(each.name),
-        axis(known.label, margin=0.0, link=True),
-        upward("1σ", content.output_units[each.true], reach),
-        marks,
-    )
+    return Panel(humanize(each.name), axis(known.label, margin=0.0, link=True), upward("1σ", unit, reach), marks)
 
 
 def ellipses_at_end(content: RunAnalysis) -> Figure | None:

@@ -15,7 +15,7 @@ from mcnav.contract.quantities import KINDS, Output, kind_of, kinds_of
 from mcnav.report.document import Column, Table
 from mcnav.report.figures.marks import Line
 from mcnav.report.figures.truth import KINDS as DRAWN
-from mcnav.report.figures.truth import dispersion_over_time, ellipse, ellipses_at_end
+from mcnav.report.figures.truth import SigmasOverTime, dispersion_over_time, ellipse, ellipses_at_end, over_time
 from mcnav.report.html import parts_html
 from mcnav.report.kinds import planes, quantities
 from mcnav.report.sections.truth import correlation_rows, truth_section
@@ -107,6 +107,17 @@ def test_sigmas_over_time_are_in_the_unit_shown() -> None:
     without = dispersion_over_time(content(filtered=False))
     assert without is not None
     assert not any(DRAWN["own"][0] in series.label for series in without.key)
+
+
+def test_linear_sigmas_alone_are_drawn_without_what_the_filter_does_not_state() -> None:
+    sigma = np.full((3, len(OUTPUTS)), 1000.0)
+    own = np.where(np.arange(len(OUTPUTS)) == 0, sigma, np.nan)
+    figure = over_time(OUTPUTS, SigmasOverTime("time [s]", TIMES, {}, {"linear": sigma}, {"linear": own}))
+    assert figure is not None
+    assert [series.label for series in figure.key] == [f"{words}, linear" for words, _ in DRAWN.values()]
+    filtered = [name for name in figure.columns if "by the filter" in name]
+    assert filtered == ["x, navigation error by the filter, linear, 1σ [km]"]
+    assert over_time(OUTPUTS, SigmasOverTime("time [s]", TIMES, {}, {"linear": 0.0 * sigma}, {})) is None
 
 
 def test_an_ellipse_holds_its_probability() -> None:
