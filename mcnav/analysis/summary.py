@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 from pydantic import ConfigDict
 
+from mcnav.contract.quantities import Of
 from mcnav.files import to_json
 from mcnav.records import Matrix, Number, Record, Vector
 
@@ -33,10 +34,11 @@ class _Entry(Record):
 
 
 class Named(_Entry):
-    """An error source or output."""
+    """An error source or output; ``of`` is that of `mcnav.contract.quantities.Output`."""
 
     name: str
     unit: str
+    of: Of = "navigation"
 
 
 class ShownIn(_Entry):

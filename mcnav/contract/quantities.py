@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal, Protocol
 
 Of = Literal["navigation", "truth", "control", "time"]
 """What a quantity is of: navigation error, dispersion of the truth, control effort, or time of an event."""
+
+TRUE, NAVIGATED = "true_", "navigated_"
+"""Beginnings of the names of outputs of truth: of the vehicle itself, and of where its navigator says that it is."""
+
+NAVIGATION_ERRORS, TRUE_DISPERSION = "Navigation errors", "True dispersion"
+NAVIGATION_DISPERSION = "Navigation dispersion"
+COMMANDS, TIMES = "Commands and corrections", "Times of events"
+KINDS: Final = (NAVIGATION_ERRORS, TRUE_DISPERSION, NAVIGATION_DISPERSION, COMMANDS, TIMES)
+"""Kinds of outputs in the order in which tables list them."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +69,35 @@ class Output:
     limit: float | None = None
     of: Of = "navigation"
     size_of: tuple[str, ...] = ()
+
+
+class _OfKind(Protocol):
+    """What `kind_of` reads of an output."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def of(self) -> Of:
+        """What it is of."""
+
+
+def kind_of(output: _OfKind) -> str:
+    """Return which of `KINDS` an output is.
+
+    >>> kind_of(Output("true_range", "m", "km", of="truth")), kind_of(Output("range", "m", "km"))
+    ('True dispersion', 'Navigation errors')
+    """
+    if output.of == "truth":
+        return NAVIGATION_DISPERSION if output.name.startswith(NAVIGATED) else TRUE_DISPERSION
+    return {"navigation": NAVIGATION_ERRORS, "control": COMMANDS, "time": TIMES}[output.of]
+
+
+def kinds_of(outputs: Sequence[_OfKind]) -> list[str]:
+    """Return the kind of each output; empty strings where all are navigation errors, and need not be told apart."""
+    kinds = [kind_of(output) for output in outputs]
+    return kinds if set(kinds) - {NAVIGATION_ERRORS} else [""] * len(kinds)
 
 
 def source_labels(sources: Sequence[str], outputs: Sequence[str]) -> list[str]:

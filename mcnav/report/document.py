@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final, Generic, Literal, TypeAlias, TypeVar
 
 from markupsafe import Markup
@@ -184,6 +185,8 @@ class Table(Generic[Row]):
         Returns whether the terminal shows a row faintly.
     elsewhere : str
         Where the columns are that a narrow terminal leaves out.
+    group : callable, optional
+        Returns the heading of the rows that a row belongs to; empty: none. Rows of a group follow one another.
     """
 
     caption: str
@@ -196,6 +199,7 @@ class Table(Generic[Row]):
     verdict: Callable[[Row], str] | None = None
     faint: Callable[[Row], bool] | None = None
     elsewhere: str = ""
+    group: Callable[[Row], str] | None = None
 
     def columns_in(self, place: Place) -> list[Column[Row]]:
         """Return the columns that are shown in a place."""
@@ -205,6 +209,12 @@ class Table(Generic[Row]):
         """Return the cells that are shown in a place, row by row."""
         columns = self.columns_in(place)
         return [[column.cell(row) for column in columns] for row in self.rows]
+
+    @property
+    def headings(self) -> list[str]:
+        """Heading above each row; empty where the row before has the same."""
+        groups = ["", *("" if self.group is None else self.group(row) for row in self.rows)]
+        return [each if each != before else "" for before, each in pairwise(groups)]
 
     def placed(self) -> Iterator[tuple[str, list[tuple[Column[Row], Cell]]]]:
         """Yield for each row of a page its verdict and its cells, without those that others cover."""

@@ -177,9 +177,10 @@ class FittedTable:
         for number, row in enumerate(self.rows):
             if number:
                 yield Text()
-            for place, at in enumerate(columns):
+            heads = len(row) > 1 and not any(cell.plain for cell in row[1:])
+            for place, at in enumerate(columns[:1] if heads else columns):
                 heading = self.columns[at].heading
-                line = Text.assemble((f"{heading}: " if heading else "", Style(bold=True)), row[at])
+                line = Text.assemble((f"{heading}: " if heading and not heads else "", Style(bold=True)), row[at])
                 yield from _wrapped(console, line, width, INDENT if place else 0)
 
 

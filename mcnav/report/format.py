@@ -15,6 +15,9 @@ LONGEST: Final = 6
 SMALLEST: Final = 1e-4
 """Smallest p-value that is written out."""
 
+ROUNDING: Final = 1e-24
+"""Share of a variance below which it is rounding: the square of what some thousand steps leave of a sigma."""
+
 
 def number(value: float | None, digits: int = 4) -> str:
     """Format a number with significant digits; a missing or infinite one is a dash.
@@ -79,12 +82,12 @@ def interval(low: float | None, high: float | None) -> str:
 def share(value: float) -> str:
     """Format a share of a variance in per cent.
 
-    >>> share(0.00001)
-    '<0.01'
+    >>> share(0.00001), share(3e-30)
+    ('<0.01', '0.00')
     """
     if not math.isfinite(value):
         return "–"
-    return "<0.01" if 0.0 < abs(value) < 5e-5 else f"{100.0 * value:.2f}".replace("-", "−")
+    return "<0.01" if ROUNDING <= abs(value) < 5e-5 else f"{100.0 * value:.2f}".replace("-", "−")
 
 
 def percent(share: float) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import LinearCovariance
+from mcnav.contract.quantities import KINDS, kinds_of
 from mcnav.report.document import (
     Answers,
     Cell,
@@ -75,7 +76,8 @@ def page(answer: LinearAnswer, outages: drawn.Outages) -> Page:
         parts = joined(requirement_table(answer), drawn.requirements(answer, outages))
         sections.append(Section("requirements", "Requirements", parts))
     if moving is not None:
-        sections.append(Section("over-time", "Errors over time", [moving]))
+        over_time = "Errors and dispersions over time" if any(kinds_of(answer.outputs)) else "Errors over time"
+        sections.append(Section("over-time", over_time, [*joined(moving, drawn.truth(answer))]))
     if meaningful and (budget := drawn.budget(answer)) is not None:
         sections.append(Section("budget", "Error budget", [budget, *_budget_parts(answer, outages)]))
     if meaningful and answer.sigma.any() and (correlations := drawn.correlations(answer)) is not None:
@@ -134,6 +136,15 @@ def _filtered(answer: LinearAnswer) -> list[Column[SizeRow]]:
     return [Column("Filter’s own", lambda row: row.sigma_filter, "filter's σ", form=_size)]
 
 
+def _by_kind(answer: LinearAnswer, table: Table[SizeRow]) -> Table[SizeRow]:
+    """Arrange the rows of a table by the kinds of their outputs, where there are several."""
+    kinds = dict(zip((output.name for output in answer.outputs), kinds_of(answer.outputs), strict=True))
+    if not any(kinds.values()):
+        return table
+    rows = sorted(table.rows, key=lambda row: KINDS.index(kinds[row.output]))
+    return replace(table, rows=rows, group=lambda row: kinds[row.output])
+
+
 def final_table(answer: LinearAnswer) -> Table[SizeRow]:
     """Tabulate the final means and sigmas with the causes of the variances."""
     rows = final_rows(answer)
@@ -145,8 +156,9 @@ def final_table(answer: LinearAnswer) -> Table[SizeRow]:
         *_filtered(answer),
         Column("Largest causes", lambda row: _causes(row.causes), CAUSES, "words"),
     ]
-    caption = "Errors at the end, one sigma. Causes: share of the variance at the end."
-    return Table(caption, columns, rows, "Linear covariance at the end, 1σ")
+    what = "At the end" if any(kinds_of(answer.outputs)) else "Errors at the end"
+    caption = f"{what}, one sigma. Causes: share of the variance at the end."
+    return _by_kind(answer, Table(caption, columns, rows, "Linear covariance at the end, 1σ"))
 
 
 def largest_table(answer: LinearAnswer) -> Table[SizeRow]:
@@ -161,7 +173,7 @@ def largest_table(answer: LinearAnswer) -> Table[SizeRow]:
     ]
     title = f"Largest over time{'' if answer.beyond is None else ' within the range of linear analysis'}"
     caption = f"{title}, one sigma. Causes: share of the variance at that time."
-    return Table(caption, columns, largest_rows(answer), f"{title}, 1σ")
+    return _by_kind(answer, Table(caption, columns, largest_rows(answer), f"{title}, 1σ"))
 
 
 @dataclass(frozen=True)

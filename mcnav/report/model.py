@@ -23,7 +23,7 @@ from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.analysis.vector_sizes import SampledSize
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearSystem
-from mcnav.contract.quantities import Output, Source, source_labels
+from mcnav.contract.quantities import Output, Source, kinds_of, source_labels
 from mcnav.report.summary import summarise
 from mcnav.store.chunk_files import Samples
 from mcnav.store.manifest import Manifest, Variable
@@ -139,6 +139,16 @@ class RunAnalysis:
         spread = np.ptp(flown, axis=0) if len(flown) else np.zeros(len(self.output_names))
         linear = np.diag(self.comparison.covariance_linear)
         return [i for i in range(len(linear)) if linear[i] > 0.0 or spread[i] > 0.0]
+
+    @property
+    def kinds(self) -> list[str]:
+        """Kind of each output; empty strings where all are navigation errors."""
+        return kinds_of(self.manifest.model.outputs)
+
+    @property
+    def several_kinds(self) -> bool:
+        """Whether not all outputs are navigation errors."""
+        return any(self.kinds)
 
     @property
     def source_names(self) -> list[str]:

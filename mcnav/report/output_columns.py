@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from mcnav._types import Array
 from mcnav.analysis.summary import Ends, Summary
+from mcnav.contract.quantities import KINDS, kinds_of
 from mcnav.report import sentences
 from mcnav.report.document import Cell, Column, Table, five_digits
 from mcnav.report.format import interval, number, with_error
@@ -25,7 +26,10 @@ TITLE: Final = "Linear and Monte Carlo sigmas of the final errors"
 
 @dataclass(frozen=True)
 class OutputEntry:
-    """An output of a run, the factor from SI to the unit of its numbers, and that unit."""
+    """An output of a run, the factor from SI to the unit of its numbers, that unit, and the kind of the output.
+
+    Where all are navigation errors, the kind is empty.
+    """
 
     run: str
     summary: Summary
@@ -33,6 +37,7 @@ class OutputEntry:
     name: str
     scale: float
     unit: str
+    kind: str = ""
 
     def at(self, values: Sequence[float | None] | Array | None, scale: float = 1.0) -> float | None:
         """Return the entry of this output in a list that is empty where nothing was compared."""
@@ -199,8 +204,16 @@ def outputs_frame(summary: Summary) -> pd.DataFrame:
 def outputs_of_runs(runs: Mapping[str, Summary], title: str, elsewhere: str) -> Table[OutputEntry]:
     """Tabulate the outputs of runs by name for people, with a column of the names where there are several."""
     columns = [each for column in (OUTPUT, *((RUN,) if len(runs) > 1 else ()), *NUMBERS) for each in column.shown]
-    entries = entries_of(runs, "shown")
-    return Table("", columns, entries, title, keys=2 if len(runs) > 1 else 1, elsewhere=elsewhere)
+    entries = grouped(entries_of(runs, "shown"))
+    if any(entry.kind for entry in entries):
+        columns[0] = replace(columns[0], brief="at the end, 1σ")
+    keys = 2 if len(runs) > 1 else 1
+    return Table("", columns, entries, title, keys, elsewhere=elsewhere, group=lambda entry: entry.kind)
+
+
+def grouped(entries: Sequence[OutputEntry]) -> list[OutputEntry]:
+    """Return the outputs of each kind one after another."""
+    return sorted(entries, key=lambda entry: KINDS.index(entry.kind) if entry.kind else 0)
 
 
 def output_rows(runs: Mapping[str, Summary], units: Units = "shown") -> list[Row]:
@@ -215,11 +228,11 @@ def entries_of(runs: Mapping[str, Summary], units: Units) -> list[OutputEntry]:
         for run in [*runs.values()][::-1]
         for output, shown in zip(run.outputs, run.units_shown, strict=True)
     }
-    entries = []
-    for name, unit in dict.fromkeys((output.name, output.unit) for run in runs.values() for output in run.outputs):
+    entries, every = [], {(output.name, output.unit): output for run in runs.values() for output in run.outputs}
+    for (name, unit), kind in zip(every, kinds_of([*every.values()]), strict=True):
         scale, shown = in_units(unit, shown_in[name, unit], units)
         for title, run in runs.items():
             known = [(output.name, output.unit) for output in run.outputs]
             if (name, unit) in known:
-                entries.append(OutputEntry(title, run, known.index((name, unit)), name, scale, shown))
+                entries.append(OutputEntry(title, run, known.index((name, unit)), name, scale, shown, kind))
     return entries

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from mcnav.analysis.heading import heading_remark
 from mcnav.report import filter_tables, sentences
 from mcnav.report.document import Findings, Note, Page, Part, Section, Verdict, Verdicts, joined
-from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios
+from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios, truth
 from mcnav.report.figures.combination import combination
 from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.estimation import estimation
@@ -27,6 +27,7 @@ from mcnav.report.sections.filter import filter_sections
 from mcnav.report.sections.joint import combination_section, joint_section
 from mcnav.report.sections.outputs import dispersion_section, requirements_section, sigmas_section
 from mcnav.report.sections.provenance import provenance_section, simulated_per_second
+from mcnav.report.sections.truth import truth_section
 from mcnav.report.sentences import Statement
 
 FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
@@ -36,6 +37,7 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "convergence": agreement.running_ratios, "nees_history": normalized_errors.nees_over_time,
     "nis_history": normalized_errors.nis_over_time, "sigma_history": sigma_ratios.sigma_ratios_over_time,
     "within_history": sigma_ratios.shares_within, "estimation": estimation, "combination": combination,
+    "dispersion_over_time": truth.dispersion_over_time, "landing_ellipses": truth.ellipses_at_end,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
 
@@ -78,7 +80,8 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
     throughout, flown, dispersed = drawn.get("envelopes"), drawn.get("flight"), content.dispersed
     sections = [
         combination_section(content, drawn),
-        None if throughout is None else Section("throughout", "Errors over the flight", [throughout]),
+        None if throughout is None else Section("throughout", throughout.title, [throughout]),
+        truth_section(content, drawn) if dispersed else None,
         *filter_sections(content, drawn),
         None if flown is None else Section("flight", flown.title, [flown]),
         budget_section(content, drawn) if dispersed else None,

@@ -13,7 +13,7 @@ from mcnav.analysis.budget import ErrorBudget
 from mcnav.contract.quantities import Output
 from mcnav.report.document import Cell, Column, Table
 from mcnav.report.figures.sources import Contributor
-from mcnav.report.format import number, share
+from mcnav.report.format import ROUNDING, number, share
 from mcnav.report.model import humanize
 from mcnav.store.manifest import Variable
 
@@ -54,7 +54,8 @@ def share_table(
 
     def of_output(i: int) -> Column[ShareRow]:
         def content(row: ShareRow) -> Cell:
-            return Cell(share(row.shares[i]), below="" if row.caused is None else number(row.caused[i]))
+            caused = None if row.caused is None else 0.0 if abs(row.shares[i]) < ROUNDING else row.caused[i]
+            return Cell(share(row.shares[i]), below="" if caused is None else number(caused))
 
         return Column(f"{humanize(outputs[i].name)}, %", content, unit=outputs[i].shown_in)
 

@@ -23,7 +23,7 @@ from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.analysis.vector_sizes import SampledSize
 from mcnav.report.filter_summary import filter_entries
 from mcnav.statistics.hypothesis_test import HypothesisTest
-from mcnav.store.manifest import Manifest, ModelRecord
+from mcnav.store.manifest import Manifest, ModelRecord, Variable
 
 Keys = Mapping[str, Any]
 """Some keys of a summary, which `Summary` checks."""
@@ -111,11 +111,14 @@ def _run(manifest: Manifest) -> Keys:
 
 def _linear(record: ModelRecord, model: Model) -> Keys:
     """Return the linear model, and what further simulations add to it."""
-    variables = {"sources": record.sources, "outputs": record.outputs}
     processes = [{"name": name, "covariance": covariance} for name, covariance in model.processes.items()]
     return {
-        **{key: [{"name": each.name, "unit": each.unit} for each in entries] for key, entries in variables.items()},
-        "shown_in": {key: [each.shown_in for each in entries] for key, entries in variables.items()},
+        "sources": [{"name": each.name, "unit": each.unit} for each in record.sources],
+        "outputs": [_output(each) for each in record.outputs],
+        "shown_in": {
+            "sources": [each.shown_in for each in record.sources],
+            "outputs": [each.shown_in for each in record.outputs],
+        },
         "partials": model.partials,
         "start_mean": model.mean,
         "start_covariance": model.covariance,
@@ -125,6 +128,11 @@ def _linear(record: ModelRecord, model: Model) -> Keys:
         "second_order": record.second_order,
         "higher_order": record.higher_order,
     }
+
+
+def _output(output: Variable) -> Keys:
+    """Name an output, and say what it is of unless it is a navigation error."""
+    return {"name": output.name, "unit": output.unit, **({} if output.of == "navigation" else {"of": output.of})}
 
 
 def _sigmas(comparison: Comparison) -> Keys:

@@ -43,7 +43,9 @@ def fitted(table: Table[Any]) -> FittedTable:
         Column(each.heading_in("terminal"), each.kind != "number", each.spare) for each in table.columns_in("terminal")
     ]
     laid = FittedTable(table.title, columns, table.keys, table.elsewhere)
-    for row, cells in zip(table.rows, table.cells_in("terminal"), strict=True):
+    for heading, row, cells in zip(table.headings, table.rows, table.cells_in("terminal"), strict=True):
+        if heading:
+            laid.add(Text(heading, style="bold"), *[""] * (len(columns) - 1))
         faint = table.faint is not None and table.faint(row)
         laid.add(*(_text(cell, faint) for cell in cells))
     return laid

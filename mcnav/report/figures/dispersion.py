@@ -35,6 +35,7 @@ FLIGHTS: Final = Series("flights", "samples", POINT, "dot")
 ELLIPSES_LINEAR: Final = Series("linear", "linear, 1 and 3 sigma", LINEAR)
 ELLIPSES_FLOWN: Final = Series("flown", "Monte Carlo (plain), 1 and 3 sigma", FLOWN, "dashed")
 FARTHEST: Final = Series("farthest", "largest errors, with sample index", INK, "dot")
+FARTHEST_OF_KINDS: Final = Series("farthest", "farthest from the mean, with sample index", INK, "dot")
 
 
 def ordered_pairs(content: RunAnalysis) -> list[tuple[int, int]]:
@@ -73,11 +74,11 @@ def scatter(content: RunAnalysis) -> Figure | None:
     headings = ("pair", "sample", "distance, linear σ", "x", "x unit", "y", "y unit")
     return Figure(
         name="scatter",
-        title="Final errors of pairs of outputs",
+        title="Pairs of outputs at the end" if content.several_kinds else "Final errors of pairs of outputs",
         description=f"{len(points):,} of {len(flown):,} samples with linear and Monte Carlo ellipses of one and three "
         "sigma; the samples farthest from the mean by the linear covariance are labelled.",
         panels=panels,
-        key=(FLIGHTS, ELLIPSES_LINEAR, ELLIPSES_FLOWN, FARTHEST),
+        key=(FLIGHTS, ELLIPSES_LINEAR, ELLIPSES_FLOWN, FARTHEST_OF_KINDS if content.several_kinds else FARTHEST),
         columns=dict(zip(headings, zip(*rows, strict=True), strict=True)),
         size=THIRD,
         caption=f"{len(points):,} of {len(flown):,} samples are drawn; ellipses use all. The table lists the samples "

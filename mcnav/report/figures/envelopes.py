@@ -9,6 +9,7 @@ import numpy as np
 from scipy import special
 
 from mcnav.analysis.envelopes import Envelopes
+from mcnav.contract.quantities import COMMANDS, NAVIGATION_DISPERSION, TIMES, TRUE_DISPERSION
 from mcnav.report.figures.figure import Figure, side_by_side
 from mcnav.report.figures.filter_errors import errors_and_sigmas
 from mcnav.report.figures.marks import Axis, Band, Line, Panel, Rule, Series, axis
@@ -52,10 +53,13 @@ def envelopes(content: RunAnalysis) -> Figure | None:
         about += "Samples outside the fast engine's range of validity are not included. "
     return Figure(
         name="envelopes",
-        title="Errors over the flight",
+        title="Errors and dispersions over the flight" if content.several_kinds else "Errors over the flight",
         description=f"Range from {low} % to {high} % of each output by linear analysis and Monte Carlo, and "
         "percentiles of stored samples.",
-        panels=[_envelope(names[i], known, i, float(scale[i]), units[i], series, reach) for i in moving],
+        panels=[
+            _envelope((names[i], label_of(content.kinds[i])), known, i, float(scale[i]), units[i], series, reach)
+            for i in moving
+        ],
         key=tuple(series.values()),
         columns=columns,
         size=side_by_side(len(moving)),
@@ -63,9 +67,23 @@ def envelopes(content: RunAnalysis) -> Figure | None:
     )
 
 
+def label_of(kind: str) -> str:
+    """Return the label of the axis of an output of a kind."""
+    return {TRUE_DISPERSION: "dispersion", NAVIGATION_DISPERSION: "dispersion", COMMANDS: "value", TIMES: "time"}.get(
+        kind, "error"
+    )
+
+
 def _envelope(
-    name: str, known: Envelopes, output: int, scale: float, unit: str, series: Mapping[str, Series], reach: float
+    named: tuple[str, str],
+    known: Envelopes,
+    output: int,
+    scale: float,
+    unit: str,
+    series: Mapping[str, Series],
+    reach: float,
 ) -> Panel:
+    name, upward = named
     low, *_, high = (values[:, output] * scale for values in known.percentiles.values())
     linear = [(known.linear_mean + sign * reach * known.linear_sigma)[:, output] * scale for sign in (-1.0, 1.0)]
     flown = [(known.mean + sign * reach * known.sigma)[:, output] * scale for sign in (-1.0, 1.0)]
@@ -73,7 +91,7 @@ def _envelope(
     return Panel(
         name,
         axis(known.label, margin=0.0, link=True),
-        Axis("error", unit),
+        Axis(upward, unit),
         [
             Band(series["band"], known.times, low, high),
             *(Line(series["linear"], known.times, each, 2.3) for each in linear),

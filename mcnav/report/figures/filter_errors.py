@@ -63,7 +63,7 @@ def errors_and_sigmas(content: RunAnalysis, consistency: FilterConsistency) -> F
     drawn = [SAMPLES] if any(len(_complete(histories, each)) for each in known) else []
     return Figure(
         name="envelopes",
-        title="Errors over the flight",
+        title="Navigation errors over the flight" if content.several_kinds else "Errors over the flight",
         description="Errors of some samples, and sigmas of each output by Monte Carlo, linear analysis and the filter, "
         "over time.",
         panels=[_panel(consistency, each, times, _complete(histories, each), shaded) for each in known],

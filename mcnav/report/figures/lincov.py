@@ -19,6 +19,7 @@ from mcnav.report.figures.matrices import DEEPEST, NEGATIVE, NIL, POSITIVE
 from mcnav.report.figures.outages import OPACITY, SHADED, shading_key
 from mcnav.report.figures.palette import FILTER, FLOWN, INK, LINEAR
 from mcnav.report.figures.sources import Contributor, groups, ranked
+from mcnav.report.figures.truth import SigmasOverTime, over_time
 from mcnav.report.format import fixed
 from mcnav.report.model import humanize, labels_of, scale_of
 
@@ -89,6 +90,16 @@ def sigmas(answer: LinearAnswer, outages: Outages) -> Figure | None:
         caption="Two values at a time are those before and after its updates." if filtered else "",
         file="lincov.json",
     )
+
+
+def truth(answer: LinearAnswer) -> Figure | None:
+    """Draw sigmas of truth and navigation over time; none without outputs of truth or a history."""
+    history = answer.meaningful
+    if history is None:
+        return None
+    own = {} if history.sigma_filter is None else {"linear": history.sigma_filter}
+    known = SigmasOverTime(history.readings.label, history.readings.times, {}, {"linear": history.sigma}, own)
+    return over_time(answer.outputs, known)
 
 
 def requirements(answer: LinearAnswer, outages: Outages) -> Figure | None:

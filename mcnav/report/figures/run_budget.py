@@ -38,8 +38,9 @@ def partials_history(content: RunAnalysis) -> Figure | None:
         part = np.sqrt(variance_over_time(content, each.members)) * scale
         if part[:, moving].max(initial=0.0) > 0.0:
             curves[each.series] = part
+    what = "sigma" if content.several_kinds else "one-sigma error"
     return development_figure(
-        "Linear one-sigma error of each output over the flight, for all errors and for each contributor.",
+        f"Linear {what} of each output over the flight, for all errors and for each contributor.",
         (known.label, known.times),
         {i: (content.output_names[i], content.output_units[i]) for i in moving},
         curves,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,7 +15,7 @@ from mcnav.report.filter_tables import FilterAnswer, filter_answers
 from mcnav.report.format import interval, percent
 from mcnav.report.linear_causes import causes_at
 from mcnav.report.model import RunAnalysis
-from mcnav.report.output_columns import OutputEntry, entries_of
+from mcnav.report.output_columns import OutputEntry, entries_of, grouped
 from mcnav.report.sections.joint import EllipsoidWords, ellipsoid_words
 
 LARGEST: Final = 2
@@ -70,12 +70,15 @@ class _Answer:
     difference: Cell = NOTHING
     unscented: str = ""
     higher_order: str = ""
+    kind: str = ""
 
 
 def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answer]:
-    rows, joint = [_answer(content, each) for each in entries], ellipsoid_words(content)
+    rows, joint = [_answer(content, each) for each in grouped(entries)], ellipsoid_words(content)
+    several = any(each.kind for each in rows)
     if joint is not None:
-        rows.insert(len(rows) if joint.verdict == "agrees" else 0, _jointly(joint))
+        at = len(rows) if joint.verdict == "agrees" else 0
+        rows.insert(at, replace(_jointly(joint), kind="All outputs together" if several else ""))
     unscented: Column[_Answer] = Column("Unscented", lambda row: row.unscented)
     higher_order: Column[_Answer] = Column("Higher order", lambda row: row.higher_order)
     columns: list[Column[_Answer]] = [
@@ -89,10 +92,10 @@ def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answe
         Column("Largest sources", lambda row: row.words, kind="words"),
     ]
     caption = (
-        "Final errors, one sigma. Monte Carlo: paired estimate, intervals hold jointly at "
-        f"{100.0 * content.summary.confidence:g} %. Sources: share of the linear variance."
+        f"{'At the end' if several else 'Final errors'}, one sigma. Monte Carlo: paired estimate, intervals hold "
+        f"jointly at {100.0 * content.summary.confidence:g} %. Sources: share of the linear variance."
     )
-    return Table(caption, columns, rows)
+    return Table(caption, columns, rows, group=lambda row: row.kind)
 
 
 def _answer(content: RunAnalysis, entry: OutputEntry) -> _Answer:
@@ -109,6 +112,7 @@ def _answer(content: RunAnalysis, entry: OutputEntry) -> _Answer:
         difference=Cell(difference, below=ends),
         unscented=five_digits(entry.sigma_unscented),
         higher_order=five_digits(entry.sigma_higher_order),
+        kind=entry.kind,
     )
 
 

@@ -33,12 +33,13 @@ def _tables(content: RunAnalysis) -> list[Part]:
     listed = [*((sigmas > 0.0) | (model.mean != 0.0)).tolist(), *(True for _ in model.processes)]
     every, parts = each_cause(budget, caused, content.cause_names, sources, listed), contributors(content)
     grouped = "; of several sources the root sum square" if any(len(each.members) > 1 for each in parts) else ""
+    effect = "effect at the end" if content.several_kinds else "final error"
     foremost = share_table(
-        f"Share of the linear variance, %, and final error for one sigma{grouped}.",
+        f"Share of the linear variance, %, and {effect} for one sigma{grouped}.",
         "Source", outputs, together(budget, caused, parts), cross_terms,
     )  # fmt: skip
     whole = share_table(
-        "Linear error budget: share of the variance, %, and final error for one sigma of each source alone.",
+        f"Linear error budget: share of the variance, %, and {effect} for one sigma of each source alone.",
         "Source", outputs, every, cross_terms, sigmas=True, means=bool(np.any(model.mean)),
     )  # fmt: skip
     return [foremost, Folded(f"All {len(every)} sources", [whole])]

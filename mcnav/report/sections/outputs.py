@@ -50,12 +50,13 @@ def dispersion_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Sec
     farthest = _farthest_table(content)
     percentiles = percentiles_table(content.summary, "shown", *_levels(content)).read
     sizes = sizes_table(content.summary, "shown", _levels(content)[0]).read if content.summary.sizes else None
+    largest = "Farthest samples" if content.several_kinds else "Largest errors"
     return Section("dispersion", "Single outputs", [
         *joined(drawn.get("histograms")),
         *headed("Normal quantile plots", drawn.get("quantiles")),
         *headed("Size of corrections", sizes),
         Folded("Error percentiles", [percentiles]),
-        *headed("Largest errors", farthest if farthest.rows else None),
+        *headed(largest, farthest if farthest.rows else None),
     ])  # fmt: skip
 
 
@@ -110,8 +111,9 @@ def requirements_section(content: RunAnalysis) -> Section | None:
 def sigmas_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section:
     """Arrange linear and Monte Carlo sigmas, and how the ratios converge."""
     together, tolerance = _levels(content)
+    what = "Outputs at the end" if content.several_kinds else "Final navigation errors"
     caption = (
-        "Final navigation errors, one sigma: linear and Monte Carlo (paired and plain estimates). Intervals hold at "
+        f"{what}, one sigma: linear and Monte Carlo (paired and plain estimates). Intervals hold at "
         f"{100.0 * content.comparison.confidence_each:.4g} % each and {together} jointly."
     )
     parts: list[Part] = [

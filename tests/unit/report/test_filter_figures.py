@@ -49,7 +49,7 @@ DRAWINGS: list[Callable[[Any], Figure | None]] = [
 
 def content(found: FilterConsistency | None) -> Any:
     manifest = SimpleNamespace(model=SimpleNamespace(outputs=found.outputs if found else ()))
-    return SimpleNamespace(filter=found, history=HISTORY, folder=Folder(), manifest=manifest)
+    return SimpleNamespace(several_kinds=False, filter=found, history=HISTORY, folder=Folder(), manifest=manifest)
 
 
 def nowhere(statistic: Statistic | None) -> Statistic | None:
@@ -170,7 +170,8 @@ def test_budget_by_origin() -> None:
     noise = {name: np.outer(TIMES, np.full(9, 0.01)) for name in processes}
     variables = [SimpleNamespace(name=name) for name in sources]
     filled: Any = SimpleNamespace(
-        filter=consistency(), history=HISTORY, development=LinearSystem(TIMES, partials, processes=noise),
+        several_kinds=False, filter=consistency(), history=HISTORY,
+        development=LinearSystem(TIMES, partials, processes=noise),
         manifest=SimpleNamespace(model=SimpleNamespace(
             sources=variables, outputs=[SimpleNamespace(name=name) for name in OUTPUTS])),
         model=SimpleNamespace(covariance=covariance, partials=partials[-1], processes=dict.fromkeys(processes)),

@@ -1,0 +1,214 @@
+"""Truth and navigation of a closed loop: sigmas of both over time, and ellipses at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array
+from mcnav.contract.quantities import Output
+from mcnav.report.figures.figure import HALF, Figure, side_by_side
+from mcnav.report.figures.gapped import upward
+from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, axis
+from mcnav.report.figures.palette import FILTER, POINT, SOURCE_COLOURS
+from mcnav.report.kinds import Quantity, planes, quantities
+from mcnav.report.model import RunAnalysis, humanize, scale_of
+from mcnav.store.manifest import Variable
+
+KINDS: Final = {
+    "true": ("true dispersion", SOURCE_COLOURS[4]),
+    "navigated": ("navigation dispersion", SOURCE_COLOURS[6]),
+    "error": ("navigation error", SOURCE_COLOURS[0]),
+    "own": ("navigation error by the filter", FILTER),
+}
+"""Words and colour of each kind."""
+
+ROUTES: Final = {"Monte Carlo": "line", "linear": "dashed"}
+"""Kind of the lines of each method."""
+
+WIDTHS: Final = {"true": 3.4, "navigated": 1.9, "error": 2.2, "own": 1.2}
+"""Widths of the lines: of two on one another, both are seen."""
+
+SMALLEST: Final = 1e-5
+"""Share of the largest sigma of a panel up to which a sigma is not drawn: a logarithmic axis would show rounding."""
+
+PROBABILITY: Final = 0.95
+"""Probability of an ellipse."""
+
+SCATTERED: Final = 2_000
+"""Samples drawn at most."""
+
+SAMPLES: Final = Series("samples", "true deviations of samples", POINT, "dot")
+
+Curves = dict[tuple[str, str], Array]
+"""Values by kind and route."""
+
+
+def series_of(kind: str, route: str) -> Series:
+    """Return the entry of the key for a kind and a route."""
+    words, colour = KINDS[kind]
+    return Series(f"{kind}-{route.split()[0].lower()}", f"{words}, {route}", colour, ROUTES[route])
+
+
+@dataclass(frozen=True)
+class SigmasOverTime:
+    """Sigmas of all outputs at some times, SI, shapes (times, outputs), by route; those of the filter with NaN.
+
+    Attributes
+    ----------
+    label : str
+        Of the times.
+    times : ndarray
+    events : mapping of str to float
+        Named instants.
+    sigma, own : mapping of str to ndarray
+        By `ROUTES`; own are those that the filter states of the navigation errors.
+    remark : str
+        What else the caption says.
+    """
+
+    label: str
+    times: Array
+    events: Mapping[str, float]
+    sigma: Mapping[str, Array]
+    own: Mapping[str, Array]
+    remark: str = ""
+
+
+def dispersion_over_time(content: RunAnalysis) -> Figure | None:
+    """Draw one sigma of the truth, of what is navigated, and of the navigation error; none without them over time."""
+    known, outputs = content.envelopes, content.manifest.model.outputs
+    if known is None or not quantities(outputs):
+        return None
+    own, remark = dict[str, Array](), ""
+    if content.filter is not None and np.array_equal(content.filter.times, known.times):
+        stated = {each.name: each for each in content.filter.outputs}
+        for route, attribute in (("Monte Carlo", "filter"), ("linear", "filter_linear")):
+            values = [getattr(stated.get(output.name), attribute, None) for output in outputs]
+            nothing = np.full(len(known.times), np.nan)
+            own[route] = np.column_stack([nothing if each is None else each for each in values])
+        remark = " The filter's own is the root of the mean variance that the samples' filters state."
+    sigma = {"Monte Carlo": known.sigma, "linear": known.linear_sigma}
+    return over_time(outputs, SigmasOverTime(known.label, known.times, known.events, sigma, own, remark))
+
+
+def over_time(outputs: Sequence[Variable | Output], known: SigmasOverTime) -> Figure | None:
+    """Draw the sigmas of each quantity that has an output of truth, a panel each; none where nothing is dispersed."""
+    drawn = {each: _curves(outputs, known, each) for each in quantities(outputs)}
+    drawn = {
+        each: curves
+        for each, curves in drawn.items()
+        if any(np.nanmax(part, initial=0.0) > 0.0 for part in curves.values())
+    }
+    if not drawn:
+        return None
+    columns: dict[str, NDArray[Any]] = {known.label: known.times}
+    for each, curves in drawn.items():
+        name, unit = humanize(each.name), outputs[each.true].shown_in
+        columns |= {f"{name}, {series_of(*key).label}, 1σ [{unit}]": part for key, part in curves.items()}
+    listed = {key for curves in drawn.values() for key in curves}
+    return Figure(
+        name="dispersion-over-time",
+        title="Truth and navigation over time, 1σ",
+        description="Standard deviation over time of the truth about the nominal, of what is navigated about the "
+        f"nominal, and of the navigation error: {' and '.join(known.sigma)}.",
+        panels=[_panel(known, each, outputs[each.true].shown_in, curves) for each, curves in drawn.items()],
+        key=[series_of(kind, route) for route in ROUTES for kind in KINDS if (kind, route) in listed],
+        columns=columns,
+        size=side_by_side(len(drawn)),
+        caption="True and navigation dispersion are about the nominal; the navigation error is navigated less true. "
+        f"What is below {100.0 * SMALLEST:g} % of a panel's largest is not drawn.{known.remark}",
+    )
+
+
+def _curves(outputs: Sequence[Variable | Output], known: SigmasOverTime, each: Quantity) -> Curves:
+    """Return the sigmas of a quantity over time in the unit in which its truth is shown."""
+    scale, curves = scale_of(outputs)[each.true], Curves()
+    for kind, place in (("true", each.true), ("navigated", each.navigated), ("error", each.error)):
+        if place is not None:
+            curves |= {(kind, route): values[:, place] * scale for route, values in known.sigma.items()}
+    if each.error is not None:
+        stated = {("own", route): values[:, each.error] * scale for route, values in known.own.items()}
+        curves |= {key: values for key, values in stated.items() if np.isfinite(values).any()}
+    return curves
+
+
+def _panel(known: SigmasOverTime, each: Quantity, unit: str, curves: Mapping[tuple[str, str], Array]) -> Panel:
+    largest = max(float(np.nanmax(part, initial=0.0)) for part in curves.values())
+    seen = {key: np.where(part > SMALLEST * largest, part, np.nan) for key, part in curves.items()}
+    marks: list[Mark] = [Line(series_of(*key), known.times, part, WIDTHS[key[0]]) for key, part in seen.items()]
+    inside = [(at, name) for name, at in known.events.items() if known.times[0] < at < known.times[-1]]
+    marks += [Rule(at, kind="dotted", name=name) for at, name in inside]
+    reach = np.concatenate([*seen.values()])
+    return Panel(humanize(each.name), axis(known.label, margin=0.0, link=True), upward("1σ", unit, reach), marks)
+
+
+def ellipses_at_end(content: RunAnalysis) -> Figure | None:
+    """Draw the 95 % ellipses of truth and navigation at the end; none without two directions of a plane."""
+    pairs = planes(content.manifest.model.outputs)
+    if not pairs or len(content.flown) < 2:
+        return None
+    rows: list[tuple[object, ...]] = []
+    panels, listed = [], dict[Series, None]()
+    for right, up in pairs:
+        marks, entries = _ellipses(content, right, up)
+        listed |= dict.fromkeys(mark.series for mark in marks if isinstance(mark, Line))
+        rows += entries
+        points = content.flown[:: -(-len(content.flown) // SCATTERED), [right.true, up.true]]
+        x, y = (Axis(humanize(each.name), content.output_units[each.true]) for each in (right, up))
+        panels.append(Panel("", x, y, [Points(SAMPLES, points[:, 0], points[:, 1], 1.8, 0.6), *marks]))
+    headings = ("pair", "of", "mean x", "mean y", "σ x", "σ y", "correlation", "x unit", "y unit")
+    return Figure(
+        name="landing-ellipses",
+        title="Ellipses of truth and navigation at the end",
+        description="Ellipses of 95 % of the true dispersion, the navigation dispersion and the navigation error at "
+        "the end, by linear analysis and Monte Carlo, with samples of the true dispersion.",
+        panels=panels,
+        key=[SAMPLES, *listed],
+        columns=dict(zip(headings, zip(*rows, strict=True), strict=True)),
+        size=(HALF[0], 340.0),
+        caption=f"Ellipses that hold {100.0 * PROBABILITY:g} % of a normal distribution of that mean and covariance; "
+        "Monte Carlo: of all samples. What is not dispersed has none. Axes are scaled separately.",
+    )
+
+
+def _ellipses(content: RunAnalysis, right: Quantity, up: Quantity) -> tuple[list[Mark], list[tuple[object, ...]]]:
+    """Return the ellipses of a pair, and the numbers behind them."""
+    comparison, marks, rows = content.comparison, list[Mark](), list[tuple[object, ...]]()
+    moments = {
+        "Monte Carlo": (comparison.mean_sample, comparison.covariance_sample),
+        "linear": (content.model.outcome_mean, comparison.covariance_linear),
+    }
+    units = content.output_units[right.true], content.output_units[up.true]
+    for kind in ("true", "navigated", "error"):
+        places = [getattr(right, kind), getattr(up, kind)]
+        if None in places:
+            continue
+        scale, pick = content.output_scale[[right.true, up.true]], np.ix_(places, places)
+        for route, (mean, covariance) in moments.items():
+            centre, square = mean[places] * scale, covariance[pick] * np.outer(scale, scale)
+            sigmas = np.sqrt(np.diag(square))
+            if not np.isfinite(square).all() or not sigmas.any():
+                continue
+            series = series_of(kind, route)
+            x, y = ellipse(centre, square)
+            marks.append(Line(series, x, y, WIDTHS[kind]))
+            related = square[0, 1] / np.prod(sigmas) if sigmas.all() else np.nan
+            pair = f"{humanize(right.name)} and {humanize(up.name)}"
+            rows.append((pair, series.label, *map(float, (*centre, *sigmas, related)), *units))
+    return marks, rows
+
+
+def ellipse(centre: Array, covariance: Array) -> Array:
+    """Return points of the ellipse that holds `PROBABILITY` of a normal distribution of two, shape (2, points).
+
+    It is where the squared distance from the mean, which is chi-square of two degrees of freedom, is −2 ln(1 − p).
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    angle = np.linspace(0.0, 2.0 * np.pi, 121)
+    circle = np.sqrt(np.maximum(values, 0.0))[:, None] * np.array([np.cos(angle), np.sin(angle)])
+    return np.asarray(centre[:, None] + np.sqrt(-2.0 * np.log1p(-PROBABILITY)) * vectors @ circle)
