@@ -40,8 +40,8 @@ def truth_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section 
     rows = correlation_rows(content)
     columns: list[Column[CorrelationRow]] = [
         Column("Quantity", lambda row: row.name, kind="label"),
-        Column("Linear correlation", lambda row: fixed(row.linear, 4)),
-        Column("Monte Carlo correlation", lambda row: fixed(row.flown, 4)),
+        Column("Linear correlation", lambda row: fixed(row.linear, 6)),
+        Column("Monte Carlo correlation", lambda row: fixed(row.flown, 6)),
         Column("True σ", lambda row: number(row.sigma_true)),
         Column("Navigation error σ", lambda row: number(row.sigma_error)),
         Column("Unit", lambda row: row.unit, kind="text"),
