@@ -27,7 +27,7 @@ from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.filter.model import estimated_kinds
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
 from mcnav.systems.ins.reference.aided import AidedMechanization
-from mcnav.systems.ins.reference.earth_fixed_errors import LocalFrame
+from mcnav.systems.ins.reference.local_frame import LocalFrame
 from mcnav.systems.ins.scenario import Ins, Navigation
 from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
 from mcnav.systems.ins.sensors.comparison import Indicated

@@ -15,7 +15,7 @@ from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.systems.closed_loop.sizes import LoopSizes
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY
-from mcnav.systems.ins.reference.earth_fixed_errors import LocalFrame
+from mcnav.systems.ins.reference.local_frame import LocalFrame
 from tests.strapdown_loops import FILE, LENGTH, flown, tables, true_flight
 
 STATES = ("position", "velocity", "attitude")

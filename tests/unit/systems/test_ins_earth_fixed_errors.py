@@ -16,8 +16,9 @@ from mcnav.systems.ins.filter.model import FilterModel
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO
 from mcnav.systems.ins.reference.aided import AidedMechanization
 from mcnav.systems.ins.reference.compensation import Compensation, measure
-from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, LocalFrame, gravitation_gradients
+from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, gravitation_gradients
 from mcnav.systems.ins.reference.earth_fixed_sensors import SensorModel
+from mcnav.systems.ins.reference.local_frame import LocalFrame
 from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, navigation_errors
 from mcnav.systems.ins.reference.normal_field import field_constants
 from mcnav.systems.ins.sensors.aiding import aiding_constants
