@@ -73,7 +73,7 @@ class LinearSize:
 
     @property
     def wrong(self) -> bool:
-        """Whether nominal plus three sigma departs from the exact quantile by `WRONG` or more."""
+        """Departure of nominal plus three sigma from the exact quantile by `WRONG` or more."""
         return abs(self.three_sigma - self.most) > WRONG * self.most
 
 

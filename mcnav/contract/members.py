@@ -39,7 +39,7 @@ PROTOCOLS: Final[Mapping[frozenset[Capability], type]] = {
     frozenset({Capability.REPLAY}): Replayable,
     frozenset({Capability.REMARKS}): RemarkingScenario,
 }
-"""What a scenario with some capabilities has to have."""
+"""Protocols of scenarios with some capabilities."""
 
 
 @cache

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, Protocol
 
 Of = Literal["navigation", "truth", "control", "time"]
-"""What a quantity is of: navigation error, dispersion of the truth, control effort, or time of an event."""
+"""Kind of a quantity: navigation error, dispersion of the truth, control effort, or time of an event."""
 
 TRUE, NAVIGATED = "true_", "navigated_"
 """Beginnings of the names of outputs of truth: of the vehicle itself, and of where its navigator says that it is."""
@@ -72,7 +72,7 @@ class Output:
 
 
 class _OfKind(Protocol):
-    """What `kind_of` reads of an output."""
+    """Part of an output that `kind_of` reads."""
 
     @property
     def name(self) -> str:
@@ -80,7 +80,7 @@ class _OfKind(Protocol):
 
     @property
     def of(self) -> Of:
-        """What it is of."""
+        """Kind of quantity."""
 
 
 def kind_of(output: _OfKind) -> str:

@@ -42,7 +42,7 @@ LONGEST_RECORD: Final = 10 * 365.25 * 86_400.0
 """A record longer than this (s) is not advised."""
 
 PENALTY: Final = 4.0
-"""Of a parameter, in −2 log L: one that is not there is taken in 2 of 100 records."""
+"""Price of a parameter, in −2 log L: one that is not there is taken in 2 of 100 records."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Estimate:
 
     @property
     def identified(self) -> bool:
-        """Whether the record shows it: its interval has two ends and its bound is below `IDENTIFIABLE`."""
+        """True if the record shows it: its interval has two ends and its bound is below `IDENTIFIABLE`."""
         return self.low > 0.0 and np.isfinite(self.high) and self.relative_sd <= IDENTIFIABLE
 
 
@@ -139,7 +139,7 @@ def duration_wanted(model: Model, logs: Array, parameter: int, grid: Grid) -> fl
 
 @dataclass(frozen=True)
 class AxisFit:
-    """What a record says of one axis.
+    """Models of one axis fitted to its record.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ class AxisFit:
 
     @cached_property
     def estimates(self) -> tuple[Estimate, ...]:
-        """Of the chosen candidate."""
+        """Parameters of the chosen candidate."""
         return self.chosen.estimates()
 
 

@@ -28,10 +28,10 @@ from mcnav.identification.processes import Grid
 from mcnav.identification.spectrum import ALONE, Bands, Record
 
 SIMULATIONS: Final = 4000
-"""Of the test of shape."""
+"""Simulations of the test of shape."""
 
 SEGMENTS: Final = 50
-"""Of the test of steadiness."""
+"""Segments of the test of steadiness."""
 
 SIZE: Final = 0.05
 
@@ -61,13 +61,13 @@ class Goodness:
 
     @property
     def p(self) -> float:
-        """Of all tests together."""
+        """P-value of all tests together."""
         smallest = min(finding.p for finding in self.findings)
         return float(-np.expm1(len(self.findings) * np.log1p(-min(smallest, 1.0 - 1e-16))))
 
     @property
     def rejected(self) -> bool:
-        """Whether the record does not look like its model."""
+        """True if the record does not look like its model."""
         return self.p < SIZE
 
     @property

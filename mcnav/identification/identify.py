@@ -18,7 +18,7 @@ FEWEST: Final = 1_000
 
 @dataclass(frozen=True)
 class IdentifiedNoise:
-    """What a static record says of the noise of one axis.
+    """Noise of one axis, from a static record.
 
     Attributes
     ----------
@@ -39,12 +39,12 @@ class IdentifiedNoise:
 
     @property
     def mean(self) -> float:
-        """Of the readings."""
+        """Mean of the readings."""
         return self.fitted.record.mean
 
     @property
     def duration(self) -> float:
-        """Of the record, s."""
+        """Length of the record, s."""
         return self.fitted.record.duration
 
     @property

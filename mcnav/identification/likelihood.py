@@ -26,7 +26,7 @@ CONVERGED: Final = 1e-10
 """Decrement of -2 log L below which the maximum is reached: far below the 3.84 of an interval."""
 
 LARGEST_STEP: Final = 1.5
-"""Of a logarithm within one step of scoring."""
+"""Largest change of a logarithm within one step of scoring."""
 
 SHORTEST_TIME: Final = 4.0
 """Smallest correlation time that is tried, in intervals between readings."""
@@ -35,10 +35,10 @@ LONGEST_TIME: Final = 50.0
 """Largest correlation time that is tried, in lengths of the record: beyond, the process is a random walk."""
 
 NEAR: Final = 1e-3
-"""Of -2 log L about the end of an interval: its probability is right to 1e-4."""
+"""Tolerance of -2 log L about the end of an interval: its probability is right to 1e-4."""
 
 REACH: Final = 60.0
-"""How far from the estimate the end of an interval is looked for, in a logarithm."""
+"""Distance from the estimate within which the end of an interval is looked for, in a logarithm."""
 
 
 @dataclass(frozen=True)

@@ -52,12 +52,12 @@ class Grid:
 
     @property
     def frequency(self) -> Array:
-        """Of each angle, Hz."""
+        """Frequency of each angle, Hz."""
         return np.asarray(0.5 * self.order / (self.count * self.interval))
 
     @property
     def duration(self) -> float:
-        """Of the record, s."""
+        """Length of the record, s."""
         return self.count * self.interval
 
     def lasting(self, duration: float) -> Grid:

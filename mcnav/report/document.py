@@ -342,7 +342,7 @@ Part: TypeAlias = (
     "Sentence | Note | Verdict | Verdicts | Facts | Findings | Answers | Heading | Folded | Beside | Listing | Lines"
     " | Formula | MarkKey | Table[Any] | Figure"
 )
-"""What a page is made of."""
+"""Parts of a page."""
 
 
 @dataclass(frozen=True)

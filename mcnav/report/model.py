@@ -147,7 +147,7 @@ class RunAnalysis:
 
     @property
     def several_kinds(self) -> bool:
-        """Whether not all outputs are navigation errors."""
+        """True unless all outputs are navigation errors."""
         return any(self.kinds)
 
     @property

@@ -13,7 +13,7 @@ from mcnav._types import Array
 from mcnav.report.result_table import ResultTable
 
 Subject = TypeVar("Subject")
-"""What the columns of a table are computed from."""
+"""Values from which the columns of a table are computed."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ NUMBERED: Final = 0.04
 """Smallest share whose number is written in its bar, where it has room."""
 
 ALL: Final = Series("all", "all errors", INK)
-"""What all causes make together."""
+"""Name of all causes together."""
 
 
 def shares_figure(
