@@ -51,7 +51,7 @@ CHANGED: Final = {"larger": "undecided", "smaller": "undecided", "no change seen
 """Tones of findings; others have none."""
 
 SAME: Final = "the same campaign, engine and versions"
-"""What runs have between which no input differs."""
+"""Words for runs between which no input differs."""
 
 COMMON: Final = (
     "Common random numbers: sample k of both runs uses the same ones, so that sampling noise cancels in the difference."

@@ -143,7 +143,7 @@ class Column(Generic[Row]):
 
     @property
     def name_beside(self) -> str:
-        """What precedes its cells where there are no headings; empty where nothing does."""
+        """Text before its cells where there are no headings; may be empty."""
         if self.beside is not None:
             return self.beside
         return self.heading[:1].lower() + self.heading[1:] if self.kind == "number" else ""

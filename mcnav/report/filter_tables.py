@@ -32,7 +32,7 @@ class WorstSigmas:
 
 @dataclass(frozen=True)
 class FilterAnswer:
-    """What a filter says of an output at the end, and at the epoch of the largest true sigma if that is another."""
+    """Statement of a filter on an output at the end, and at the epoch of the largest true sigma if that is another."""
 
     entry: OutputEntry
     sigma: float

@@ -88,7 +88,7 @@ def dispersion_table(dispersion_range: DispersionRange, outputs: Sequence[Output
 
 @dataclass(frozen=True)
 class About:
-    """What the page has to say of a study; as its attributes of these names."""
+    """Parts of the page of a study; as its attributes of these names."""
 
     tolerance: float
     confidence: float

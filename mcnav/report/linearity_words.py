@@ -18,7 +18,7 @@ WITHOUT_NOISE: Final = (
 """Note on the range of linearity of a scenario whose noise cannot be multiplied."""
 
 NoiseUse = Literal["", "scaled", "left out"]
-"""What becomes of the noise of a scenario, if it has any."""
+"""Treatment of the noise of a scenario, if it has any."""
 
 OF_NOISE: Final[Mapping[NoiseUse, str]] = {
     "": "",

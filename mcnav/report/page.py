@@ -52,7 +52,7 @@ FIRST: Final = (
     "samples. Scatter plots, histograms, quantiles, CEP, the tests of NEES and normality, and requirements on "
     "quantiles and probabilities use the first"
 )
-"""What a run that stores a summary computes from all samples, and what from some."""
+"""Results that a run with a stored summary computes from all samples, and from some."""
 
 
 def figures(content: RunAnalysis) -> dict[str, Figure]:
