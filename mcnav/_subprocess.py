@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 _PR_SET_PDEATHSIG: Final = 1
+_TRACKERS_SILENT: Final = "ignore:resource_tracker"
 
 
 def end_with_parent(parent: int) -> None:
@@ -33,18 +34,35 @@ def end_with_parent(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
+def start_trackers() -> None:
+    """Start the processes in which Python and loky remove semaphores and folders that others leave behind.
+
+    They say nothing of what they find: a finalizer that is interrupted after it has removed a semaphore, and before it
+    has told them so, leaves nothing that a user could do anything about.
+    """
+    from multiprocessing import resource_tracker  # commands that start no process do without
+
+    from joblib.externals.loky.backend import resource_tracker as tracker_of_loky
+
+    sys.warnoptions.append(_TRACKERS_SILENT)  # options of this process are those of the processes it starts
+    try:
+        if os.name == "posix":
+            resource_tracker.ensure_running()
+        tracker_of_loky.ensure_running()
+    finally:
+        sys.warnoptions.remove(_TRACKERS_SILENT)
+
+
 @contextmanager
 def interrupts_blocked() -> Iterator[None]:
     """Block SIGINT in this thread and in what it starts, so that workers print no traceback while they import.
 
     Processes and threads inherit the mask of signals. Workers ignore SIGINT from `end_with_parent` on.
     """
+    start_trackers()  # the start of Python's own, with that of the first process, would end the block
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    from multiprocessing import resource_tracker  # commands that start no process do without
-
-    resource_tracker.ensure_running()  # its start, with that of the first process, would end the block
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -24,7 +24,7 @@ from types import ModuleType
 from typing import Any, Final
 
 from mcnav._interrupts import deferred
-from mcnav._subprocess import interrupts_blocked
+from mcnav._subprocess import interrupts_blocked, start_trackers
 from mcnav.errors import ClusterError
 from mcnav.execution.chunks import ChunkJob, SampleRange, find_chunk
 from mcnav.execution.dask_worker import incompatibility, processor, simulate_on_worker
@@ -343,6 +343,7 @@ def _scratch() -> Iterator[tuple[str, _Held]]:
     """
     from joblib.externals.loky.backend import resource_tracker
 
+    start_trackers()
     folder = str(Path(tempfile.gettempdir()) / f"mcnav-{secrets.token_hex(8)}")
     resource_tracker.register(folder, "folder")
     try:

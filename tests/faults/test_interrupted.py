@@ -166,6 +166,22 @@ cli.main()
     assert done.stderr == "error: interrupted; stored samples are kept, and the same command resumes the run\n"
 
 
+def test_a_finalizer_that_is_interrupted_leaves_no_message() -> None:
+    """A semaphore that was removed, but not told to the process that removes what is left, is nobody's concern."""
+    code = """
+import _multiprocessing, os
+from joblib.externals.loky.backend.synchronize import SemLock
+from mcnav._subprocess import interrupts_blocked
+
+with interrupts_blocked():
+    lock = SemLock(1, 1, 1)
+_multiprocessing.sem_unlink(lock._semlock.name)
+os._exit(0)
+"""
+    done = run_to_end([sys.executable, "-c", code], env=environment())
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 INTERRUPTING: Final = """
 import os, signal, sys
 from pathlib import Path
