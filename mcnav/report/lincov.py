@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, causes_at
-from mcnav.contract.quantities import Output
+from mcnav.contract.quantities import Output, end_words
 from mcnav.report.figures.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.format import number
@@ -66,7 +66,7 @@ def headline(answer: LinearAnswer) -> tuple[str, str]:
         return words, TONES["not met" if failed else "met"]
     names = largest_causes(answer)
     if not names:
-        return "No final error has any dispersion", "undecided"
+        return f"No {end_words(answer.outputs).one} has any dispersion", "undecided"
     return f"Largest {'cause' if len(names) == 1 else 'causes'} at the end: {' and '.join(names)}", ""
 
 

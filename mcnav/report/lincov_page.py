@@ -11,7 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import LinearCovariance
-from mcnav.contract.quantities import KINDS, kinds_of
+from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report.document import (
     Answers,
     Cell,
@@ -49,9 +49,9 @@ EXPLANATION: Final = (
 )
 
 REQUIREMENTS: Final = (
-    "Requirements of the campaign's [accept] table for linear normal errors. “Errors may be ×”: the multiple of all "
-    "final errors at which the requirement is just met. Causes: share of the mean square of these errors at the "
-    "instant at which the requirement is tightest"
+    "Requirements of the campaign's [accept] table for linear normal {}. “Errors may be ×”: the multiple of all {} at "
+    "which the requirement is just met. Causes: share of the mean square of these at the instant at which the "
+    "requirement is tightest"
 )
 """Caption of the table of requirements."""
 
@@ -117,8 +117,9 @@ def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
         Column("Largest causes", lambda row: _causes(row.causes),
                "largest causes then, share of the mean square", "words"),
     ]  # fmt: skip
-    title = "Requirements, for linear normal errors"
-    return Table(f"{REQUIREMENTS}{several}.", columns, requirement_rows(answer), title, keys=2)
+    words, what = end_words(answer.outputs), "outputs" if any(kinds_of(answer.outputs)) else "errors"
+    title, caption = f"Requirements, for linear normal {what}", REQUIREMENTS.format(what, words.many)
+    return Table(f"{caption}{several}.", columns, requirement_rows(answer), title, keys=2)
 
 
 def _size(value: float | None) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.summary import Summary
 from mcnav.contract.failure import message_of
+from mcnav.contract.quantities import end_words
 from mcnav.report import export
 from mcnav.report.filter_columns import groups_table, neglected_table, sensors_table, sigmas_table
 from mcnav.report.joint_columns import directions_table, ellipsoids_table, tests_table
@@ -191,7 +192,9 @@ FINAL_TABLES: Final[tuple[Build, ...]] = (
              _simulated_budget),
     lambda results: requirements_table(results.summary, results.units),
     lambda results: allowed_table(results.summary, results.units),
-    _of_rows("covariance", "Covariances and correlations of the final errors", 2, _covariance),
+    lambda results: _of_rows(
+        "covariance", f"Covariances and correlations of the {end_words(results.summary.outputs).many}", 2, _covariance
+    )(results),
     lambda results: percentiles_table(results.summary, results.units),
     lambda results: sizes_table(results.summary, results.units),
     lambda results: tests_table(results.summary),

@@ -33,7 +33,7 @@ def _tables(content: RunAnalysis) -> list[Part]:
     listed = [*((sigmas > 0.0) | (model.mean != 0.0)).tolist(), *(True for _ in model.processes)]
     every, parts = each_cause(budget, caused, content.cause_names, sources, listed), contributors(content)
     grouped = "; of several sources the root sum square" if any(len(each.members) > 1 for each in parts) else ""
-    effect = "effect at the end" if content.several_kinds else "final error"
+    effect = "effect at the end" if content.several_kinds else content.ends.one
     foremost = share_table(
         f"Share of the linear variance, %, and {effect} for one sigma{grouped}.",
         "Source", outputs, together(budget, caused, parts), cross_terms,

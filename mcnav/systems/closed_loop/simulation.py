@@ -10,6 +10,7 @@ from mcnav.systems.closed_loop.flight import Flight
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, Noise, NoNoise
 from mcnav.systems.closed_loop.records import Recorder
 from mcnav.systems.closed_loop.setup import Setup
+from mcnav.systems.closed_loop.waiting import begin, wait
 
 
 def simulate(setup: Setup, batch: Batch, noise: bool, over_time: bool = True) -> SimulationResult:
@@ -17,10 +18,14 @@ def simulate(setup: Setup, batch: Batch, noise: bool, over_time: bool = True) ->
     flight = _begin(setup, batch, noise, over_time)
     plan, last = setup.plan, len(setup.timeline) - 1
     with np.errstate(all="ignore"):
+        if plan.begin is not None:
+            wait(flight)
         for number, instant in enumerate(setup.timeline):
             flight.number = number
             for place, time in enumerate(instant.step_times().tolist()):
                 flight.step(instant, place, time)
+            if plan.begin is not None and number == plan.begin.number:
+                begin(flight, setup, batch.errors)
             if number <= plan.end:
                 flight.reach(plan.instants[number].covariance)
             flight.update(instant)
