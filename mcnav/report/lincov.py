@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, causes_at
-from mcnav.contract.quantities import Output, end_words
+from mcnav.contract.quantities import KINDS, Output, end_words, kinds_of
 from mcnav.report.figures.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.format import number
@@ -254,8 +254,9 @@ def contributor_rows(answer: LinearAnswer) -> list[ContributorRow]:
     if answer.beyond is not None:
         return []
     scale, budget, names = scale_of(answer.outputs), answer.budget, answer.causes
-    rows = []
-    for i, output in enumerate(answer.outputs):
+    rows, kinds = [], kinds_of(answer.outputs)
+    for i in sorted(range(len(kinds)), key=lambda i: KINDS.index(kinds[i]) if kinds[i] else 0):
+        output = answer.outputs[i]
         shares = np.nan_to_num(budget.shares[i])
         for j in np.argsort(-shares, kind="stable"):
             if shares[j] >= COARSEST_SHARE:

@@ -42,7 +42,7 @@ from mcnav.report.lincov import (
 from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import listed
 from mcnav.report.sentences import BEYOND, noticed
-from mcnav.report.share_table import ShareRow, each_cause, share_table, together
+from mcnav.report.share_table import ShareRow, each_cause, share_tables, together
 
 EXPLANATION: Final = (
     "Linear analysis for normal errors; no number here is of samples. mcnav run tests it by Monte Carlo simulation."
@@ -230,9 +230,9 @@ def _budget_parts(answer: LinearAnswer, outages: drawn.Outages) -> list[Part]:
     ]
     causes = each_cause(budget, caused, drawn.cause_labels(answer), sources, np.any(caused, axis=0).tolist())
 
-    def table(caption: str, rows: Sequence[ShareRow], sigmas: bool) -> Table[ShareRow]:
-        return share_table(f"{SHARES}{caption}.", "Cause", answer.outputs, rows, budget.cross_terms, sigmas=sigmas)
+    def tables(caption: str, rows: Sequence[ShareRow], sigmas: bool) -> list[Part]:
+        return share_tables(f"{SHARES}{caption}.", "Cause", answer.outputs, rows, budget.cross_terms, sigmas=sigmas)
 
-    foremost = table("; of several causes together", together(budget, caused, drawn.contributors(answer)), False)
-    every = Folded(f"All {len(causes)} causes", [table("", causes, True)])
-    return [foremost, every, *headed("Over time", drawn.development(answer, outages))]
+    foremost = tables("; of several causes together", together(budget, caused, drawn.contributors(answer)), False)
+    every = Folded(f"All {len(causes)} causes", tables("", causes, True))
+    return [*foremost, every, *headed("Over time", drawn.development(answer, outages))]
