@@ -23,9 +23,10 @@ BLOCK: Final = 256
 
 
 class Noise:
-    """Standard normal variates of some samples, each stream in its own order."""
+    """Standard normal variates of some samples, each stream in its own order; or shares of them, shape (n,)."""
 
-    def __init__(self, seed: int, index: IndexArray) -> None:
+    def __init__(self, seed: int, index: IndexArray, shares: Array | None = None) -> None:
+        self._shares = shares
         self._keys = [np.array([seed, int(each)], dtype=np.uint64) for each in index]
         self._generators: dict[int, list[np.random.Generator]] = {}
         self._drawn: dict[int, Array] = {}
@@ -37,7 +38,8 @@ class Noise:
             fresh = self._fresh(stream, max(count, BLOCK))
             left = fresh if left is None else np.concatenate([left, fresh], axis=1)
         self._drawn[stream] = left[:, count:]
-        return np.ascontiguousarray(left[:, :count].T)
+        drawn = np.ascontiguousarray(left[:, :count].T)
+        return drawn if self._shares is None else drawn * self._shares
 
     def _fresh(self, stream: int, count: int) -> Array:
         generators = self._generators.get(stream)
