@@ -36,7 +36,7 @@ from mcnav.execution.chunks import (
     simulate_chunk,
     store,
 )
-from mcnav.execution.memory import keep_freed_memory
+from mcnav.execution.memory import SMALL_PIECES, keep_freed_memory
 from mcnav.store.chunk_files import ChunkFile
 from mcnav.systems.sample_loop import join_results
 from mcnav.systems.timeouts import timeout_message
@@ -49,9 +49,9 @@ IDLE: Final = 60.0
 
 
 def _begin_worker(parent: int) -> None:
-    """Let a worker process end with its parent, and keep the memory of a chunk for the next one."""
+    """Let a worker process end with its parent, and keep the memory of a step for the next one."""
     end_with_parent(parent)
-    keep_freed_memory()
+    keep_freed_memory(*SMALL_PIECES)
 
 
 _isolated_executors: dict[int, ProcessPoolExecutor] = {}

@@ -200,7 +200,8 @@ def test_derivatives_of_truth_and_navigator_apart_are_those_of_both(name: str, m
     errors = described.errors.draw("random", 5, 20, 0, 20)
 
     def outcome() -> SimulationResult:
-        return scenario.engine("vectorised", errors).simulate(Batch(np.arange(20), errors, 5))
+        result: SimulationResult = scenario.engine("vectorised", errors).simulate(Batch(np.arange(20), errors, 5))
+        return result
 
     apart = outcome()
     monkeypatch.setattr(Maps, "apart", False)
