@@ -115,7 +115,8 @@ def requirements(answer: LinearAnswer, outages: Outages) -> Figure | None:
     panels = []
     for number, each in enumerate(wanted, start=1):
         first = each.requirement.outputs[0]
-        unit, values = answer.outputs[first].shown_in, sizes_over_time(each.requirement, history.moments) * scale[first]
+        values = sizes_over_time(each.requirement, history.moments, answer.model.sizes) * scale[first]
+        unit = answer.outputs[first].shown_in
         limit, at = each.requirement.limits[0] * scale[first], list(each.requirement.epochs)
         title = f"{number}: {short_name(each, answer)}"
         columns[f"{title} [{unit}]"] = values

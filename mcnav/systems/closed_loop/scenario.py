@@ -16,7 +16,7 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import TRUE_DISPERSION, Output, Source
-from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.systems.closed_loop.beliefs import believed_shares
 from mcnav.systems.closed_loop.departures import (
@@ -330,21 +330,21 @@ class ClosedLoopScenario:
         setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
         with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
             try:
-                batch, result = check_repeatable(setup)
-                return (*remarks_on(setup, self._sigmas_of_times), *self._departures(setup, batch, result))
+                result = check_repeatable(setup)
+                return (*remarks_on(setup, self._sigmas_of_times), *self._departures(setup, result))
             except ScenarioError:
                 raise
             except (Exception, SystemExit) as failure:
                 message = f"flights with small errors failed: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
 
-    def _departures(self, setup: Setup, batch: Batch, result: SimulationResult) -> tuple[str, ...]:
+    def _departures(self, setup: Setup, result: SimulationResult) -> tuple[str, ...]:
         """Say what linear analysis says of the loop itself, and how a few samples depart from it."""
         names = tuple(output.name for output in self.outputs)
         start = self.sizes.true.start
         said = [*growth_of(self.readings, names, start), *singular_corrections(setup, self.readings, names)]
         sigma = sigmas_of(self.readings, start)[-1]
-        return tuple(said or departures_from_twins(setup, batch, result, sigma))
+        return tuple(said or departures_from_twins(setup, result, sigma))
 
     @cached_property
     def _sigmas_of_times(self) -> dict[str, float]:

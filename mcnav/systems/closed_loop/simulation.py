@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.closed_loop.flight import Flight
@@ -13,9 +14,17 @@ from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.waiting import begin, wait
 
 
-def simulate(setup: Setup, batch: Batch, noise: bool, over_time: bool = True) -> SimulationResult:
-    """Simulate samples; without ``over_time`` their final outputs alone, without linear outcomes."""
-    flight = _begin(setup, batch, noise, over_time)
+def simulate(
+    setup: Setup, batch: Batch, noise: bool, over_time: bool = True, shares: Array | None = None
+) -> SimulationResult:
+    """Simulate samples; without ``over_time`` their final outputs alone.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n,), optional
+        Multiple of each sample's noise.
+    """
+    flight = _begin(setup, batch, noise, over_time, shares)
     plan, last = setup.plan, len(setup.timeline) - 1
     with np.errstate(all="ignore"):
         if plan.begin is not None:
@@ -57,13 +66,13 @@ def simulate(setup: Setup, batch: Batch, noise: bool, over_time: bool = True) ->
     )
 
 
-def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
+def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool, shares: Array | None) -> Flight:
     """Start samples with their errors, and with their processes' values where there is noise."""
     maps, structure, count = setup.maps, setup.maps.structure, len(batch.errors)
     deviation = np.zeros((structure.size, count))
     for column, source in enumerate(structure.sources):
         deviation[list(source.moves)] += batch.errors[:, column]
-    draws = Noise(batch.seed, batch.index) if noise else NoNoise(count)
+    draws = Noise(batch.seed, batch.index, shares) if noise else NoNoise(count)
     if structure.markov.size:
         deviation[structure.markov.whole] = draws.draw(PROCESSES, structure.markov.size) * setup.true.markov[:, None]
     x = structure.started(setup.start, batch.errors, deviation)
