@@ -51,7 +51,7 @@ def _entering(maps: Maps, true: Sizes, transition: Transition) -> Iterator[tuple
     structure = maps.structure
     if transition.kind == "step":
         inputs = structure.white.size + structure.markov.size
-        sized = transition.inputs * np.tile(true.inputs, 2)
+        sized = transition.inputs * true.modes
         begin = 0
         for quantity in (*structure.white.quantities, *structure.markov.quantities):
             columns = np.arange(begin, begin + quantity.size)

@@ -354,7 +354,7 @@ class Planner:
 
     def _propagate_composed(self, composed: Composed) -> None:
         """Propagate the filter's covariance by a step with events."""
-        self.propagate(composed.fixed, composed.inputs_fixed, np.tile(self.believed.inputs, 2))
+        self.propagate(composed.fixed, composed.inputs_fixed, self.believed.modes)
         for number, inputs in composed.corrections.items():
             self.propagate(np.eye(len(self.x)), inputs, self.believed.corrections[number])
 

@@ -17,16 +17,16 @@ from mcnav.systems.closed_loop.flight import Flight
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.plan import Plan
 from mcnav.systems.closed_loop.setup import Setup
-from mcnav.systems.closed_loop.structure import Structure
+from mcnav.systems.closed_loop.structure import Part, Structure
 
 
 @dataclass(frozen=True)
 class _Beside(Maps):
     """Maps of samples and, as many columns after them, of the nominal flights beside them."""
 
-    def derivative(self, x: Array, time: Array, white: Array) -> Array:
-        """Compute dX/dt, that of what waits from the flight beside."""
-        rates, count, held = super().derivative(x, time, white), x.shape[1] // 2, self.structure.navigator
+    def derivative(self, x: Array, time: Array, white: Array, part: Part = "both") -> Array:
+        """Compute dX/dt of both parts, that of what waits from the flight beside."""
+        rates, count, held = super().derivative(x, time, white, part), x.shape[1] // 2, self.structure.navigator
         rates[held, :count] = rates[held, count:]
         return rates
 
@@ -54,11 +54,16 @@ class WaitingMaps(Maps):
         given = {each.name: getattr(maps, each.name) for each in fields(Maps)}
         return cls(**(given | {"update": None, "covariance": None}), nominal=nominal)
 
+    @property
+    def apart(self) -> bool:
+        """False: what waits is propagated beside the truth."""
+        return False
+
     def step(
         self, x: Array, time: Array, length: float, white: Array, fraction: Array | float = 1.0,
-        since: Array | float = 0.0,
+        since: Array | float = 0.0, part: Part = "both",
     ) -> Array:  # fmt: skip
-        """Propagate by a step, or from one fraction of it to another; see `Maps.step`."""
+        """Propagate both parts by a step, or from one fraction of it to another; see `Maps.step`."""
         count = x.shape[1]
         beside = np.repeat(self.nominal[float(time[0])][:, None], count, axis=1)
         quiet = np.zeros_like(white)
