@@ -29,6 +29,12 @@ END: Final = 3.5
 """How far beyond the farthest entry expected a line is followed."""
 
 PILOT: Final = 36
+OTHERS: Final = 8
+"""Lines of the pilot: along the nearest half-spaces, and along one that the linear model does not expect."""
+
+DRAWS: Final = 4_000
+"""Lines by which a fit is turned into a proposal; they are not flown."""
+
 FEWEST, MOST = 120, 1_000
 """Lines of the estimate."""
 
@@ -38,8 +44,7 @@ HEAVIEST: Final = 0.25
 BETWEEN: Final = 4
 """One line in so many is flown at a point before its entry as well."""
 
-AGREEMENT: Final = 6.0
-"""Standard errors between the pilot and the estimate at which they contradict each other."""
+BEFORE: Final = "flights fail before the limit is reached along their line as well: it is crossed more than once"
 
 
 @dataclass(frozen=True)
@@ -86,13 +91,18 @@ class _Flown:
 
 @dataclass(frozen=True)
 class _Lines:
-    """Lines that were followed: facet, v, entry, and flights beyond and before it, shape (n,)."""
+    """Lines that were followed.
+
+    Facet, v, entry and whether a flight beyond it fails, shape (n,); entries as points, shape (n, d); points before
+    the entry of a line that fail as well, shape (m, d).
+    """
 
     facet: IndexArray
     across: Array
     entry: Array
     beyond: Array
-    before: int
+    points: Array
+    before: Array
 
     def weights(self, proposals: list[Proposal]) -> Array:
         """Return ``ratio(v) Phi(-t*)``, zero where the flight beyond the entry is not in the event, shape (n,)."""
@@ -135,12 +145,15 @@ def estimate_probability(
     expected = lambda points: limit.margin(linear(points))  # noqa: E731
     plan = _Plan(flown, expected, facets, generator)
     pilot, proposals = plan.pilot()
-    search = search_elsewhere(flown, expected, facets, proposals, plan.nearest(pilot), generator)
+    unexpected = np.vstack([pilot.before, pilot.points[(pilot.facet >= facets.foreseen) & np.isfinite(pilot.entry)]])
+    search = search_elsewhere(flown, expected, facets, proposals, plan.nearest(pilot), unexpected, generator)
     if search.refusal:
         return _refused(flown, search.refusal, dimensions)
     if len(search.facets.distances) > len(facets.distances):
         plan = _Plan(flown, expected, search.facets, generator)
         pilot, proposals = plan.pilot()
+    if len(pilot.before):
+        return _refused(flown, BEFORE, dimensions)
     return plan.estimate(pilot, proposals, search, precision, confidence, most)
 
 
@@ -155,8 +168,10 @@ class _Plan:
     facets: Facets
     generator: np.random.Generator
 
-    def follow(self, facet: IndexArray, across: Array, proposals: list[Proposal]) -> _Lines:
-        """Follow lines, and fly a point beyond the entry of each and before that of some."""
+    def follow(
+        self, facet: IndexArray, across: Array, proposals: list[Proposal], check: bool = True
+    ) -> _Lines:
+        """Follow lines, and fly a point beyond the entry of each, if that is checked, and before that of some."""
         facets, number = self.facets, len(facet)
         feet, along = facets.feet(facet, across), facets.directions[facet]
         nearest = float(np.min([each.constant for each in proposals]))
@@ -172,27 +187,33 @@ class _Plan:
         entered = np.isfinite(entry)
         beyond, some = np.zeros(number), entered & (np.arange(number) % BETWEEN == 0)
         t = -special.ndtri(uniform[:, 0] * special.ndtr(-entry))
-        beyond[entered] = ~(self.flown(feet[entered] + t[entered, None] * along[entered]) <= 0.0)
+        if check:
+            beyond[entered] = ~(self.flown(feet[entered] + t[entered, None] * along[entered]) <= 0.0)
         begin = np.maximum(begins, 0.5 * entry)[some]
         t = begin + uniform[some, 1] * (entry[some] * (1.0 - 1e-2) - begin)
         inside = np.asarray(t > begins[some])
-        margins = self.flown(feet[some][inside] + t[inside, None] * along[some][inside])
-        return _Lines(facet, across, entry, beyond, int(np.count_nonzero(~(margins <= 0.0))))
+        points = feet[some][inside] + t[inside, None] * along[some][inside]
+        before = points[~(self.flown(points) <= 0.0)]
+        entries = feet + np.where(entered, entry, 0.0)[:, None] * along
+        return _Lines(facet, across, entry, beyond, entries, before)
 
     def pilot(self) -> tuple[_Lines, list[Proposal]]:
         """Follow lines from the standard normal, and fit where those of the estimate are laid."""
         facets, d = self.facets, self.facets.directions.shape[1] - 1
-        shares = np.maximum(facets.probabilities / np.max(facets.probabilities), 0.0)
-        lines = np.maximum(6, np.ceil(max(PILOT, 2 * d + 6) * shares)).astype(int)
-        lines = np.maximum(6, (lines * min(1.0, 4.0 * max(PILOT, 2 * d + 6) / lines.sum())).astype(int))
-        facet = np.repeat(np.arange(len(lines)), lines)
+        likely = facets.probabilities / np.max(facets.probabilities)
+        likely[facets.foreseen : facets.foreseen + 1] = 0.0  # the opposite side
+        lines = np.maximum(OTHERS, np.ceil(max(PILOT, 2 * d + 12) * likely / max(1.0, likely.sum() / 3.0)).astype(int))
+        facet = np.repeat(np.arange(len(lines)), lines if d else 1)
         plain = [Proposal.plain(d, float(each)) for each in facets.distances]
-        followed = self.follow(facet, self.generator.standard_normal((len(facet), d)), plain)
-        fitted = [
-            Proposal.fitted(followed.across[facet == j], followed.entry[facet == j], float(facets.distances[j]))
-            if lines[j] > d + 3 else plain[j]
-            for j in range(len(lines))
-        ]  # fmt: skip
+        followed = self.follow(facet, self.generator.standard_normal((len(facet), d)), plain, check=False)
+        fitted = []
+        normal = self.generator.standard_normal((DRAWS, d))
+        for j, count in enumerate(lines):
+            mine = facet == j
+            fit = plain[j]
+            if count > d + 3:
+                fit = Proposal.fitted(followed.across[mine], followed.entry[mine], float(facets.distances[j]))
+            fitted.append(fit.improved(normal)[0])
         return followed, fitted
 
     def means(self, lines: _Lines) -> Array:
@@ -227,7 +248,7 @@ class _Plan:
         lines = self.follow(facet, across, proposals)
         weights = lines.weights(proposals) / shares[facet]
         value, low, high = weights_interval(weights, number, confidence)
-        refusal = self.doubt(pilot, lines, weights, value)
+        refusal = self.doubt(lines, weights, value)
         if refusal:
             return _refused(self.flown, refusal, d)
         parts = np.array([weights[facet == j].sum() for j in range(len(shares))]) / number
@@ -245,16 +266,17 @@ class _Plan:
         scatter = float(np.std(hazard * (t - proposal.entry(pilot.across[mine]))))
         freedom = max(len(t) - 2.0 * len(proposal.mean) - 2.0, 1.0)
         scatter *= math.sqrt(len(t) / freedom)
-        return (math.expm1(min(scatter**2, 20.0)) + PLAIN_SCATTER) / precision**2
+        fitted = proposal.improved(self.generator.standard_normal((DRAWS, len(proposal.mean))))[1]
+        return (math.expm1(min(scatter**2, 20.0)) + fitted) / precision**2
 
-    def doubt(self, pilot: _Lines, lines: _Lines, weights: Array, value: float) -> str:
+    def doubt(self, lines: _Lines, weights: Array, value: float) -> str:
         """Say what contradicts the estimate; nothing where nothing does."""
         if self.flown.failed:
             return f"{self.flown.failed} of {self.flown.flights} flights failed"
         if not value > 0.0:
             return "no flight fails where the linear model expects it"
-        if pilot.before + lines.before:
-            return "flights fail before the limit is reached along their line as well: more than one crossing"
+        if len(lines.before):
+            return BEFORE
         largest = float(np.max(weights) / np.sum(weights))
         if largest > HEAVIEST:
             return f"a single line carries {100.0 * largest:.0f} % of the estimate"
@@ -272,6 +294,3 @@ class _Plan:
         along = float(share @ lines.entry[mine])
         return np.asarray(centre + along * self.facets.directions[j])
 
-
-PLAIN_SCATTER: Final = 0.15
-"""Squared coefficient of variation of the weights where the fit is exact, from the share of plain lines."""

@@ -40,6 +40,8 @@ class Facets:
 
     directions: Array
     distances: Array
+    foreseen: int
+    """Half-spaces of the linear model, which come first; the others are the opposite side and those of a search."""
 
     @cached_property
     def bases(self) -> Array:
@@ -76,7 +78,9 @@ class Facets:
     def with_facet(self, point: Array) -> Facets:
         """Return the half-spaces with one more, beyond the plane through a point perpendicular to its position."""
         distance = float(np.linalg.norm(point))
-        return Facets(np.vstack([self.directions, point / distance]), np.append(self.distances, distance))
+        return Facets(
+            np.vstack([self.directions, point / distance]), np.append(self.distances, distance), self.foreseen
+        )
 
 
 def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:
@@ -95,9 +99,10 @@ def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:
     for alpha, beta in sorted(points, key=lambda each: each[1]):
         if beta < nearest + BEHIND and not np.any(directions @ alpha > SAME):
             directions, distances = np.vstack([directions, alpha]), np.append(distances, beta)
+    foreseen = len(distances)
     if len(distances) and not np.any(directions @ directions[0] < -SAME):
         directions, distances = np.vstack([directions, -directions[0]]), np.append(distances, distances[0])
-    return Facets(directions, distances)
+    return Facets(directions, distances, foreseen)
 
 
 def nearest_point(linear: Outputs, normal: Array, offset: float, dimensions: int) -> tuple[Array, float] | None:

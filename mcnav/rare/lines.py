@@ -17,8 +17,8 @@ Margins = Callable[[Array], Array]
 CLOSE: Final = 0.03
 """Last step of the secant method, times t: what remains is its square or less, and moves Phi(-t) by 0.1 %."""
 
-NARROW: Final = 0.02
-"""Width of a bracket, times t, at which a jump is located: its middle moves Phi(-t) by 1 % at most."""
+NARROW: Final = 0.002
+"""Width of a bracket, times t, at which a jump is located: its middle moves Phi(-t) by 0.1 % at most."""
 
 MOST_STEPS: Final = 24
 SECANTS: Final = 5

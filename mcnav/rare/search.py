@@ -22,8 +22,8 @@ from mcnav.rare.proposal import Proposal
 RELEVANT: Final = 0.02
 """Share of the probability below which another way to fail is left out."""
 
-DIRECTIONS: Final = 96
-FARTHEST: Final = 1.8
+DIRECTIONS: Final = 120
+FARTHEST: Final = 2.0
 """Random directions, and how far out they reach, in distances at which a way to fail is just relevant."""
 
 FOLLOWED: Final = 4
@@ -31,6 +31,9 @@ FOLLOWED: Final = 4
 
 PASSED: Final = 2.0
 """Distance from a line's axis within which the lines of a facet pass a point."""
+
+CLEAR: Final = 0.03
+"""Share by which a nearest point is moved out and in to see that flights fail beyond it and not before."""
 
 MOST_STEPS: Final = 6
 STEP: Final = 0.05
@@ -47,7 +50,7 @@ class Search:
 
 def search_elsewhere(
     margins: Margins, expected: Callable[[Array], Array], facets: Facets, proposals: Sequence[Proposal],
-    nearest: float, generator: np.random.Generator,
+    nearest: float, unexpected: Array, generator: np.random.Generator,
 ) -> Search:  # fmt: skip
     """Search for other ways to fail than those of the facets.
 
@@ -59,36 +62,48 @@ def search_elsewhere(
         Of the lines of each facet.
     nearest : float
         Distance of a half-space as probable as the event.
+    unexpected : ndarray, shape (m, d)
+        Points that failed already where none should.
     """
     d = facets.directions.shape[1]
     far = float(-special.ndtri(RELEVANT * special.ndtr(-nearest)))
-    axes = far * np.vstack([np.eye(d), -np.eye(d)])
-    directions = generator.standard_normal((DIRECTIONS, d))
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    radii = far * (1.0 + (FARTHEST - 1.0) * generator.random(DIRECTIONS))
-    points = np.vstack([axes, radii[:, None] * directions])
+    points = other_places(facets, far, generator)
     flights = len(points)
     failed = ~(margins(points) <= 0.0) & ~foreseen(points, expected, facets, proposals)
-    points = points[failed]
+    points = np.vstack([unexpected, points[failed]])
     if not len(points):
         return Search(facets, flights)
     sizes = np.linalg.norm(points, axis=1)
     rays, zeros = points / sizes[:, None], np.zeros(len(points))
-    entries = crossings(margins, np.zeros(points.shape), rays, 0.5 * sizes, zeros, zeros, sizes)
+    entries = crossings(margins, np.zeros(points.shape), rays, sizes, zeros, zeros, sizes * (1.0 + 1e-9))
     flights += entries.flights
-    nearest_first = np.argsort(np.where(np.isfinite(entries.at), entries.at, sizes), kind="stable")
-    rays, distances = rays[nearest_first], np.minimum(entries.at, sizes)[nearest_first]
-    for ray, distance in list(zip(rays, distances, strict=True))[:FOLLOWED]:
-        point, used, settled = nearest_failure(margins, distance * ray)
-        flights += used
+    distances = np.minimum(entries.at, sizes)
+    for i in np.argsort(distances, kind="stable")[:FOLLOWED]:
+        follow = nearest_jump if entries.jumped[i] else nearest_failure
+        point, used, settled = follow(margins, distances[i] * rays[i])
+        flights += used + 2
         size = float(np.linalg.norm(point))
-        if passed(point, facets) or (settled and size > far):
+        if settled and size > far:
             continue
-        if not settled:
-            reason = f"a flight fails at {distance:.2g} sigma in a direction where no failure is expected: a jump, a gate"
+        inside, outside = margins(np.array([1.0 + CLEAR, 1.0 - CLEAR])[:, None] * point) > 0.0
+        if not (settled and inside and not outside):
+            reason = f"a flight fails {distances[i]:.2g} sigma from the nominal where no failure is expected, by a jump"
             return Search(facets, flights, reason)
-        facets = facets.with_facet(point)
+        if not passed(point, facets):
+            facets = facets.with_facet(point)
     return Search(facets, flights)
+
+
+def other_places(facets: Facets, far: float, generator: np.random.Generator) -> Array:
+    """Return where else flights go, shape (n, d): single causes, alone and with the linear direction, and any."""
+    d = facets.directions.shape[1]
+    axes = np.vstack([np.eye(d), -np.eye(d)])
+    tilted = 0.5 * facets.directions[0] + np.sqrt(0.75) * axes
+    tilted /= np.maximum(np.linalg.norm(tilted, axis=1), 1e-3)[:, None]
+    directions = generator.standard_normal((DIRECTIONS, d))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    radii = far * (1.0 + (FARTHEST - 1.0) * generator.random(DIRECTIONS))
+    return np.vstack([far * axes, 1.1 * far * tilted, radii[:, None] * directions])
 
 
 def foreseen(points: Array, expected: Callable[[Array], Array], facets: Facets, proposals: Sequence[Proposal]) -> Array:
@@ -96,7 +111,7 @@ def foreseen(points: Array, expected: Callable[[Array], Array], facets: Facets, 
     cells = facets.cells(points)
     along = np.einsum("nd,nd->n", points, facets.directions[cells])
     by_lines = np.zeros(len(points), dtype=bool)
-    for j, proposal in enumerate(proposals):
+    for j, proposal in enumerate(proposals[: facets.foreseen]):
         mine = cells == j
         across = points[mine] @ facets.bases[j]
         by_lines[mine] = along[mine] > proposal.entry(across) - 0.3
@@ -130,3 +145,22 @@ def nearest_failure(margins: Margins, point: Array) -> tuple[Array, int, bool]:
             return better, flights, True
         point = point + min(1.0, max(0.5 * size, 1.0) / moved) * (better - point)
     return point, flights, moved < 0.5
+
+
+def nearest_jump(margins: Margins, point: Array) -> tuple[Array, int, bool]:
+    """Find the nearest point of a plane across which flights jump, from d more rays that cross it; as above.
+
+    With p_0 ... p_d where rays cross, the normal n solves ``n . p_i = 1``, and the point is ``n / |n|^2``.
+    """
+    d, size = len(point), float(np.linalg.norm(point))
+    rays = point / size + ASIDE * np.eye(d)
+    rays /= np.linalg.norm(rays, axis=1)[:, None]
+    zeros = np.zeros(d)
+    entries = crossings(margins, np.zeros((d, d)), rays, np.full(d, size), zeros, zeros, np.full(d, 1.5 * size))
+    if not np.all(np.isfinite(entries.at)):
+        return point, entries.flights, False
+    normal = np.linalg.lstsq(np.vstack([point, entries.at[:, None] * rays]), np.ones(d + 1), rcond=None)[0]
+    return normal / float(normal @ normal), entries.flights, True
+
+
+ASIDE: Final = 0.08
