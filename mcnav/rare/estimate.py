@@ -44,6 +44,12 @@ HEAVIEST: Final = 0.25
 BETWEEN: Final = 4
 """One line in so many is flown at a point before its entry as well."""
 
+DISAGREEMENT: Final = 2.5
+"""Factor between the estimate and what the fit of the pilot predicts of the same lines."""
+
+MINOR: Final = 0.02
+"""Share of a cell in the probability below which the pilot, of few lines there, is not compared with."""
+
 BEFORE: Final = "flights fail before the limit is reached along their line as well: it is crossed more than once"
 
 
@@ -94,7 +100,7 @@ class _Lines:
     """Lines that were followed.
 
     Facet, v, entry and whether a flight beyond it fails, shape (n,); entries as points, shape (n, d); points before
-    the entry of a line that fail as well, shape (m, d).
+    the entry of a line that fail as well, shape (m, d); flights to find the entries.
     """
 
     facet: IndexArray
@@ -103,6 +109,8 @@ class _Lines:
     beyond: Array
     points: Array
     before: Array
+    begin: Array
+    flights: int
 
     def weights(self, proposals: list[Proposal]) -> Array:
         """Return ``ratio(v) Phi(-t*)``, zero where the flight beyond the entry is not in the event, shape (n,)."""
@@ -182,7 +190,8 @@ class _Plan:
         step = 1e-4
         at = feet + facets.distances[facet][:, None] * along
         slopes = (self.expected(at + step * along) - self.expected(at - step * along)) / (2.0 * step)
-        entry = crossings(self.flown, feet, along, guesses, slopes, begins, ends).at
+        entered_at = crossings(self.flown, feet, along, guesses, slopes, begins, ends)
+        entry = entered_at.at
         uniform = self.generator.random((number, 2))
         entered = np.isfinite(entry)
         beyond, some = np.zeros(number), entered & (np.arange(number) % BETWEEN == 0)
@@ -195,7 +204,7 @@ class _Plan:
         points = feet[some][inside] + t[inside, None] * along[some][inside]
         before = points[~(self.flown(points) <= 0.0)]
         entries = feet + np.where(entered, entry, 0.0)[:, None] * along
-        return _Lines(facet, across, entry, beyond, entries, before)
+        return _Lines(facet, across, entry, beyond, entries, before, begins, entered_at.flights)
 
     def pilot(self) -> tuple[_Lines, list[Proposal]]:
         """Follow lines from the standard normal, and fit where those of the estimate are laid."""
@@ -210,7 +219,8 @@ class _Plan:
         normal = self.generator.standard_normal((DRAWS, d))
         for j, count in enumerate(lines):
             mine = facet == j
-            fit = plain[j]
+            entered = followed.entry[mine & np.isfinite(followed.entry)]
+            fit = Proposal.plain(d, float(np.mean(entered)) if len(entered) else float(facets.distances[j]))
             if count > d + 3:
                 fit = Proposal.fitted(followed.across[mine], followed.entry[mine], float(facets.distances[j]))
             fitted.append(fit.improved(normal)[0])
@@ -236,9 +246,9 @@ class _Plan:
             return _refused(self.flown, "no flight fails where the linear model expects it", d)
         shares = np.maximum(means / means.sum(), 1e-3)
         shares /= shares.sum()
-        per_line = (self.flown.flights - search.flights) / max(len(pilot.facet), 1)
+        per_line = pilot.flights / len(pilot.facet) + 1.0 + 1.0 / BETWEEN
         number = self.lines_needed(pilot, proposals, precision)
-        number = int(np.clip(min(number, (most - self.flown.flights) / max(per_line, 2.0)), FEWEST, MOST))
+        number = int(np.clip(min(number, (most - self.flown.flights) / per_line), FEWEST, MOST))
         facet = np.searchsorted(np.cumsum(shares), self.generator.random(number) * (1.0 - 1e-12)).astype(np.int64)
         uniform, normal = self.generator.random(number), self.generator.standard_normal((number, d - 1))
         across = np.empty((number, d - 1))
@@ -248,7 +258,7 @@ class _Plan:
         lines = self.follow(facet, across, proposals)
         weights = lines.weights(proposals) / shares[facet]
         value, low, high = weights_interval(weights, number, confidence)
-        refusal = self.doubt(lines, weights, value)
+        refusal = self.doubt(lines, weights, value, proposals, shares)
         if refusal:
             return _refused(self.flown, refusal, d)
         parts = np.array([weights[facet == j].sum() for j in range(len(shares))]) / number
@@ -261,7 +271,7 @@ class _Plan:
         mine = (pilot.facet == j) & np.isfinite(pilot.entry)
         t, proposal = pilot.entry[mine], proposals[j]
         if len(t) < 8:
-            return math.inf
+            return math.inf if len(proposal.mean) else 0.0
         hazard = np.abs(t) + 1.0 / np.maximum(np.abs(t), 1.0)
         scatter = float(np.std(hazard * (t - proposal.entry(pilot.across[mine]))))
         freedom = max(len(t) - 2.0 * len(proposal.mean) - 2.0, 1.0)
@@ -269,7 +279,9 @@ class _Plan:
         fitted = proposal.improved(self.generator.standard_normal((DRAWS, len(proposal.mean))))[1]
         return (math.expm1(min(scatter**2, 20.0)) + fitted) / precision**2
 
-    def doubt(self, lines: _Lines, weights: Array, value: float) -> str:
+    def doubt(
+        self, lines: _Lines, weights: Array, value: float, proposals: list[Proposal], shares: Array
+    ) -> str:
         """Say what contradicts the estimate; nothing where nothing does."""
         if self.flown.failed:
             return f"{self.flown.failed} of {self.flown.flights} flights failed"
@@ -280,6 +292,15 @@ class _Plan:
         largest = float(np.max(weights) / np.sum(weights))
         if largest > HEAVIEST:
             return f"a single line carries {100.0 * largest:.0f} % of the estimate"
+        predicted = np.zeros(len(lines.facet))
+        major = shares[lines.facet] > MINOR
+        for j, proposal in enumerate(proposals):
+            mine = (lines.facet == j) & major
+            v = lines.across[mine]
+            predicted[mine] = proposal.ratio(v) * special.ndtr(-np.maximum(proposal.entry(v), lines.begin[mine]))
+        agreement = float(np.sum(weights[major]) / np.sum(predicted / shares[lines.facet]))
+        if not 1.0 / DISAGREEMENT < agreement < DISAGREEMENT:
+            return f"the lines of the estimate have {agreement:.2g} times the probability that the first ones had"
         if np.mean(lines.beyond[np.isfinite(lines.entry)]) < 0.5:
             return "most flights beyond the crossing do not fail"
         return ""

@@ -20,6 +20,9 @@ CLOSE: Final = 0.03
 NARROW: Final = 0.002
 """Width of a bracket, times t, at which a jump is located: its middle moves Phi(-t) by 0.1 % at most."""
 
+THERE: Final = 1e-4
+"""Margin over the expected slope, times t, at which a line is at its crossing."""
+
 MOST_STEPS: Final = 24
 SECANTS: Final = 5
 """Steps after which brackets are halved."""
@@ -72,7 +75,7 @@ def crossings(
     number = len(feet)
     at, jumped, flights = np.full(number, np.inf), np.zeros(number, dtype=bool), 0
     now = np.clip(guesses, begins, ends)
-    state = _Search(begins.copy(), ends.copy(), now, now, np.full(number, np.nan), np.full(number, np.nan))
+    state = _Search(begins.copy(), ends.copy(), now.copy(), now.copy(), np.full(number, np.nan), np.full(number, np.nan))
     below, above = np.zeros(number, dtype=bool), np.zeros(number, dtype=bool)
     active = np.flatnonzero(begins < ends)
     for step in range(MOST_STEPS):
@@ -93,9 +96,10 @@ def crossings(
         following, shift = _next(state, active, slopes, below, above, step)
         width = (state.high - state.low)[active] * np.maximum(t, 1.0)
         closed = below[active] & above[active] & (width < NARROW)
-        settled = ~at_begin & ~at_end & (closed | (shift * np.maximum(t, 1.0) < CLOSE))
-        at[active[settled]] = np.where(closed, 0.5 * (state.low + state.high)[active], following)[settled]
-        jumped[active[settled]] = (closed & (step > SECANTS))[settled]
+        there = np.abs(margin) * np.maximum(t, 1.0) < THERE * slopes[active]
+        settled = ~at_begin & ~at_end & (closed | there | (shift * np.maximum(t, 1.0) < CLOSE))
+        at[active[settled]] = np.where(there, t, np.where(closed, 0.5 * (state.low + state.high)[active], following))[settled]
+        jumped[active[settled]] = (closed & ~there & (step > SECANTS))[settled]
         rest = ~(at_begin | at_end | settled)
         now[active] = following
         active = active[rest]
@@ -122,4 +126,4 @@ def _next(
     other_end = np.where(margin <= 0.0, high, low)
     following = np.where(outside, np.where(both, halfway, other_end), np.clip(target, low, high))
     shift = np.where(outside | (following == low) | (following == high), np.inf, np.abs(following - t))
-    return following, shift if step > 0 else np.where(np.abs(margin) < 1e-9 * np.abs(slopes[active]), 0.0, np.inf)
+    return following, shift if step > 0 else np.full(len(t), np.inf)

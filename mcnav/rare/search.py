@@ -26,7 +26,10 @@ DIRECTIONS: Final = 120
 FARTHEST: Final = 2.0
 """Random directions, and how far out they reach, in distances at which a way to fail is just relevant."""
 
-FOLLOWED: Final = 4
+BEHIND: Final = 0.5
+"""Depth before the half-space at a nearest point from which other failures belong to it."""
+
+FOLLOWED: Final = 5
 """Unexpected failures that are followed to the nearest point."""
 
 PASSED: Final = 2.0
@@ -35,8 +38,9 @@ PASSED: Final = 2.0
 CLEAR: Final = 0.03
 """Share by which a nearest point is moved out and in to see that flights fail beyond it and not before."""
 
-MOST_STEPS: Final = 6
-STEP: Final = 0.05
+MOST_STEPS: Final = 24
+STEP, CLOSE = 0.05, 0.1
+"""Step of differences, and the last step towards a nearest point, in standard deviations.""""""Angle between rays across a jump."""
 
 
 @dataclass(frozen=True)
@@ -78,11 +82,17 @@ def search_elsewhere(
     entries = crossings(margins, np.zeros(points.shape), rays, sizes, zeros, zeros, sizes * (1.0 + 1e-9))
     flights += entries.flights
     distances = np.minimum(entries.at, sizes)
-    for i in np.argsort(distances, kind="stable")[:FOLLOWED]:
+    points = distances[:, None] * rays
+    left = np.argsort(distances, kind="stable")
+    for _ in range(FOLLOWED):
+        if not len(left):
+            break
+        i = left[0]
         follow = nearest_jump if entries.jumped[i] else nearest_failure
-        point, used, settled = follow(margins, distances[i] * rays[i])
+        point, used, settled = follow(margins, points[i])
         flights += used + 2
         size = float(np.linalg.norm(point))
+        left = left[1:]
         if settled and size > far:
             continue
         inside, outside = margins(np.array([1.0 + CLEAR, 1.0 - CLEAR])[:, None] * point) > 0.0
@@ -91,6 +101,7 @@ def search_elsewhere(
             return Search(facets, flights, reason)
         if not passed(point, facets):
             facets = facets.with_facet(point)
+        left = left[points[left] @ point < size * (size - BEHIND)]
     return Search(facets, flights)
 
 
@@ -126,25 +137,29 @@ def passed(point: Array, facets: Facets) -> bool:
 
 
 def nearest_failure(margins: Margins, point: Array) -> tuple[Array, int, bool]:
-    """Follow the surface of the event to its point nearest to zero, by differences (`mcnav.rare.facets.nearest_point`).
+    """Follow the surface of the event to its point nearest to zero, by differences and Broyden's rule
+    (`mcnav.rare.facets.nearest_point`).
 
     Returns the point, the flights, and whether it was reached.
     """
-    d, flights = len(point), 0
-    for _ in range(MOST_STEPS):
-        ends = margins(np.vstack([point, point + STEP * np.eye(d)]))
-        flights += d + 1
-        gradient = (ends[1:] - ends[0]) / STEP
+    d, gradient, before, last = len(point), np.zeros(len(point)), point, 0.0
+    for flight in range(MOST_STEPS):
+        if flight == 0:
+            ends = margins(np.vstack([point, point + STEP * np.eye(d)]))
+            now, gradient = float(ends[0]), (ends[1:] - ends[0]) / STEP
+        else:
+            now, moved_by = float(margins(point[None])[0]), point - before
+            gradient = gradient + (now - last - gradient @ moved_by) / float(moved_by @ moved_by) * moved_by
         square = float(gradient @ gradient)
         if not (np.isfinite(square) and square > 0.0):
-            return point, flights, False
-        better = (float(gradient @ point) - float(ends[0])) / square * gradient
+            return point, d + 1 + flight, False
+        better = (float(gradient @ point) - now) / square * gradient
         moved = float(np.linalg.norm(better - point))
-        size = float(np.linalg.norm(point))
-        if moved < 0.1:
-            return better, flights, True
-        point = point + min(1.0, max(0.5 * size, 1.0) / moved) * (better - point)
-    return point, flights, moved < 0.5
+        if moved < CLOSE:
+            return better, d + 1 + flight, True
+        before, last = point, now
+        point = point + min(1.0, max(0.5 * float(np.linalg.norm(point)), 1.0) / moved) * (better - point)
+    return point, d + MOST_STEPS, False
 
 
 def nearest_jump(margins: Margins, point: Array) -> tuple[Array, int, bool]:
