@@ -176,9 +176,7 @@ class _Plan:
     facets: Facets
     generator: np.random.Generator
 
-    def follow(
-        self, facet: IndexArray, across: Array, proposals: list[Proposal], check: bool = True
-    ) -> _Lines:
+    def follow(self, facet: IndexArray, across: Array, proposals: list[Proposal], check: bool = True) -> _Lines:
         """Follow lines, and fly a point beyond the entry of each, if that is checked, and before that of some."""
         facets, number = self.facets, len(facet)
         feet, along = facets.feet(facet, across), facets.directions[facet]
@@ -221,7 +219,7 @@ class _Plan:
             mine = facet == j
             entered = followed.entry[mine & np.isfinite(followed.entry)]
             fit = Proposal.plain(d, float(np.mean(entered)) if len(entered) else float(facets.distances[j]))
-            if count > d + 3:
+            if d and count > d + 3:
                 fit = Proposal.fitted(followed.across[mine], followed.entry[mine], float(facets.distances[j]))
             fitted.append(fit.improved(normal)[0])
         return followed, fitted
@@ -279,9 +277,7 @@ class _Plan:
         fitted = proposal.improved(self.generator.standard_normal((DRAWS, len(proposal.mean))))[1]
         return (math.expm1(min(scatter**2, 20.0)) + fitted) / precision**2
 
-    def doubt(
-        self, lines: _Lines, weights: Array, value: float, proposals: list[Proposal], shares: Array
-    ) -> str:
+    def doubt(self, lines: _Lines, weights: Array, value: float, proposals: list[Proposal], shares: Array) -> str:
         """Say what contradicts the estimate; nothing where nothing does."""
         if self.flown.failed:
             return f"{self.flown.failed} of {self.flown.flights} flights failed"
@@ -314,4 +310,3 @@ class _Plan:
         centre = share @ feet
         along = float(share @ lines.entry[mine])
         return np.asarray(centre + along * self.facets.directions[j])
-

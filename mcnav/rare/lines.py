@@ -75,7 +75,9 @@ def crossings(
     number = len(feet)
     at, jumped, flights = np.full(number, np.inf), np.zeros(number, dtype=bool), 0
     now = np.clip(guesses, begins, ends)
-    state = _Search(begins.copy(), ends.copy(), now.copy(), now.copy(), np.full(number, np.nan), np.full(number, np.nan))
+    state = _Search(
+        begins.copy(), ends.copy(), now.copy(), now.copy(), np.full(number, np.nan), np.full(number, np.nan)
+    )
     below, above = np.zeros(number, dtype=bool), np.zeros(number, dtype=bool)
     active = np.flatnonzero(begins < ends)
     for step in range(MOST_STEPS):
@@ -98,7 +100,9 @@ def crossings(
         closed = below[active] & above[active] & (width < NARROW)
         there = np.abs(margin) * np.maximum(t, 1.0) < THERE * slopes[active]
         settled = ~at_begin & ~at_end & (closed | there | (shift * np.maximum(t, 1.0) < CLOSE))
-        at[active[settled]] = np.where(there, t, np.where(closed, 0.5 * (state.low + state.high)[active], following))[settled]
+        at[active[settled]] = np.where(there, t, np.where(closed, 0.5 * (state.low + state.high)[active], following))[
+            settled
+        ]
         jumped[active[settled]] = (closed & ~there & (step > SECANTS))[settled]
         rest = ~(at_begin | at_end | settled)
         now[active] = following

@@ -40,7 +40,7 @@ CLEAR: Final = 0.03
 
 MOST_STEPS: Final = 24
 STEP, CLOSE = 0.05, 0.1
-"""Step of differences, and the last step towards a nearest point, in standard deviations.""""""Angle between rays across a jump."""
+"""Step of differences, and the last step towards a nearest point, in standard deviations.""" """Angle between rays across a jump."""
 
 
 @dataclass(frozen=True)
