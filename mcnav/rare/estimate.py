@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -81,12 +81,11 @@ class Rare:
 
 @dataclass
 class _Flown:
-    """Flights with their number; `failed` counts those without a result."""
+    """Flights with their number; ``failed`` counts those without a result."""
 
     margins: Margins
     flights: int = 0
     failed: int = 0
-    seen: list[Array] = field(default_factory=list)
 
     def __call__(self, points: Array) -> Array:
         margin = self.margins(points)
@@ -155,6 +154,7 @@ def estimate_probability(
     pilot, proposals = plan.pilot()
     unexpected = np.vstack([pilot.before, pilot.points[(pilot.facet >= facets.foreseen) & np.isfinite(pilot.entry)]])
     search = search_elsewhere(flown, expected, facets, proposals, plan.nearest(pilot), unexpected, generator)
+    flown.failed = 0  # far out flights may have no result
     if search.refusal:
         return _refused(flown, search.refusal, dimensions)
     if len(search.facets.distances) > len(facets.distances):
@@ -171,6 +171,8 @@ def _refused(flown: _Flown, reason: str, dimensions: int) -> Rare:
 
 @dataclass
 class _Plan:
+    """Lines along some half-spaces: those of the pilot, and those of the estimate."""
+
     flown: _Flown
     expected: Callable[[Array], Array]
     facets: Facets
@@ -288,21 +290,25 @@ class _Plan:
         largest = float(np.max(weights) / np.sum(weights))
         if largest > HEAVIEST:
             return f"a single line carries {100.0 * largest:.0f} % of the estimate"
-        predicted = np.zeros(len(lines.facet))
-        major = shares[lines.facet] > MINOR
-        for j, proposal in enumerate(proposals):
-            mine = (lines.facet == j) & major
-            v = lines.across[mine]
-            predicted[mine] = proposal.ratio(v) * special.ndtr(-np.maximum(proposal.entry(v), lines.begin[mine]))
-        agreement = float(np.sum(weights[major]) / np.sum(predicted / shares[lines.facet]))
+        agreement = self.agreement(lines, weights, proposals, shares)
         if not 1.0 / DISAGREEMENT < agreement < DISAGREEMENT:
             return f"the lines of the estimate have {agreement:.2g} times the probability that the first ones had"
         if np.mean(lines.beyond[np.isfinite(lines.entry)]) < 0.5:
             return "most flights beyond the crossing do not fail"
         return ""
 
+    def agreement(self, lines: _Lines, weights: Array, proposals: list[Proposal], shares: Array) -> float:
+        """Return the weights of lines in the major cells over those that the fit of the pilot predicts."""
+        predicted = np.zeros(len(lines.facet))
+        major = shares[lines.facet] > MINOR
+        for j, proposal in enumerate(proposals):
+            mine = (lines.facet == j) & major
+            v = lines.across[mine]
+            predicted[mine] = proposal.ratio(v) * special.ndtr(-np.maximum(proposal.entry(v), lines.begin[mine]))
+        return float(np.sum(weights[major]) / np.sum(predicted / shares[lines.facet]))
+
     def likely(self, lines: _Lines, weights: Array) -> Array:
-        """Return the most likely point of failure: on the heaviest facet, its direction to the crossing at v = m."""
+        """Return the most likely point of failure: the mean of the entries of the heaviest cell, by their weights."""
         j = int(np.argmax(np.bincount(lines.facet, weights, len(self.facets.distances))))
         mine = (lines.facet == j) & (weights > 0.0)
         share = weights[mine] / weights[mine].sum()

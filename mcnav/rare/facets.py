@@ -1,8 +1,8 @@
 """The event by the linear model: a union of half-spaces, and the division of space among them.
 
-In standard normals u a half-space is ``alpha_j . u > beta_j`` with a unit vector alpha_j. Space is divided by which of
-``alpha_j . u - beta_j`` is the largest. On a line ``u = w + t alpha_j`` with w perpendicular to alpha_j, the cell of j is
-``t > t_0(w)``,
+In standard normals u a half-space is ``alpha_j . u > beta_j`` with a unit vector alpha_j. Space is divided by which
+of ``alpha_j . u - beta_j`` is the largest. On a line ``u = w + t alpha_j`` with w perpendicular to alpha_j, the cell
+of j is ``t > t_0(w)``,
 
     t_0 = max_k (beta_j + alpha_k . w - beta_k) / (1 - alpha_k . alpha_j),
 

@@ -16,8 +16,8 @@ ROOTS: Final = 0.002
 def weights_interval(weights: Array, checks: int, confidence: float) -> tuple[float, float, float]:
     """Return the mean of weights, shape (n,), and the ends of its interval.
 
-    The interval is Student's, or Hall's where skewness widens it (`mcnav.statistics.estimates`). Neither end is closer to
-    the estimate than the error of the crossings, nor the lower one than the share of the lines' tails that so many
+    The interval is Student's, or Hall's where skewness widens it (`mcnav.statistics.estimates`). Neither end is closer
+    to the estimate than the error of the crossings, nor the lower one than the share of the lines' tails that so many
     checks beyond crossings cannot see, one in their number.
     """
     estimate = blocked_mean(weights, np.arange(len(weights)))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 
-DIRECTIONS = 16
+DIRECTIONS: Final = 16
 """Directions in which the outside of a circle is divided; twice as many for a sphere."""
 
 
@@ -41,8 +43,8 @@ class Sides:
         return np.asarray(np.concatenate([self.upper, -self.lower])[self._stated])
 
     @property
-    def _stated(self) -> Array:
-        return np.isfinite(np.concatenate([self.upper, -self.lower]))
+    def _stated(self) -> NDArray[np.bool_]:
+        return np.asarray(np.isfinite(np.concatenate([self.upper, -self.lower])))
 
     @property
     def _scales(self) -> Array:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 
 Margins = Callable[[Array], Array]
 """Function of standard normals, shape (n, d), that flies them and returns how far they are beyond the limit, (n,)."""
@@ -113,7 +113,7 @@ def crossings(
 
 
 def _next(
-    state: _Search, active: Array, slopes: Array, below: NDArray[np.bool_], above: NDArray[np.bool_], step: int
+    state: _Search, active: IndexArray, slopes: Array, below: NDArray[np.bool_], above: NDArray[np.bool_], step: int
 ) -> tuple[Array, Array]:
     """Return the next t of each active line, and how far the secant would go, infinite where it is not used."""
     t, margin = state.last[active], state.last_margin[active]

@@ -1,8 +1,8 @@
 """Where lines are laid: a normal distribution fitted to a few of them.
 
 On a line at v, a standard normal, the probability is ``w(v) = Phi(-t*(v))``. With the fit
-``t*(v) = c + b . v + sum_k q_k v_k^2`` and the hazard ``h = phi(c) / Phi(-c)``, the lines that matter are distributed as
-``phi(v) w(v)``, nearly a normal with
+``t*(v) = c + b . v + sum_k q_k v_k^2`` and the hazard ``h = phi(c) / Phi(-c)``, the lines that matter are distributed
+as ``phi(v) w(v)``, nearly a normal with
 
     variance  s_k^2 = 1 / (1 + 2 h q_k),    mean  m_k = -h b_k s_k^2
 
@@ -72,9 +72,9 @@ class Proposal:
     def improved(self, normal: Array) -> tuple[Proposal, float]:
         """Match mean and variance to the lines that matter by the fit, and return the variation that is left.
 
-        ``normal`` are standard normals, shape (n, d - 1). The moments are those of ``phi(v) Phi(-t*(v))`` with the fitted
-        t*, by importance sampling (cross-entropy; Rubinstein, 1999). The variation is the squared coefficient of the
-        weights of lines laid so.
+        ``normal`` are standard normals, shape (n, d - 1). The moments are those of ``phi(v) Phi(-t*(v))`` with the
+        fitted t*, by importance sampling (cross-entropy; Rubinstein, 1999). The variation is the squared coefficient
+        of the weights of lines laid so.
         """
         best = self
         variation = math.inf

@@ -1,8 +1,9 @@
 """Flights in other places than the linear model chooses: is there another way to fail?
 
-Flown are the points at a distance R on both sides of each axis, one cause alone, and points in random directions farther
-out. A failure that neither the linear model nor the fitted lines expect is followed to the point of the event nearest
-to zero. If that point is where lines pass anyway, or too far to matter, nothing follows; else space gets another facet.
+Flown are the points at a distance R on both sides of each axis, one cause alone, and points in random directions
+farther out. A failure that neither the linear model nor the fitted lines expect is followed to the point of the event
+nearest to zero. If that point is where lines pass anyway, or too far to matter, nothing follows; else space gets
+another facet.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from mcnav._types import Array
@@ -40,7 +42,10 @@ CLEAR: Final = 0.03
 
 MOST_STEPS: Final = 24
 STEP, CLOSE = 0.05, 0.1
-"""Step of differences, and the last step towards a nearest point, in standard deviations.""" """Angle between rays across a jump."""
+"""Step of differences, and the last step towards a nearest point, in standard deviations."""
+
+ASIDE: Final = 0.08
+"""Angle between rays across a jump."""
 
 
 @dataclass(frozen=True)
@@ -69,11 +74,10 @@ def search_elsewhere(
     unexpected : ndarray, shape (m, d)
         Points that failed already where none should.
     """
-    d = facets.directions.shape[1]
     far = float(-special.ndtri(RELEVANT * special.ndtr(-nearest)))
     points = other_places(facets, far, generator)
     flights = len(points)
-    failed = ~(margins(points) <= 0.0) & ~foreseen(points, expected, facets, proposals)
+    failed = (margins(points) > 0.0) & ~foreseen(points, expected, facets, proposals)
     points = np.vstack([unexpected, points[failed]])
     if not len(points):
         return Search(facets, flights)
@@ -82,23 +86,27 @@ def search_elsewhere(
     entries = crossings(margins, np.zeros(points.shape), rays, sizes, zeros, zeros, sizes * (1.0 + 1e-9))
     flights += entries.flights
     distances = np.minimum(entries.at, sizes)
-    points = distances[:, None] * rays
-    left = np.argsort(distances, kind="stable")
+    followed = _follow(margins, facets, far, distances[:, None] * rays, entries.jumped)
+    return Search(followed.facets, flights + followed.flights, followed.refusal)
+
+
+def _follow(margins: Margins, facets: Facets, far: float, points: Array, jumped: NDArray[np.bool_]) -> Search:
+    """Follow unexpected failures, shape (n, d), from the nearest on, and add the facets that lines do not pass."""
+    left, flights = np.argsort(np.linalg.norm(points, axis=1), kind="stable"), 0
     for _ in range(FOLLOWED):
         if not len(left):
             break
-        i = left[0]
-        follow = nearest_jump if entries.jumped[i] else nearest_failure
-        point, used, settled = follow(margins, points[i])
-        flights += used + 2
+        i, left = left[0], left[1:]
+        point, used, settled = (nearest_jump if jumped[i] else nearest_failure)(margins, points[i])
+        flights += used
         size = float(np.linalg.norm(point))
-        left = left[1:]
         if settled and size > far:
             continue
+        flights += 2
         inside, outside = margins(np.array([1.0 + CLEAR, 1.0 - CLEAR])[:, None] * point) > 0.0
         if not (settled and inside and not outside):
-            reason = f"a flight fails {distances[i]:.2g} sigma from the nominal where no failure is expected, by a jump"
-            return Search(facets, flights, reason)
+            where = f"{np.linalg.norm(points[i]):.2g} sigma from the nominal"
+            return Search(facets, flights, f"a flight fails {where} where no failure is expected, by a jump or a gate")
         if not passed(point, facets):
             facets = facets.with_facet(point)
         left = left[points[left] @ point < size * (size - BEHIND)]
@@ -117,7 +125,9 @@ def other_places(facets: Facets, far: float, generator: np.random.Generator) -> 
     return np.vstack([far * axes, 1.1 * far * tilted, radii[:, None] * directions])
 
 
-def foreseen(points: Array, expected: Callable[[Array], Array], facets: Facets, proposals: Sequence[Proposal]) -> Array:
+def foreseen(
+    points: Array, expected: Callable[[Array], Array], facets: Facets, proposals: Sequence[Proposal]
+) -> NDArray[np.bool_]:
     """Return at which points failures are expected, by the linear model or by the fit of the lines, shape (n,)."""
     cells = facets.cells(points)
     along = np.einsum("nd,nd->n", points, facets.directions[cells])
@@ -137,9 +147,9 @@ def passed(point: Array, facets: Facets) -> bool:
 
 
 def nearest_failure(margins: Margins, point: Array) -> tuple[Array, int, bool]:
-    """Follow the surface of the event to its point nearest to zero, by differences and Broyden's rule
-    (`mcnav.rare.facets.nearest_point`).
+    """Follow the surface of the event to its point nearest to zero.
 
+    Steps are those of `mcnav.rare.facets.nearest_point`, the gradient by differences and then by Broyden's rule.
     Returns the point, the flights, and whether it was reached.
     """
     d, gradient, before, last = len(point), np.zeros(len(point)), point, 0.0
@@ -175,7 +185,4 @@ def nearest_jump(margins: Margins, point: Array) -> tuple[Array, int, bool]:
     if not np.all(np.isfinite(entries.at)):
         return point, entries.flights, False
     normal = np.linalg.lstsq(np.vstack([point, entries.at[:, None] * rays]), np.ones(d + 1), rcond=None)[0]
-    return normal / float(normal @ normal), entries.flights, True
-
-
-ASIDE: Final = 0.08
+    return np.asarray(normal / float(normal @ normal)), entries.flights, True

@@ -199,7 +199,7 @@ class _Judge:
         return explain(result, self.manifest.model, self.model, self.beyond)
 
     def _with_exceedance(self, result: RequirementResult, requirement: Requirement) -> RequirementResult:
-        """Add what flights chosen with the linear model say of a requirement on the final errors, where there are some."""
+        """Add what flights chosen with the linear model say of a requirement, where there are some."""
         number = self.requirements.index(requirement)
         for record in self.manifest.model.exceedance or ():
             if record.requirement == number:

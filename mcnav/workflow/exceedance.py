@@ -90,11 +90,13 @@ def estimate_exceedances(
         if not _is_beyond_counting(normals, event, requirement, system, confidence):
             continue
         reason = _refusal(system)
-        records.append(
-            ExceedanceRecord(requirement=number, estimate=math.nan, low=math.nan, high=math.nan, flights=0, refusal=reason)
-            if reason else _estimate(number, normals, event, system, confidence)
-        )  # fmt: skip
+        records.append(_refused(number, reason) if reason else _estimate(number, normals, event, system, confidence))
     return tuple(records)
+
+
+def _refused(number: int, reason: str) -> ExceedanceRecord:
+    nothing = math.nan
+    return ExceedanceRecord(requirement=number, estimate=nothing, low=nothing, high=nothing, flights=0, refusal=reason)
 
 
 def _refusal(system: PreparedSystem) -> str:
@@ -112,7 +114,7 @@ def _refusal(system: PreparedSystem) -> str:
 def _is_beyond_counting(
     normals: _Normals, event: Event, requirement: Requirement, system: PreparedSystem, confidence: float
 ) -> bool:
-    """Return whether the samples of a campaign cannot decide a requirement by counting, if the linear model is right."""
+    """Return whether counting samples cannot decide a requirement, if the linear model is right."""
     if not normals.dimensions or normals.dimensions > 200:
         return False
     facets = linear_facets(normals.linear, event.limit, normals.dimensions)
