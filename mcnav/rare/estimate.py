@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -32,7 +33,7 @@ PILOT: Final = 36
 OTHERS: Final = 8
 """Lines of the pilot: along the nearest half-spaces, and along one that the linear model does not expect."""
 
-DRAWS: Final = 4_000
+DRAWS: Final = 1_000
 """Lines by which a fit is turned into a proposal; they are not flown."""
 
 FEWEST, MOST = 120, 1_000
@@ -49,6 +50,9 @@ DISAGREEMENT: Final = 2.5
 
 MINOR: Final = 0.02
 """Share of a cell in the probability below which the pilot, of few lines there, is not compared with."""
+
+LEAST: Final = 2e-3
+"""Least share of the lines that a cell gets."""
 
 BEFORE: Final = "flights fail before the limit is reached along their line as well: it is crossed more than once"
 
@@ -219,17 +223,39 @@ class _Plan:
         normal = self.generator.standard_normal((DRAWS, d))
         for j, count in enumerate(lines):
             mine = facet == j
-            entered = followed.entry[mine & np.isfinite(followed.entry)]
+            mine &= np.isfinite(followed.entry) & (followed.entry > followed.begin)  # others enter with their cell
+            entered = followed.entry[mine]
             fit = Proposal.plain(d, float(np.mean(entered)) if len(entered) else float(facets.distances[j]))
             if d and count > d + 3:
-                fit = Proposal.fitted(followed.across[mine], followed.entry[mine], float(facets.distances[j]))
-            fitted.append(fit.improved(normal)[0])
+                fit = Proposal.fitted(followed.across[mine], entered, fit.constant)
+            fitted.append(fit.improved(normal, partial(self.begins, j))[0])
         return followed, fitted
+
+    def begins(self, facet: int, across: Array) -> Array:
+        """Return where lines of one facet begin, shape (n,)."""
+        facets = np.full(len(across), facet)
+        return self.facets.starts(facets, self.facets.feet(facets, across))
 
     def means(self, lines: _Lines) -> Array:
         """Return the probability of each cell by the pilot, shape (facets,)."""
         plain = special.ndtr(-lines.entry)
         return np.array([np.mean(plain[lines.facet == j]) for j in range(len(self.facets.distances))])
+
+    def shares(self, pilot: _Lines, proposals: list[Proposal]) -> Array:
+        """Return the shares of the lines that each cell gets, as its probability by the pilot and by the fit, (facets,).
+
+        The fit alone knows what few lines of a small cell miss; where no line enters, it knows nothing.
+        """
+        normal = self.generator.standard_normal((DRAWS, self.facets.directions.shape[1] - 1))
+        means, fitted = self.means(pilot), np.zeros(len(proposals))
+        for j, proposal in enumerate(proposals):
+            if np.any(np.isfinite(pilot.entry[pilot.facet == j])):
+                v = proposal.draw((np.arange(DRAWS) + 0.5) / DRAWS, normal)
+                entry = np.maximum(proposal.entry(v), self.begins(j, v))
+                fitted[j] = float(np.mean(proposal.ratio(v) * special.ndtr(-entry)))
+        shares = means / means.sum() + fitted / max(fitted.sum(), 1e-300)
+        shares = np.maximum(shares / shares.sum(), LEAST)
+        return np.asarray(shares / shares.sum())
 
     def nearest(self, pilot: _Lines) -> float:
         """Return the distance of a half-space as probable as the event is by the pilot."""
@@ -244,8 +270,7 @@ class _Plan:
         means = self.means(pilot)
         if not np.sum(means) > 0.0:
             return _refused(self.flown, "no flight fails where the linear model expects it", d)
-        shares = np.maximum(means / means.sum(), 1e-3)
-        shares /= shares.sum()
+        shares = self.shares(pilot, proposals)
         per_line = pilot.flights / len(pilot.facet) + 1.0 + 1.0 / BETWEEN
         number = self.lines_needed(pilot, proposals, precision)
         number = int(np.clip(min(number, (most - self.flown.flights) / per_line), FEWEST, MOST))
@@ -268,7 +293,7 @@ class _Plan:
     def lines_needed(self, pilot: _Lines, proposals: list[Proposal], precision: float) -> float:
         """Return the lines that a relative standard error needs, from the scatter about the fit of the pilot."""
         j = int(np.argmax(self.means(pilot)))
-        mine = (pilot.facet == j) & np.isfinite(pilot.entry)
+        mine = (pilot.facet == j) & np.isfinite(pilot.entry) & (pilot.entry > pilot.begin)
         t, proposal = pilot.entry[mine], proposals[j]
         if len(t) < 8:
             return math.inf if len(proposal.mean) else 0.0
@@ -276,7 +301,8 @@ class _Plan:
         scatter = float(np.std(hazard * (t - proposal.entry(pilot.across[mine]))))
         freedom = max(len(t) - 2.0 * len(proposal.mean) - 2.0, 1.0)
         scatter *= math.sqrt(len(t) / freedom)
-        fitted = proposal.improved(self.generator.standard_normal((DRAWS, len(proposal.mean))))[1]
+        normal = self.generator.standard_normal((DRAWS, len(proposal.mean)))
+        fitted = proposal.improved(normal, partial(self.begins, j))[1]
         return (math.expm1(min(scatter**2, 20.0)) + fitted) / precision**2
 
     def doubt(self, lines: _Lines, weights: Array, value: float, proposals: list[Proposal], shares: Array) -> str:

@@ -30,6 +30,11 @@ Outputs = Callable[[Array], Array]
 SAME: Final = 0.995
 """Cosine of the angle of two half-spaces above which they are one."""
 
+OFF: Final = 4.0
+"""Distance along each axis from which nearest points of a model that bends are looked for, besides from zero."""
+
+MOST_STEPS: Final = 100
+
 BEHIND: Final = 3.5
 """Distance beyond the nearest half-space from which others are left out: 1e-6 of its probability and less."""
 
@@ -92,8 +97,12 @@ def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:
         The model, exact where the sources are normal; with other distributions it bends, and each half-space touches
         it in the point nearest to zero.
     """
-    points = [point for n, c in zip(limit.normals, limit.offsets, strict=True)
-              if (point := nearest_point(linear, n, float(c), dimensions)) is not None]  # fmt: skip
+    zero, axes = np.zeros((1, dimensions)), OFF * np.vstack([np.eye(dimensions), -np.eye(dimensions)])
+    ends = linear(np.vstack([zero, axes, 0.5 * axes])) - linear(zero)
+    bends = not np.allclose(0.5 * ends[1 : 2 * dimensions + 1], ends[2 * dimensions + 1 :], rtol=1e-9, atol=0.0)
+    starts = np.vstack([zero, axes]) if bends else zero
+    points = [point for n, c in zip(limit.normals, limit.offsets, strict=True) for start in starts
+              if (point := nearest_point(linear, n, float(c), start)) is not None]  # fmt: skip
     directions, distances = np.zeros((0, dimensions)), np.zeros(0)
     nearest = min((beta for _, beta in points), default=np.inf)
     for alpha, beta in sorted(points, key=lambda each: each[1]):
@@ -105,14 +114,16 @@ def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:
     return Facets(directions, distances, foreseen)
 
 
-def nearest_point(linear: Outputs, normal: Array, offset: float, dimensions: int) -> tuple[Array, float] | None:
-    """Find the direction and distance of the point of ``n . y = c`` that is nearest to zero; None without a gradient.
+def nearest_point(linear: Outputs, normal: Array, offset: float, start: Array) -> tuple[Array, float] | None:
+    """Find the direction and distance of the point of ``n . y = c`` that is nearest to zero, from a start, shape (d,).
+
+    None without a gradient, or where it is not reached.
 
     u is replaced by ``(grad . u - m) / |grad|^2 grad`` with m = n . y - c (Hasofer and Lind, 1974; Rackwitz and
     Fiessler, 1978), which is exact at once where the model is linear.
     """
-    point, step = np.zeros(dimensions), 1e-4
-    for _ in range(20):
+    point, dimensions, step = start, len(start), 1e-4
+    for _ in range(MOST_STEPS):
         ends = linear(np.vstack([point, point + step * np.eye(dimensions), point - step * np.eye(dimensions)])) @ normal
         gradient = (ends[1 : dimensions + 1] - ends[dimensions + 1 :]) / (2.0 * step)
         square = float(gradient @ gradient)
@@ -123,6 +134,8 @@ def nearest_point(linear: Outputs, normal: Array, offset: float, dimensions: int
         point = better if moved < 1e-6 else point + min(1.0, 3.0 / moved) * (better - point)
         if moved < 1e-6:
             break
+    else:
+        return None
     # the sign of the distance: a nominal that is beyond the limit already has a negative one
     along = gradient / np.sqrt(square)
     return along, float(along @ point)

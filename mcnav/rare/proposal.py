@@ -13,6 +13,7 @@ of them from the standard normal, so that the ratio of densities is never larger
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -69,10 +70,10 @@ class Proposal:
         mean *= min(1.0, FARTHEST / max(float(np.linalg.norm(mean)), 1e-300))
         return cls(mean, precision**-0.5, constant, gradient, curvature)
 
-    def improved(self, normal: Array) -> tuple[Proposal, float]:
+    def improved(self, normal: Array, begins: Callable[[Array], Array]) -> tuple[Proposal, float]:
         """Match mean and variance to the lines that matter by the fit, and return the variation that is left.
 
-        ``normal`` are standard normals, shape (n, d - 1). The moments are those of ``phi(v) Phi(-t*(v))`` with the
+        ``normal`` are standard normals, shape (n, d - 1); ``begins`` returns where lines at v begin, shape (n,). The moments are those of ``phi(v) Phi(-t*(v))`` with the
         fitted t*, by importance sampling (cross-entropy; Rubinstein, 1999). The variation is the squared coefficient
         of the weights of lines laid so.
         """
@@ -81,7 +82,7 @@ class Proposal:
         trial = self
         for _ in range(4):
             v = trial.draw((np.arange(len(normal)) + 0.5) / len(normal), normal)
-            weights = trial.ratio(v) * special.ndtr(-trial.entry(v))
+            weights = trial.ratio(v) * special.ndtr(-np.maximum(trial.entry(v), begins(v)))
             total = float(np.sum(weights))
             if not total > 0.0:
                 break
