@@ -20,6 +20,9 @@ FACTORS: Final = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
 WEEK: Final = 604_800.0
 """Seconds of a week, in which GPS seconds begin anew."""
 
+GPS_EPOCH: Final = 315_964_800
+"""1980-01-06, in s since 1970 without leap seconds."""
+
 GAP: Final = 1.5
 """Steps above this many intervals are gaps."""
 

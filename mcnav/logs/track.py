@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
+from mcnav.logs import px4, ros_bags
 from mcnav.logs.log_error import LogError
 from mcnav.logs.mapping import Column, factor_to, numbers
 from mcnav.logs.tables import open_table
@@ -87,7 +88,7 @@ def read_track(path: Path, columns: Mapping[str, str] | None = None, units: Mapp
         range.
     """
     columns, units = columns or {}, units or {}
-    table = open_table(path, columns.get("topic"))
+    table = open_table(path, columns.get("topic"), (*px4.POSITIONS, *ros_bags.POSITIONS))
     chosen, notes = find_columns(table, columns, units)
     read = table.read(list(dict.fromkeys(column.name for column in chosen.values())))
     time_column = chosen["time"]
