@@ -24,6 +24,7 @@ from mcnav.logs.track_columns import (
     VELOCITY,
     VELOCITY_SIGMA,
     find_columns,
+    find_time,
 )
 
 ALTITUDES: Final = (-12_000.0, 1e9)
@@ -113,6 +114,43 @@ def read_track(path: Path, columns: Mapping[str, str] | None = None, units: Mapp
         time - time[0], stamps.start + float(time[0]), *position, velocity, attitude, position_sigma, velocity_sigma,
         notes,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Instants:
+    """Time stamps of a record alone; see `Track`."""
+
+    time: Array
+    start: float
+    notes: tuple[str, ...]
+
+
+def read_instants(
+    path: Path, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+) -> Instants:
+    """Read the time stamps of a record, whatever else it holds.
+
+    Parameters
+    ----------
+    columns, units : mapping, optional
+        Column and unit of `time`; `topic` of a log with several.
+
+    Raises
+    ------
+    LogError
+        In one line: where the column cannot be told, or times fall or repeat.
+    """
+    columns = columns or {}
+    table = open_table(path, columns.get("topic"))
+    column = find_time(table, columns, units or {})
+    values = table.read([column.name])[column.name]
+    if not len(values):
+        raise LogError(path, "has no rows")
+    stamps, notes = unwrapped(seconds_of(path, values, column.unit or "s", column.name))
+    refuse_falling(path, stamps.time, column.name, "")
+    repeated(path, stamps.time, np.zeros(len(stamps.time) - 1, dtype=np.bool_), column.name, "")
+    interval = interval_of(path, stamps.time, column.name)
+    return Instants(stamps.time, stamps.start, (*table.notes, *notes, *notes_of_steps(stamps.time, interval)))
 
 
 def _factor(path: Path, column: Column, key: str) -> float:
