@@ -31,6 +31,9 @@ LONG_GAP: Final = 5.0
 MOST_GAPS: Final = 20
 """Outages of a log at whose ends errors are read out, the longest ones."""
 
+MICROSECONDS: Final = 6
+"""Decimals of the difference of two time stamps, which are known to 2.4e-7 s."""
+
 _RECENT: Final = Recent[Track | Instants](most=4)
 """Logs read last, which variations of a campaign share."""
 
@@ -125,7 +128,7 @@ def _in_trajectory(
     first, last = (float(time) for time in navigation.truth.times[[0, -1]])
     if table.log_start is not None:
         return log.time + table.log_start, ""
-    begin = log.start - origin
+    begin = round(log.start - origin, MICROSECONDS)
     if begin <= last and begin + float(log.time[-1]) >= first:
         return log.time + begin, ""
     return log.time + first, (

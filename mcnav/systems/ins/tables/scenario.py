@@ -91,8 +91,10 @@ def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileCont
     end = last if table.end is None else table.end
     imu = Imu() if sizes is None else sizes.processes
     navigation = Ins(Navigation(truth, table.platform, start, end, imu)).navigation
-    aiding, plan = _read_aiding(navigation, context)
-    scenario = Ins(replace(navigation, sensors=aiding.sensors), aiding.remarks)
+    aiding, plan = _read_aiding(navigation, trajectory.origin, context)
+    scenario = Ins(
+        replace(navigation, sensors=aiding.sensors), tuple(dict.fromkeys((*trajectory.remarks, *aiding.remarks)))
+    )
     defaults = {"platform": table.platform, "earth": "wgs84", "start": f"{start!r} s", "end": f"{end!r} s"}
     resolved = {**defaults, **entries, TRAJECTORY: trajectory.resolved}
     files, logs = with_logs(trajectory.file, aiding.files)
@@ -141,11 +143,11 @@ def _with_filter(plan: FilterPlan, scenario: Scenario, errors: ErrorModel) -> Sc
     return scenario.with_filter(plan.completed(errors), true) if is_ins(scenario) else scenario
 
 
-def _read_aiding(navigation: Navigation, context: FileContext) -> tuple[Aiding, FilterPlan | None]:
+def _read_aiding(navigation: Navigation, origin: float, context: FileContext) -> tuple[Aiding, FilterPlan | None]:
     """Read ``[[aiding]]`` and ``[filter]``; mistakes are added to the context."""
     none = Aiding((), {})
     sensors, entries = context.content.get("aiding", []), context.content.get("filter")
-    aiding = read_aiding(sensors, navigation, context)
+    aiding = read_aiding(sensors, navigation, context, origin)
     if entries is None or aiding is None or not aiding.sensors:
         return aiding or none, None
     table = validate(FilterTable, entries, context, "filter")
