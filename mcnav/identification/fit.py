@@ -7,6 +7,7 @@ next is stated: a margin below 4 tells little.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -15,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.identification.likelihood import Maximum, maximize, profile_interval
+from mcnav.identification.likelihood import Maximum, information, maximize, profile_interval
 from mcnav.identification.processes import (
     GAUSS_MARKOV,
     QUANTIZATION,
@@ -86,11 +87,13 @@ class Candidate:
         """−2 log L with `PENALTY` for each parameter: the smaller, the better."""
         return self.best.deviance + PENALTY * len(self.best.logs)
 
-    def estimates(self) -> tuple[Estimate, ...]:
-        """Compute every parameter with its interval."""
+    def estimates(self, names: Collection[str] = ()) -> tuple[Estimate, ...]:
+        """Compute parameters with their intervals: those of some names, by default every one."""
         bounds = relative_deviations(self.model, self.bands.grid, self.bands.numbers, self.best.logs)
         rows = []
         for at, name in enumerate(self.model.parameters):
+            if names and name not in names:
+                continue
             low, high = np.exp(profile_interval(self.model, self.bands, self.best, at))
             logs = self.best.logs.copy()
             if low <= 0.0 and np.isfinite(high):  # as large as it may be
@@ -99,6 +102,11 @@ class Candidate:
             value = float(np.exp(self.best.logs[at]))
             rows.append(Estimate(name, value, float(low), float(high), float(bounds[at]), wanted))
         return tuple(rows)
+
+
+def relative_covariance(candidate: Candidate) -> Array:
+    """Compute the covariance of the logarithms by the likelihood's curvature, shape (parameters, parameters)."""
+    return np.asarray(np.linalg.pinv(information(candidate.model, candidate.bands, candidate.best.logs), rcond=1e-12))
 
 
 def relative_deviations(model: Model, grid: Grid, numbers: Array, logs: Array) -> Array:

@@ -22,7 +22,7 @@ from mcnav.identification.processes import CORRELATION_TIME, Grid, Model
 from mcnav.identification.spectrum import Bands
 
 STEPS: Final = 60
-CONVERGED: Final = 1e-10
+CONVERGED: Final = 1e-7
 """Decrement of -2 log L below which the maximum is reached: far below the 3.84 of an interval."""
 
 LARGEST_STEP: Final = 1.5
@@ -36,6 +36,9 @@ LONGEST_TIME: Final = 50.0
 
 NEAR: Final = 1e-3
 """Tolerance of -2 log L about the end of an interval: its probability is right to 1e-4."""
+
+FLAT: Final = 2.0
+"""Standard deviation of a logarithm, at most, by which the search for the end of an interval begins and ends."""
 
 REACH: Final = 60.0
 """Distance from the estimate within which the end of an interval is looked for, in a logarithm."""
@@ -117,7 +120,7 @@ def profile_interval(
 ) -> tuple[float, float]:
     """Find the interval of a parameter's logarithm; an end that the record does not show is infinite."""
     limit = float(chi2.ppf(confidence, 1))
-    sd = 1.0 / np.sqrt(max(information(model, bands, best.logs)[parameter, parameter], 1e-12))
+    sd = min(1.0 / np.sqrt(max(information(model, bands, best.logs)[parameter, parameter], 1e-12)), FLAT)
     lowest, highest = limits(model, bands.grid)
 
     def end(sign: float) -> float:
