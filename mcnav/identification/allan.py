@@ -1,7 +1,7 @@
 """Overlapping Allan deviation of a record, with intervals, and that of a fitted model, with its band.
 
-With readings y of clusters of m intervals, τ = m Δ, the Allan variance is half the mean square of the differences of the
-means of neighbouring clusters. Of the processes it is
+With clusters of m readings, τ = m Δ, the Allan variance is half the mean square of the differences of the means of
+neighbouring clusters. Of the processes it is
 
     white noise              N²/τ
     rate random walk         K² τ/3
@@ -107,7 +107,7 @@ def _freedom(model: Model, logs: Array, interval: float, count: int, size: int) 
     block = max(1, size // OVERLAP)
     per_cluster, blocks = round(size / block), count // block
     number = max(blocks - 2 * per_cluster + 1, 1)
-    angles = Grid(block * interval, LAGS, np.arange(LAGS) + 0.5)
+    angles = Grid(block * interval, LAGS, np.arange(0.5, LAGS))
     squared = 4.0 * np.sin(per_cluster * angles.half) ** 4 / (np.sin(angles.half) * per_cluster) ** 2
     lags = dct(squared * model.variances(angles, logs)[0], type=3)[: min(number, LAGS)]
     weights = np.where(np.arange(len(lags)) > 0, 2.0, 1.0) * (number - np.arange(len(lags)))

@@ -66,9 +66,7 @@ def stacked(bands: Sequence[Bands]) -> Bands:
     """Put bands of several records one behind the other; they have the same interval."""
     counts = np.concatenate([np.full(len(one.numbers), one.grid.count) for one in bands])
     grid = Grid(bands[0].grid.interval, counts, np.concatenate([one.grid.order for one in bands]))
-    return Bands(
-        grid, np.concatenate([one.numbers for one in bands]), np.concatenate([one.sums for one in bands])
-    )
+    return Bands(grid, np.concatenate([one.numbers for one in bands]), np.concatenate([one.sums for one in bands]))
 
 
 @dataclass(frozen=True)

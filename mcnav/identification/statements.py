@@ -40,8 +40,8 @@ class Statement:
     low, high : float
         95 % interval; without an estimate, zero and the upper bound, which is infinite where there is none.
     duration_wanted : float, optional
-        Length of a record that would show it, s, at its upper bound or, if that is infinite, at its estimate; infinite if
-        none does, none where it is identified or nothing can be said.
+        Length of a record that would show it, s, at its upper bound or, if that is infinite, at its estimate. Infinite
+        if none does; none where it is identified or nothing can be said.
     beside : str
         The slow process that stands for this one in the model; empty where there is none.
     """
@@ -81,4 +81,3 @@ def _bound(fitted: AxisFit, process: Process) -> Statement:
     candidate = next(each for each in fitted.candidates if set(each.model.processes) == wanted)
     (estimate,) = (each for each in candidate.estimates((process.size,)) if each.name == process.size)
     return Statement(process.size, None, 0.0, estimate.high, estimate.duration_wanted)
-

@@ -1,10 +1,10 @@
 """Test of a linear trend of the readings: what −2 log L gains by one, and how often it gains as much without.
 
 The cosine transform of a ramp is known, so that its slope is a weighted mean of the lowest coefficients, and the model
-is fitted anew to what is left. Where few ordinates decide on the variance of the lowest ones, the gain has no known law:
-records are simulated from the fitted model, and each is fitted with and without a trend in the same way, until ten of
-them gain as much as the record does (Besag and Clifford 1991). Such p-values are exact in the sense of a Monte Carlo
-test of the fitted model, however few the ordinates.
+is fitted anew to what is left. Where few ordinates decide on the variance of the lowest ones, the gain has no known
+law: records are simulated from the fitted model, and each is fitted with and without a trend in the same way, until ten
+of them gain as much as the record does (Besag and Clifford 1991). Such p-values are those of a Monte Carlo test of the
+fitted model, however few the ordinates.
 """
 
 from __future__ import annotations

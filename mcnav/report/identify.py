@@ -52,8 +52,8 @@ RATES: Final = {"gyro": "deg/h", "accelerometer": "ug"}
 CAMPAIGN_NOTE: Final = (
     "The interval follows from those of the identified values alone. Not included: the uncertainty of what the logs do "
     "not show, that is constant biases, scale factors, misalignments, initial errors and sensors, which are the "
-    "campaign's; differences between this unit at rest and any other one, in motion, or at other temperatures; departures "
-    "from linear analysis, which mcnav run tests."
+    "campaign's; differences between this unit at rest and any other one, in motion, or at other temperatures; "
+    "departures from linear analysis, which mcnav run tests."
 )
 
 TEST_NOTE: Final = (
@@ -142,7 +142,7 @@ def _head(report: IdentificationReport) -> list[Part]:
 
 
 def _length(log: LogFacts) -> str:
-    return f"{log.duration / 3600.0:.4g} hours, {log.readings:,} readings, one each {log.interval:.6g} s"
+    return f"{log.duration / 3600.0:.4g} h, {log.readings:,} readings, one each {log.interval:.6g} s"
 
 
 def parameter_table(report: IdentificationReport) -> Table[ParameterRow]:
@@ -198,8 +198,8 @@ def model_table(report: IdentificationReport) -> Table[AxisReport]:
     else:
         columns.append(Column("Mean", _mean, "mean", "label"))
     caption = (
-        f"Margin: by how much the criterion −2 log L + {PENALTY:g} (number of parameters) of the next model is larger; it "
-        f"is {PENALTY:g} over a model with one more parameter that explains nothing, and below {CLOSE:g} tells little."
+        f"Margin: by how much the criterion −2 log L + {PENALTY:g} (number of parameters) of the next model is larger. "
+        f"It is {PENALTY:g} over one with a parameter more that explains nothing; below {CLOSE:g} it tells little."
     )
     return Table(caption, columns, report.axes, "Models")
 
@@ -224,8 +224,11 @@ def _repeated(axis: AxisReport) -> str:
 
 def remarks(report: IdentificationReport) -> Iterator[str]:
     """List what was noticed of logs, readings and models."""
+    notes = dict[str, list[str]]()
     for log in report.logs:
-        yield from (f"{log.name}: {note}" for note in log.notes)
+        for note in log.notes:
+            notes.setdefault(note, []).append(log.name)
+    yield from (f"{', '.join(names)}: {note}" for note, names in notes.items())
     yield from report.notes
     for axis in report.axes:
         for place, goodness in enumerate(axis.goodness):
@@ -260,7 +263,9 @@ def _finding(axis: AxisReport, finding: Finding) -> str:
         return f"the readings drift by {number(slope, 3)} {unit} in an hour, as with temperature"
     if finding.name == "shape":
         return f"the spectrum has another shape than the model, most about {finding.at:.3g} Hz"
-    return f"the noise is not the same all the time, most about {finding.at:.4g} s: motion, or readings that stand still"
+    return (
+        f"the noise is not the same all the time, most about {finding.at:.4g} s: motion, or readings that stand still"
+    )
 
 
 def _of_resolution(axis: AxisReport) -> Iterator[str]:
@@ -279,9 +284,13 @@ def _of_resolution(axis: AxisReport) -> Iterator[str]:
     if sigma < COARSE * step:
         yield f"resolution {shown}, coarser than the noise: what the model says of fast noise is that of rounding"
         return
-    words = " and is part of the white noise that is stated" if share > FAINT else ""
-    yield f"resolution {shown}: rounding adds {number(step / np.sqrt(12.0) * conversion(axis.unit, RATES[axis.instrument]), 3)} " \
-          f"{RATES[axis.instrument]} to a reading, {100.0 * share:.2g} % of the white noise's variance{words}"
+    unit = RATES[axis.instrument]
+    added = number(step / np.sqrt(12.0) * conversion(axis.unit, unit), 3)
+    words = ", which is part of what is stated" if share > FAINT else ""
+    yield (
+        f"resolution {shown}: rounding adds {added} {unit} to a reading, {100.0 * share:.2g} % of the variance of the "
+        f"white noise{words}"
+    )
 
 
 def _close(candidates: Sequence[Candidate]) -> str:

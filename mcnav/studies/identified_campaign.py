@@ -109,7 +109,9 @@ class _Change:
     def process(self, name: str) -> str:
         """Return the name of a process of linear analysis."""
         instrument, pattern = self.axis.instrument, PROCESSES[name]
-        words = (instrument, WALKS[instrument], self.axis.axis) if name == "random_walk" else (instrument, self.axis.axis)
+        words = (
+            (instrument, WALKS[instrument], self.axis.axis) if name == "random_walk" else (instrument, self.axis.axis)
+        )
         return pattern.format(*words)
 
 
@@ -141,7 +143,10 @@ def _bounds(axis: AxisReport, known: set[str]) -> dict[str, float]:
             bounds[name] = row.high
     estimates = {each.name: each for each in axis.fitted.estimates}
     if "instability" in estimates and "instability" not in known and np.isfinite(estimates["instability"].high):
-        bounds |= {"instability": estimates["instability"].high, "correlation_time": estimates["correlation_time"].value}
+        bounds |= {
+            "instability": estimates["instability"].high,
+            "correlation_time": estimates["correlation_time"].value,
+        }
     if "quantization" in bounds and INTERVALS[0] <= axis.interval <= INTERVALS[1]:
         bounds["quantization_interval"] = axis.interval
     else:
@@ -175,7 +180,9 @@ def _entries(imu: Imu, before: Imu) -> dict[str, Value]:
             return any(not np.array_equal(getattr(noise, name), getattr(old, name)) for name in names)
 
         if changed("random_walk"):
-            entries[f"imu.{instrument}.{WALKS[instrument]}_random_walk"] = written(noise.random_walk, f"{counted}/sqrt(s)")
+            entries[f"imu.{instrument}.{WALKS[instrument]}_random_walk"] = written(
+                noise.random_walk, f"{counted}/sqrt(s)"
+            )
         if changed("rate_random_walk"):
             entries[f"imu.{instrument}.rate_random_walk"] = written(noise.rate_random_walk, f"{unit}/sqrt(s)")
         if changed("instability", "correlation_time"):
@@ -231,7 +238,9 @@ def _time_slopes(scenario: Ins, changes: Sequence[_Change]) -> dict[str, Array]:
     for name in timed:
         up, down = np.diag(ahead[name]), np.diag(behind[name])
         known = (up > 0.0) & (down > 0.0)
-        slopes[name] = np.where(known, np.log(np.where(known, up, 1.0) / np.where(known, down, 1.0)), 0.0) / (2.0 * STEP)
+        slopes[name] = np.where(known, np.log(np.where(known, up, 1.0) / np.where(known, down, 1.0)), 0.0) / (
+            2.0 * STEP
+        )
     return slopes
 
 

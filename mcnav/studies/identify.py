@@ -14,7 +14,7 @@ from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import indented_json, to_json, write_texts
+from mcnav.files import indented_json, to_json
 from mcnav.identification.allan import AllanDeviation, allan_deviation
 from mcnav.identification.fit import AxisFit, relative_covariance
 from mcnav.identification.goodness import Goodness
@@ -28,11 +28,11 @@ from mcnav.logs.imu_log import ImuLog, read_imu_log
 from mcnav.report.html import page_html
 from mcnav.report.identified import AxisReport, IdentificationReport, LogFacts, ParameterRow, SpectrumPoints
 from mcnav.report.identify import model_words, page
-from mcnav.systems.ins.imu.instruments import AXES
-from mcnav.systems.ins.scenario import PROCESS_UNITS
-from mcnav.units import conversion
 from mcnav.studies.identified_campaign import campaign_sigmas
 from mcnav.studies.identified_imu import imu_table, nearest_grades
+from mcnav.systems.ins.imu.instruments import AXES
+from mcnav.systems.ins.scenario import PROCESS_UNITS
+from mcnav.units import UnitError, conversion, quantity
 
 FILE: Final = "identify.json"
 PAGE: Final = "identify.html"
@@ -84,6 +84,30 @@ class IdentifyPlan:
     begin: float | None = None
     end: float | None = None
     campaign: Path | None = None
+
+
+def read_plan(
+    columns: Mapping[str, str], units: Mapping[str, str], interval: str | None, begin: str | None, end: str | None,
+    campaign: Path | None,
+) -> IdentifyPlan:  # fmt: skip
+    """Read the options of the command line; `CampaignError` names one that is none."""
+    times = dict[str, float | None]()
+    for option, text in (("--interval", interval), ("--from", begin), ("--to", end)):
+        try:
+            times[option] = None if text is None else quantity(f"{text} s" if is_number(text) else text, "s")
+        except UnitError as wrong:
+            raise CampaignError([Problem(option, "", str(wrong))]) from None
+    stated = {} if times["--interval"] is None else {"interval": f"{times['--interval']:.17g} s"}
+    return IdentifyPlan({**columns, **stated}, units, times["--from"], times["--to"], campaign)
+
+
+def is_number(text: str) -> bool:
+    """Return whether a text is a number without a unit."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def key_of(instrument: str, name: str) -> str:
@@ -154,8 +178,10 @@ def _stretch(path: Path, log: ImuLog, plan: IdentifyPlan) -> tuple[slice, tuple[
     if not len(gaps):
         return chosen, ()
     used = (chosen.stop - chosen.start) / (last - first)
-    told = f"{len(gaps):,} gap{'s' if len(gaps) > 1 else ''}; the longest stretch without one is used, " \
-           f"from {log.time[chosen.start]:.6g} to {log.time[chosen.stop - 1]:.6g} s, {100.0 * used:.3g} % of the readings"
+    told = (
+        f"{len(gaps):,} gap{'s' if len(gaps) > 1 else ''}; the longest stretch without one is used, "
+        f"from {log.time[chosen.start]:.6g} to {log.time[chosen.stop - 1]:.6g} s, {100.0 * used:.3g} % of the readings"
+    )
     return chosen, (told,)
 
 
@@ -206,7 +232,9 @@ def _parameters(instrument: str, axis: str, fitted: AxisFit) -> Iterator[Paramet
     """State every parameter of ``[imu]`` that a log at rest can show."""
     for each in statements(fitted):
         key = key_of(instrument, each.name)
-        unit, shown = ("s", "s") if each.name == CORRELATION_TIME else PROCESS_UNITS[f"{instrument}_{key.split('.')[0]}"]
+        unit, shown = (
+            ("s", "s") if each.name == CORRELATION_TIME else PROCESS_UNITS[f"{instrument}_{key.split('.')[0]}"]
+        )
         hours = None if each.duration_wanted is None else each.duration_wanted / 3600.0
         beside = key_of(instrument, each.beside).split(".")[0] if each.beside else ""
         yield ParameterRow(
@@ -243,8 +271,8 @@ def _of_attitude(axes: Sequence[AxisReport]) -> tuple[str, ...]:
                          "was the unit at rest?")  # fmt: skip
     if axes[0].repeatability is not None:
         notes.append(
-            "the means of several logs have the rate of the earth and gravity in them: their standard deviation is that "
-            "of the biases from one turn-on to the next only if the attitude was the same in all logs"
+            "the means of the readings have the earth's rate and gravity in them: their standard deviation from log to "
+            "log is that of the biases from one turn-on to the next only if the attitude was the same in all logs"
         )
         if len(force) == len(AXES) and (spread := _turned(force)) > SAME_ATTITUDE:
             notes.append(f"the mean specific forces are up to {np.degrees(spread):.3g} deg apart in direction: either "
@@ -256,12 +284,6 @@ def _turned(force: Array) -> float:
     """Return the largest angle between mean specific forces, shape (3, logs), rad."""
     unit = force / np.linalg.norm(force, axis=0)
     return float(np.arccos(np.clip(unit.T @ unit, -1.0, 1.0)).max())
-
-
-def write_identification(paths: Sequence[Path], folder: Path, plan: IdentifyPlan) -> tuple[IdentificationReport, list[Path]]:
-    """Identify, and write ``identify.json``, a page and the table ``[imu]``; see `identify_logs`."""
-    report = identify_logs(paths, plan)
-    return report, write_texts(folder, files_of(report))
 
 
 def files_of(report: IdentificationReport) -> dict[str, str]:

@@ -4,8 +4,8 @@ A record has a day of readings, one a second, of white noise and a Gauss-Markov 
 them; see `mcnav.validation.calibration.static_records`, which shares nothing with the estimator.
 
 `identify, GRADE INSTRUMENT`
-    Intervals of what is identified, with the model that is chosen; false alarms of the test of fit, and of quantization,
-    which no grade has.
+    Intervals of what is identified, with the model that is chosen; false alarms of the test of fit, and of
+    quantization, which no grade has.
 `identify, GRADE INSTRUMENT, drift`
     The temperature rises by 1 °C in an hour, and the bias by a tenth of the grade's for each °C.
 `identify, GRADE INSTRUMENT, line`

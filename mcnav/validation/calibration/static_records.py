@@ -27,7 +27,7 @@ class TrueNoise:
 
 def simulate_record(generator: np.random.Generator, count: int, interval: float, noise: TrueNoise) -> Array:
     """Simulate ``count`` readings, each the mean over an interval (s), without a constant bias; shape (count,)."""
-    readings = generator.standard_normal(count) * (noise.random_walk / np.sqrt(interval))
+    readings: Array = generator.standard_normal(count) * (noise.random_walk / np.sqrt(interval))
     if noise.rate_random_walk > 0.0:
         readings += noise.rate_random_walk * _means_of_walk(generator, count, interval)
     if noise.instability > 0.0:
