@@ -79,7 +79,7 @@ def check_fit(candidate: Candidate, record: Record, readings: Array) -> Goodness
         (
             _check_line(candidate, record),
             _check_shape(candidate),
-            Finding("trend", *trend_p_value(candidate.model, candidate.bands, candidate.best, record, readings)),
+            Finding("trend", *trend_p_value(candidate.model, candidate.bands, candidate.best, record)),
             _check_steadiness(candidate, record, readings),
         )
     )

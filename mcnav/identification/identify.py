@@ -105,7 +105,7 @@ def identify_noise(readings: ArrayLike, interval: float) -> IdentifiedNoise:
     >>> [each.name for each in noise.estimates]
     ['random_walk']
     """
-    values = np.array(readings, dtype=float)
+    values = np.asarray(readings, dtype=float)
     if values.ndim != 1 or len(values) < FEWEST:
         raise ValueError(f"expected at least {FEWEST:,} readings of one axis; got an array of shape {values.shape}")
     if not (np.isfinite(interval) and interval > 0.0):
@@ -115,6 +115,6 @@ def identify_noise(readings: ArrayLike, interval: float) -> IdentifiedNoise:
         raise ValueError(f"reading {int(np.argmin(known))} is not finite; fit a stretch without gaps")
     if np.ptp(values) == 0.0:
         raise ValueError(f"all readings are {values[0]:g}: the instrument is stuck, or switched off")
-    record = transform(values.copy(), interval)
+    record = transform(values, interval)
     fitted = fit(record)
     return IdentifiedNoise(fitted, check_fit(fitted.chosen, record, values))

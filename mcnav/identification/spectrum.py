@@ -38,11 +38,14 @@ class Record:
     mean : float
     ordinates : ndarray, shape (n - 1,)
         Squares of the coefficients c_1 … c_(n-1).
+    lowest : ndarray, shape (min(`ALONE`, n - 1),)
+        The first coefficients, with their signs.
     """
 
     interval: float
     mean: float
     ordinates: Array
+    lowest: Array
 
     @property
     def count(self) -> int:
@@ -78,7 +81,8 @@ def transform(readings: Array, interval: float) -> Record:
     """Transform equally spaced readings, shape (n,), of a rate or an acceleration."""
     mean = float(readings.mean())
     coefficients = np.asarray(dct(readings - mean, type=2, norm="ortho", overwrite_x=True))[1:]
-    return Record(interval, mean, np.square(coefficients, out=coefficients))
+    lowest = coefficients[:ALONE].copy()
+    return Record(interval, mean, np.square(coefficients, out=coefficients), lowest)
 
 
 def edges(count: int) -> Array:

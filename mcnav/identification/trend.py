@@ -12,13 +12,12 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.fft import dct
 from scipy.stats import t as student
 
 from mcnav._types import Array
 from mcnav.identification.likelihood import Maximum, information, maximize
 from mcnav.identification.processes import Model
-from mcnav.identification.spectrum import ALONE, Bands, Record
+from mcnav.identification.spectrum import Bands, Record
 
 CLEAR: Final = 0.2
 """P-value by Student's t from which nothing is simulated: it errs to the small side."""
@@ -42,18 +41,17 @@ def ramp_coefficients(count: int, interval: float, kept: int) -> Array:
     return np.where(order % 2 == 1, odd * interval, 0.0)
 
 
-def trend_p_value(model: Model, bands: Bands, best: Maximum, record: Record, readings: Array) -> tuple[float, float]:
+def trend_p_value(model: Model, bands: Bands, best: Maximum, record: Record) -> tuple[float, float]:
     """Compute the p-value of a linear trend, and its slope per second.
 
     Parameters
     ----------
     bands, best : Bands, Maximum
         Of the record, and the model's maximum.
-    readings : ndarray, shape (n,)
     """
-    kept = min(ALONE, record.count - 1)
+    kept = len(record.lowest)
     ramp = ramp_coefficients(record.count, record.interval, kept)
-    coefficients = np.asarray(dct(readings - record.mean, type=2, norm="ortho"))[1 : kept + 1]
+    coefficients = record.lowest
     gain, slope = _gain(model, bands, best, coefficients, ramp)
     quick = _quick_p_value(model, bands, best, gain)
     if not HOPELESS < quick < CLEAR:

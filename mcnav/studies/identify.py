@@ -135,12 +135,10 @@ def identify_logs(paths: Sequence[Path], plan: IdentifyPlan | None = None) -> Id
             chosen, notes = _stretch(path, log, plan)
             facts.append(LogFacts(str(path), chosen.stop - chosen.start, log.interval, (*log.notes, *notes)))
             _check_interval(facts)
-            for instrument, vector in (("gyro", log.gyro), ("accelerometer", log.accelerometer)):
-                for place, axis in enumerate(AXES if vector is not None else ()):
-                    readings = np.ascontiguousarray(vector[chosen, place])  # type: ignore[index]
-                    own = records.setdefault((instrument, axis), [])
-                    if np.ptp(readings) > 0.0:
-                        own.append(_record(path, f"{instrument} {axis}", readings, log.interval))
+            for instrument, axis, readings in _axes_of(log, chosen):
+                own = records.setdefault((instrument, axis), [])
+                if np.ptp(readings) > 0.0:
+                    own.append(_record(path, f"{instrument} {axis}", readings, log.interval))
         axes = tuple(_axis_report(*key, own) for key, own in records.items() if len(own) == len(paths))
         stuck = [f"{' '.join(key)} is left out: all of its readings are the same"
                  for key, own in records.items() if len(own) < len(paths)]  # fmt: skip
@@ -185,6 +183,13 @@ def _stretch(path: Path, log: ImuLog, plan: IdentifyPlan) -> tuple[slice, tuple[
     return chosen, (told,)
 
 
+def _axes_of(log: ImuLog, chosen: slice) -> Iterator[tuple[str, str, Array]]:
+    """Yield instrument, axis and readings of each axis."""
+    for instrument, vector in (("gyro", log.gyro), ("accelerometer", log.accelerometer)):
+        if vector is not None:
+            yield from ((instrument, axis, np.ascontiguousarray(vector[chosen, k])) for k, axis in enumerate(AXES))
+
+
 def _check_interval(facts: Sequence[LogFacts]) -> None:
     """Refuse logs whose readings have not the interval of the first one."""
     first, last = facts[0], facts[-1]
@@ -205,7 +210,7 @@ def _record(path: Path, name: str, readings: Array, interval: float) -> _AxisRec
     chosen = noise.fitted.chosen
     allan = allan_deviation(readings, interval, chosen.model, chosen.best.logs, relative_covariance(chosen))
     # the ordinates, as large as the log, are in the bands of the candidates
-    light = replace(noise.fitted, record=Record(interval, noise.mean, np.empty(0)))
+    light = replace(noise.fitted, record=Record(interval, noise.mean, np.empty(0), np.empty(0)))
     return _AxisRecord(light, noise.goodness, resolution(readings), allan)
 
 
