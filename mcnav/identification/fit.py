@@ -42,6 +42,9 @@ WANTED: Final = 0.2
 LONGEST_RECORD: Final = 10 * 365.25 * 86_400.0
 """A record longer than this (s) is not advised."""
 
+ROUGHLY: Final = 1e-2
+"""Decrement of −2 log L at which a first maximum, from which others start, is near enough."""
+
 PENALTY: Final = 4.0
 """Price of a parameter, in −2 log L: one that is not there is taken in 2 of 100 records."""
 
@@ -194,7 +197,8 @@ def fit(record: Record) -> AxisFit:
 
 def _best(model: Model, bands: Bands) -> Maximum:
     """Find the largest of the maxima that several starts lead to."""
-    return min((maximize(model, bands, start) for start in _starts(model, bands)), key=lambda each: each.deviance)
+    maxima = (maximize(model, bands, start, converged=ROUGHLY) for start in _starts(model, bands))
+    return min(maxima, key=lambda each: each.deviance)
 
 
 def _starts(model: Model, bands: Bands) -> list[Array]:

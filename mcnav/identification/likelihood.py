@@ -84,7 +84,9 @@ def limits(model: Model, grid: Grid) -> tuple[Array, Array]:
     return np.where(timed, shortest, -np.inf), np.where(timed, longest, np.inf)
 
 
-def maximize(model: Model, bands: Bands, start: Array, held: Iterable[int] = ()) -> Maximum:
+def maximize(
+    model: Model, bands: Bands, start: Array, held: Iterable[int] = (), converged: float = CONVERGED
+) -> Maximum:
     """Find the maximum near a start; ``held`` are parameters that stay as they are."""
     lowest, highest = limits(model, bands.grid)
     logs = np.clip(np.array(start, dtype=float), lowest, highest)
@@ -106,7 +108,7 @@ def maximize(model: Model, bands: Bands, start: Array, held: Iterable[int] = ())
         if after <= value:
             gained, damping = value - after, max(damping * 0.2, 1e-9)
             logs, value, variances, slopes = trial, after, new, new_slopes
-            if gained < CONVERGED and damping < 1e-2:
+            if gained < converged and damping < 1e-2:
                 break
         else:
             damping *= 8.0

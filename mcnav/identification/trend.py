@@ -23,6 +23,9 @@ CLEAR: Final = 0.2
 """P-value by Student's t from which nothing is simulated: it errs to the small side."""
 
 ENOUGH: Final = 10
+NEAR: Final = 1e-4
+"""Decrement of −2 log L at which a maximum is reached."""
+
 MOST: Final = 499
 """Records are simulated until so many gain as much, and at most so many."""
 
@@ -64,7 +67,8 @@ def trend_p_value(model: Model, bands: Bands, best: Maximum, record: Record) -> 
         sums = variances * generator.gamma(0.5 * bands.numbers, 2.0)
         sums[:kept] = low**2
         drawn = Bands(bands.grid, bands.numbers, sums)
-        as_large += _gain(model, drawn, maximize(model, drawn, best.logs), low, ramp)[0] >= gain
+        null = maximize(model, drawn, best.logs, converged=NEAR)
+        as_large += _gain(model, drawn, null, low, ramp)[0] >= gain
         if as_large == ENOUGH:
             return max(as_large / simulated, quick), slope
     return max((as_large + 1.0) / (MOST + 1.0), quick), slope
@@ -78,9 +82,9 @@ def _gain(model: Model, bands: Bands, best: Maximum, coefficients: Array, ramp: 
         previous, slope = slope, float(weight @ coefficients / (weight @ ramp))
         sums = bands.sums.copy()
         sums[:kept] = (coefficients - slope * ramp) ** 2
-        trended = maximize(model, Bands(bands.grid, bands.numbers, sums), logs)
+        trended = maximize(model, Bands(bands.grid, bands.numbers, sums), logs, converged=NEAR)
         logs, deviance = trended.logs, trended.deviance
-        if abs(slope - previous) <= 1e-3 * abs(slope):
+        if abs(slope - previous) <= 1e-2 * abs(slope):
             break
     return max(best.deviance - deviance, 0.0), slope
 

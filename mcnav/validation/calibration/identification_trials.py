@@ -90,7 +90,7 @@ def _count(kind: tuple[str, str], seeds: Sequence[int], result: Tally) -> None:
         readings = simulate(grade, instrument, seed)
         for statement, sort, hit in statements(identify_noise(readings, INTERVAL), true):
             result.add(Cell(sort, system, statement, "normal", "random", READINGS), hit)
-        for name, disturb in DISTURBANCES.items() if seed % EVERY == 0 else ():
+        for name, disturb in DISTURBANCES.items() if seed % EVERY == EVERY - 1 else ():
             hit = _noticed(name, identify_noise(disturb(readings, true, bias), INTERVAL))
             result.add(Cell("power", f"{system}, {name}", "is noticed", "normal", "random", READINGS), hit)
 
