@@ -782,12 +782,14 @@ def check_scenario(campaign: CampaignFile) -> None:
         raise typer.Exit(CHECK_FAILED)
 
 
-def _named_columns(named: Sequence[str] | None) -> dict[str, str]:
+def _named_columns(
+    named: Sequence[str] | None, option: str = "--column", expected: str = "NAME=COLUMN such as 'lat=latitude [rad]'"
+) -> dict[str, str]:
     columns = dict[str, str]()
     for each in named or []:
         name, equals, written = each.partition("=")
         if not equals:
-            raise _fail(f"--column: got {each!r}; expected NAME=COLUMN such as 'lat=latitude [rad]'", BAD_INPUT)
+            raise _fail(f"{option}: got {each!r}; expected {expected}", BAD_INPUT)
         columns[name.strip()] = written.strip()
     return columns
 
@@ -827,6 +829,70 @@ def trajectory(
         out.print(printed(described.terminal(result)))
     if page is not None:
         _print_written(write_texts(page.parent, {page.name: page_html(described.page(result))}))
+
+
+@_command()
+def identify(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG...", help="Records of a unit at rest.", autocompletion=completion.logs),
+    ],
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--column", "--columns", metavar="NAME=COLUMN", help="Column of a log, such as gyro_x=wx; repeat."
+        ),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option("--unit", "--units", metavar="NAME=UNIT", help="Unit of a column, such as gyro=deg/s; repeat."),
+    ] = None,
+    interval: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Interval between readings, such as '0.01 s', in place of a column of time."),
+    ] = None,
+    begin: Annotated[
+        str | None, typer.Option("--from", metavar="TIME", help="Begin of what is used, from the first reading.")
+    ] = None,
+    end: Annotated[
+        str | None, typer.Option("--to", metavar="TIME", help="End of what is used, from the first reading.")
+    ] = None,
+    below: Annotated[
+        str | None,
+        typer.Option(metavar="FREQUENCY", help="Upper end of the frequencies that are used, such as '10 Hz'."),
+    ] = None,
+    campaign: Annotated[
+        Path | None,
+        typer.Option(
+            help="Campaign of type ins whose errors are computed with the result.", autocompletion=completion.campaigns
+        ),
+    ] = None,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Also write a page, identify.json and imu.toml into a folder.")
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Identify the noise of an inertial measurement unit from logs at rest, with intervals and a test of fit.
+
+    Several logs of one unit give its noise in common, and the bias from one turn-on to the next.
+
+    Example: mcnav identify static.csv --unit gyro=deg/s --out reports/unit
+    """
+    from mcnav.files import write_texts
+    from mcnav.report.identify import terminal
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.identify import files_of, identification_table, identify_logs, read_plan
+
+    columns = _named_columns(column, "--column", "NAME=COLUMN such as gyro_x=wx")
+    units = _named_columns(unit, "--unit", "NAME=UNIT such as gyro=deg/s")
+    report = identify_logs(logs, read_plan(columns, units, interval, begin, end, below, campaign))
+    if form == "table":
+        out.print(printed(terminal(report)))
+    else:
+        _export(form, [vars(row) for row in report.parameters], identification_table(report))
+    if folder is not None:
+        out.print()
+        _print_written(write_texts(folder, files_of(report)))
 
 
 @_command()

@@ -242,7 +242,7 @@ class _Plan:
         return np.array([np.mean(plain[lines.facet == j]) for j in range(len(self.facets.distances))])
 
     def shares(self, pilot: _Lines, proposals: list[Proposal]) -> Array:
-        """Return the shares of the lines that each cell gets, as its probability by the pilot and by the fit, (facets,).
+        """Return the share of the lines of each cell, as its probability by pilot and fit, shape (facets,).
 
         The fit alone knows what few lines of a small cell miss; where no line enters, it knows nothing.
         """
