@@ -112,7 +112,7 @@ class AidedMechanization:
     @cached_property
     def stop_times(self) -> Array:
         """Instants of measurements and epochs after the start, s."""
-        instants = np.sort(np.concatenate([self.times, *(self._measured(sensor) for sensor in self.sensors)]))
+        instants = np.sort(np.concatenate([self.times, *(self.measured(sensor) for sensor in self.sensors)]))
         instants = instants[instants > self.start + SAME_INSTANT]
         return np.asarray(instants[np.diff(instants, prepend=-np.inf) > SAME_INSTANT])
 
@@ -143,7 +143,7 @@ class AidedMechanization:
         """Sensors with the truth at their instants."""
         models = []
         for sensor, believed in zip(self.sensors, self.model.beliefs.sensors, strict=True):
-            times = self.step_times[self._boundaries(self._measured(sensor))]
+            times = self.step_times[self._boundaries(self.measured(sensor))]
             rate = None
             if self.platform != "strapdown":
                 rate = self.truth.states(times, self.platform, self.start).rate
@@ -161,7 +161,7 @@ class AidedMechanization:
         longest = min([self.longest_filter_step, *(SHARE_OF_CORRELATION / rates[rates > 0.0])])
         updates: dict[int, list[tuple[int, int]]] = {}
         for number, sensor in enumerate(self.sensors):
-            for row, boundary in enumerate(self._boundaries(self._measured(sensor))):
+            for row, boundary in enumerate(self._boundaries(self.measured(sensor))):
                 updates.setdefault(int(boundary), []).append((number, row))
         epochs = np.searchsorted(self.epoch_steps, boundaries), np.searchsorted(self.epoch_steps, boundaries, "right")
         result = []
@@ -183,7 +183,7 @@ class AidedMechanization:
 
     def updated(self, sensor: int) -> IndexArray:
         """Return the steps at whose ends a sensor has its measurements, by its number."""
-        return self._boundaries(self._measured(self.sensors[sensor])) - 1
+        return self._boundaries(self.measured(self.sensors[sensor])) - 1
 
     def quiet(self) -> SampleNoise:
         """Return the noise of a sample without any."""
@@ -216,9 +216,9 @@ class AidedMechanization:
             raise ValueError(f"errors must have shape ({expected},), one for each constant; got {errors.shape}")
         if not np.all(np.isfinite(errors)):
             raise Diverged("the sample has errors that are not finite")
-        return _Flight(self, errors, self.quiet() if noise is None else noise).fly()
+        return AidedFlight(self, errors, self.quiet() if noise is None else noise).fly()
 
-    def _measured(self, sensor: Sensor) -> Array:
+    def measured(self, sensor: Sensor) -> Array:
         """Return the instants of a sensor within navigation."""
         return np.asarray(sensor.times[(sensor.times > self.start) & (sensor.times <= self.end + SAME_INSTANT)])
 
@@ -229,7 +229,7 @@ class AidedMechanization:
         return np.asarray(after - nearer, dtype=np.int64)
 
 
-class _Flight:
+class AidedFlight:
     """One sample on its way."""
 
     def __init__(self, engine: AidedMechanization, errors: Array, noise: SampleNoise) -> None:
@@ -276,7 +276,7 @@ class _Flight:
         first = len(CONSTANTS)
         for model in self.engine.sensor_models:
             last = first + sum(1 for _ in model.sensor.constants())
-            shape = (len(model.truth.altitude), model.size)
+            shape = (len(self.engine.measured(model.sensor)), model.size)
             noise = self.noise.measurements.get(model.sensor.name, np.zeros(shape))
             yield model.measurement_errors(self.errors[first:last], noise)
             first = last
@@ -292,7 +292,8 @@ class _Flight:
         model, navigator = self.engine.sensor_models[sensor], self.navigator
         indicated = navigator.indicated(self._reading(stop.last - 1))
         offsets, factors, arm = self.offsets[sensor]
-        innovation, response = model.innovation(row, indicated, navigator.estimates, offsets[row], factors, arm)
+        true = model.true_at(row)
+        innovation, response = model.innovation(true, indicated, navigator.estimates, offsets[row], factors, arm)
         if not np.all(np.isfinite(innovation)):
             raise Diverged(f"an innovation of {model.sensor.name} ceased to be finite at {stop.time:.1f} s")
         update = navigator.update(innovation, response, model.variances, model.threshold)

@@ -27,19 +27,21 @@ from mcnav.systems.ins.sensors.comparison import Indicated
 
 
 class Passage(NamedTuple):
-    """What an error model needs of n steps that were navigated: its arguments of the same names.
+    """Steps that were navigated, n of them: the arguments of an error model, and the filter's transitions over K steps.
 
     Attributes
     ----------
     axes : ndarray, shape (n, 3, 3)
     rates, forces : ndarray, shape (n, 3)
     gradients : ndarray, shape (K, 3, 3)
+    transitions : ndarray, shape (K, 9 + q, 9 + q)
     """
 
     axes: Array
     rates: Array
     forces: Array
     gradients: Array
+    transitions: Array
 
 
 @dataclass(frozen=True)
@@ -118,14 +120,14 @@ class FilteredNavigator:
         middles = matrices(states[1:, :4] + states[:-1, :4])
         means = np.einsum("p,npi->ni", WEIGHTS, readings)
         gradients = gravitation_gradients(self.gravitation, states[steps.middles + 1, 7:])
-        passage = Passage(middles, means[:, :3], means[:, 3:], gradients)
-        transitions, noises = self.model.transitions(self.earth.rotation_rate, steps, *passage)
+        passed = (middles, means[:, :3], means[:, 3:], gradients)
+        transitions, noises = self.model.transitions(self.earth.rotation_rate, steps, *passed)
         for transition, noise in zip(transitions, noises, strict=True):
             self.filter.predict(F=transition, Q=noise)
         self.state = states[-1]
         self.estimates = self.estimates * np.exp(-self.model.decay_rates * (until - self.estimated_at))
         self.estimated_at = until
-        return passage
+        return Passage(*passed, transitions)
 
     def indicated(self, reading: Array) -> Indicated:
         """Return the indicated state, with a compensated reading, shape (6,), at the same instant."""
