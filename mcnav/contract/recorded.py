@@ -187,8 +187,8 @@ class Stage:
     covariance : ndarray, shape (c, c)
         Of the innovation, as the filter believes.
     accepted : bool
-    transition : ndarray, shape (e, e)
-        F.
+    transition : ndarray, shape (e, e), optional
+        F; none where no time passes, so that F and D are ones and B is zero.
     feedback : ndarray, shape (9, q)
         B.
     decay : ndarray, shape (q,)
@@ -211,7 +211,7 @@ class Stage:
     innovation: Array
     covariance: Array
     accepted: bool
-    transition: Array
+    transition: Array | None
     feedback: Array
     decay: Array
     response: Array

@@ -31,7 +31,7 @@ from mcnav.systems.ins.reference.mechanization import LONGEST_STEP, SAME_INSTANT
 from mcnav.systems.ins.reference.normal_field import field_constants
 from mcnav.systems.ins.sensors.aiding import Sensor
 
-Motion: TypeAlias = tuple[Array, Array, Array, tuple[Part, ...]]
+Motion: TypeAlias = tuple[Array | None, Array, Array, tuple[Part, ...]]
 """F, B, D and the noise of the processes, as a `Stage` has them."""
 
 LEAST_MEASUREMENTS: Final = 10
@@ -184,7 +184,7 @@ class _Passing:
         """Navigate over steps; return F, B, D and the noise of the processes."""
         size, states = self.everything.size, len(self.flight.own.states)
         if first == last:
-            return np.eye(size), np.zeros((NAVIGATION, states)), np.ones(states), ()
+            return None, np.zeros((NAVIGATION, states)), np.ones(states), ()
         times = self.flight.step_times[first : last + 1]
         durations = np.diff(times)
         steps = FilterSteps.group(durations, self.longest, self.flight.own.decay_rates)
