@@ -103,6 +103,10 @@ class Continuous(DoubleIntegrator):
     cycle, step, end = None, 0.5, 60.0
 
 
+class Fine(Continuous):
+    step, end = 0.05, 120.0
+
+
 class Nominal(DoubleIntegrator):
     filter = Filter(gains="nominal")
 
@@ -348,8 +352,9 @@ SHIPPED = {
 
 OF = {
     "GuidedLander": "Landing",
-    "Continuous": "DoubleIntegrator", "Remembering": "DoubleIntegrator", "ConstantGain": "DoubleIntegrator",
-    "Nominal": "DoubleIntegrator", "Corrected": "DoubleIntegrator", "FixedDescent": "Descent",
+    "Continuous": "DoubleIntegrator", "Fine": "DoubleIntegrator", "Remembering": "DoubleIntegrator",
+    "ConstantGain": "DoubleIntegrator", "Nominal": "DoubleIntegrator", "Corrected": "DoubleIntegrator",
+    "FixedDescent": "Descent",
 }  # fmt: skip
 
 
