@@ -124,6 +124,8 @@ class Offset:
     unit, shown_in : str
     key : str
         Where a campaign has it.
+    used : ndarray, shape (a,), optional
+        Of a lever arm: that which the filter uses. The error is the used one less the true one.
     """
 
     name: str
@@ -132,6 +134,7 @@ class Offset:
     unit: str
     shown_in: str
     key: str
+    used: Array | None = None
 
 
 @dataclass(frozen=True)

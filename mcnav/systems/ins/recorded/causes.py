@@ -222,7 +222,8 @@ def list_offsets(campaign: Campaign) -> tuple[Offset, ...]:
             places = np.array([NAVIGATION + names.index(name) for name in members], dtype=np.int64)
             axes = tuple(name.removeprefix(kind).strip("_") for name in members)
             unit, shown_in, _ = campaign.units[members[0]]
-            result.append(Offset(kind, axes, places, unit, shown_in, key_of(kind, campaign.sensors)))
+            used = next((each.lever_arm for each in campaign.sensors if kind == f"{each.name}_lever_arm"), None)
+            result.append(Offset(kind, axes, places, unit, shown_in, key_of(kind, campaign.sensors), used))
     return tuple(result)
 
 
