@@ -10,7 +10,7 @@ Testing*).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -140,8 +140,6 @@ def assess(record: FilteredRecord, given: Innovations, count: int, trials: int, 
 
 
 def _without_mean(record: FilteredRecord) -> FilteredRecord:
-    from dataclasses import replace
-
     return replace(record, mean=np.zeros_like(record.mean))
 
 
@@ -149,7 +147,8 @@ class _Everything:
     """All records whose innovations are whitened together: given, simulated, of one cause alone, of offsets."""
 
     def __init__(
-        self, record: FilteredRecord, own: Innovations, simulated: Innovations, alone: Sequence[Innovations], trials: int
+        self, record: FilteredRecord, own: Innovations, simulated: Innovations, alone: Sequence[Innovations],
+        trials: int,
     ) -> None:  # fmt: skip
         self.record, self.own, self.simulated, self.trials = record, own, simulated, trials
         self.given, self.count, self.causes = len(own), len(simulated), len(record.causes)

@@ -1,6 +1,7 @@
 """Records of the same campaign, simulated by the linear system of a record's innovations.
 
-See `mcnav.contract.recorded` for the equations. All simulated records have the gains that the filter used on the record.
+See `mcnav.contract.recorded` for the equations. All simulated records have the gains that the filter used on the
+record.
 """
 
 from __future__ import annotations

@@ -141,6 +141,8 @@ class Judgement:
         Share of simulated records that are as unusual.
     findings : tuple of Finding
         What is wrong, the foremost first; empty where nothing is, or no number of the campaign explains it.
+    predicted : ndarray, shape (m, 9)
+        Sigmas of the navigation errors less the reference's in simulated records, at the stages with a read-out.
     """
 
     duration: float
@@ -153,6 +155,7 @@ class Judgement:
     causes: tuple[CauseVerdict, ...]
     offsets: tuple[OffsetVerdict, ...]
     notes: tuple[str, ...]
+    predicted: Array
 
     @property
     def alarm(self) -> bool:
@@ -176,10 +179,12 @@ def judge(record: FilteredRecord, count: int = SIMULATED, trials: int = TRIALS, 
     offsets = _offsets(record, assessment)
     probability = float(assessment.probability(assessment.scores.max(axis=0))[0])
     findings = _findings(record, assessment, (*causes, *offsets), (count, trials, seed)) if probability <= LEVEL else ()
-    sensors, nees = _of_filter(record, given, count, seed)
+    simulated = simulate(record, count, np.random.default_rng((seed, 1)))
+    sensors, nees = _of_filter(record, beside([given, simulated]))
     return Judgement(
-        record.duration, len(record.stages), count, probability, findings, sensors, nees, causes, offsets, record.notes
-    )
+        record.duration, len(record.stages), count, probability, findings, sensors, nees, causes, offsets,
+        record.notes, simulated.errors.std(axis=2),
+    )  # fmt: skip
 
 
 def _causes(record: FilteredRecord, given: Innovations, assessment: Assessment) -> tuple[CauseVerdict, ...]:
@@ -276,11 +281,8 @@ def _changed(record: FilteredRecord, foremost: int, number: CauseVerdict | Offse
     return replace(record, initial=record.initial * np.outer(scale, scale), stages=stages)
 
 
-def _of_filter(
-    record: FilteredRecord, given: Innovations, count: int, seed: int
-) -> tuple[tuple[SensorVerdict, ...], tuple[NeesVerdict, ...]]:
+def _of_filter(record: FilteredRecord, both: Innovations) -> tuple[tuple[SensorVerdict, ...], tuple[NeesVerdict, ...]]:
     """Return the statistics of the filter with the ranges of simulated records."""
-    both = beside([given, simulate(record, count, np.random.default_rng((seed, 1)))])
     sensors = tuple(
         _sensor(record, number, statistics) for number, statistics in enumerate(sensor_statistics(record, both))
     )
