@@ -17,11 +17,11 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
-from mcnav.judgement.likelihood import whiten
+from mcnav.judgement.likelihood import DROP, whiten
 from mcnav.judgement.simulation import Innovations, beside, respond, simulate
 from mcnav.judgement.statistics import mean_nees, sensor_statistics
 
-GRID: Final = (1.0 / 3.0, 0.6, 0.9, 1.1, 1.7, 3.0)
+GRID: Final = (0.1, 0.3, 0.6, 0.9, 1.0, 1.1, 1.7, 3.0, 10.0)
 """Factors of a size that are tried."""
 
 LEVEL: Final = 0.05
@@ -65,7 +65,7 @@ class Assessment:
         Number of the last ones, which are candidates.
     scores, simulated : ndarray, shape (k, R), (k, N)
         Statistics over their 95 % points.
-    gains : ndarray, shape (candidates, R)
+    gains, simulated_gains : ndarray, shape (candidates, R), (candidates, N)
     offsets : tuple of (ndarray, ndarray)
         Of each offset: estimates, shape (a, R), and their covariance.
     power : ndarray, shape (j, f, p)
@@ -81,6 +81,7 @@ class Assessment:
     scores: Array
     simulated: Array
     gains: Array
+    simulated_gains: Array
     offsets: tuple[tuple[Array, Array], ...]
     power: Array
     named: IndexArray
@@ -90,6 +91,15 @@ class Assessment:
     def critical(self) -> float:
         """Largest score that is exceeded in 5 % of simulated records."""
         return float(np.quantile(self.simulated.max(axis=0), 1.0 - LEVEL))
+
+    @property
+    def drops(self) -> Array:
+        """What the log-likelihood falls by at the ends of 95 % intervals of the factors, shape (j,).
+
+        The 95 % point of its gain in simulated records, at least that of chi-square.
+        """
+        own = self.simulated_gains[: self.candidates - len(self.offsets)]
+        return np.maximum(np.quantile(own, 0.95, axis=1), DROP)
 
     def probability(self, scores: Array) -> Array:
         """Return the share of simulated records whose largest score is as large, shape of the scores."""
@@ -182,7 +192,7 @@ class _Everything:
         known = tuple((each[1][:, : self.given], each[2]) for each in estimates)
         return Assessment(
             tuple(names), len(all_gains), scaled[:, : self.given], scaled[:, self.given :],
-            all_gains[:, : self.given], known, largest, named, sensitivity,
+            all_gains[:, : self.given], all_gains[:, self.given :], known, largest, named, sensitivity,
         )  # fmt: skip
 
     def _of_filter(self) -> tuple[Array, list[str]]:
@@ -215,8 +225,8 @@ class _Everything:
     def _gains_of_causes(self, base: Sums) -> tuple[Array, Array]:
         """Compute the gains of all causes: of records, (j, given + N), and with one size multiplied, (j, j, f, p)."""
         extra = np.sqrt(np.array(FACTORS) ** 2 - 1.0)
-        values = np.zeros((self.causes, len(GRID) + 1, self.given + self.count))
-        powers = np.zeros((self.causes, len(GRID) + 1, self.causes, len(FACTORS), self.trials))
+        values = np.zeros((self.causes, len(GRID), self.given + self.count))
+        powers = np.zeros((self.causes, len(GRID), self.causes, len(FACTORS), self.trials))
         here = slice(self.given, self.given + self.trials)
 
         def changed(sums: Sums) -> Array:
@@ -227,6 +237,8 @@ class _Everything:
         at_one = changed(base)
         for cause in range(self.causes):
             for place, factor in enumerate(GRID):
+                if factor == 1.0:
+                    continue
                 sums = self._sums({cause: factor})
                 grown = base.log_determinant - sums.log_determinant
                 values[cause, place] = 0.5 * (base.squares - sums.squares + grown)
@@ -259,7 +271,8 @@ class _Everything:
         """Return the gains of an offset, shape (given + N,), its estimates and their covariance."""
         inverse = np.linalg.pinv(offset.information, rcond=1e-9, hermitian=True)
         estimates = inverse @ offset.products
-        return 0.5 * np.einsum("ar,ar->r", offset.products, estimates), estimates, inverse
+        gains = np.asarray(0.5 * np.einsum("ar,ar->r", offset.products, estimates))
+        return gains, np.asarray(estimates), np.asarray(inverse)
 
     def _offsets_in_power(self, offsets: Sequence[_OffsetSums]) -> Array:
         """Compute the gains of offsets with one size multiplied, shape (offsets, j, f, p)."""
@@ -304,15 +317,16 @@ class _OffsetSums:
 
 
 def _highest(values: Array) -> Array:
-    """Return the highest gain over the grid and the factor one, shape of ``values`` without its second axis.
+    """Return the highest gain over the grid, shape of ``values`` without its second axis, the grid's.
 
-    Between 0.9 and 1.1 it is that of the parabola through these and one, where it has a top there.
+    It is that of the parabola over log factors through the highest value and its neighbours.
     """
-    highest = np.maximum(values.max(axis=1), 0.0)
-    low, high = values[:, GRID.index(0.9)], values[:, GRID.index(1.1)]
-    left, right = np.log(0.9), np.log(1.1)
-    bend = (high / right - low / left) / (right - left)
-    slope = high / right - bend * right
-    top = np.divide(-0.5 * slope, bend, out=np.zeros_like(bend), where=bend < 0.0)
-    within = (bend < 0.0) & (top > left) & (top < right)
-    return np.asarray(np.where(within, np.maximum(highest, slope * top + bend * top**2), highest))
+    logarithms = np.log(GRID)
+    best = np.clip(np.argmax(values, axis=1), 1, len(GRID) - 2)[:, None]
+    low, here, high = (np.take_along_axis(values, best + step, axis=1)[:, 0] for step in (-1, 0, 1))
+    best = best[:, 0]
+    left, right = logarithms[best - 1] - logarithms[best], logarithms[best + 1] - logarithms[best]
+    bend = ((high - here) / right - (low - here) / left) / (right - left)
+    slope = (high - here) / right - bend * right
+    top = np.clip(np.divide(-0.5 * slope, bend, out=np.zeros_like(bend), where=bend < 0.0), left, right)
+    return np.asarray(np.maximum(values.max(axis=1), here + slope * top + bend * top**2))

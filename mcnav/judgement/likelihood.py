@@ -104,14 +104,17 @@ class Factor:
     gain: float
 
 
-def estimate_factor(
-    record: FilteredRecord, innovations: Innovations, cause: int, others: Mapping[int, float] | None = None
-) -> Factor:
-    """Estimate the factor of one size from one record; the interval is that of the likelihood ratio."""
-    known = dict(others or {})
+def estimate_factor(record: FilteredRecord, innovations: Innovations, cause: int, drop: float = DROP) -> Factor:
+    """Estimate the factor of one size from one record.
+
+    Parameters
+    ----------
+    drop : float
+        What the log-likelihood falls by at the ends of the interval.
+    """
 
     def value(logarithm: float) -> float:
-        return float(log_likelihood(record, innovations, known | {cause: float(np.exp(logarithm))})[0])
+        return float(log_likelihood(record, innovations, {cause: float(np.exp(logarithm))})[0])
 
     widest = float(np.log(WIDEST))
     grid = np.linspace(-widest, widest, 13)
@@ -122,9 +125,9 @@ def estimate_factor(
     top, most = float(least.x), -float(least.fun)
 
     def end(bound: float) -> float:
-        if value(bound) > most - DROP:
+        if value(bound) > most - drop:
             return np.inf if bound > 0.0 else -np.inf
-        return float(brentq(lambda x: value(x) - most + DROP, top, bound, xtol=1e-3))
+        return float(brentq(lambda x: value(x) - most + drop, top, bound, xtol=1e-3))
 
     return Factor(
         float(np.exp(top)), float(np.exp(end(-widest))), float(np.exp(end(widest))), most - value(0.0)

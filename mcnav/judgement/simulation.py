@@ -35,7 +35,7 @@ class Innovations:
     errors: Array
 
     def __len__(self) -> int:
-        return self.values[0].shape[1]
+        return int(self.values[0].shape[1])
 
     def chosen(self, columns: slice) -> Innovations:
         """Return some of the records."""

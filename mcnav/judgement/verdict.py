@@ -192,17 +192,17 @@ def _causes(record: FilteredRecord, given: Innovations, assessment: Assessment) 
     foremost = int(assessment.foremost[0])
     result = []
     for number, cause in enumerate(record.causes):
-        estimated = len(record.stages) <= MANY_STAGES or number == foremost
+        factor = None
+        if len(record.stages) <= MANY_STAGES or number == foremost:
+            factor = estimate_factor(record, given, number, float(assessment.drops[number]))
         found = np.mean(assessment.power[number] > critical, axis=-1)
         named = np.mean((assessment.power[number] > critical) & (assessment.named[number] == number), axis=-1)
-        noticed = next((factor for factor, share in zip(FACTORS, found, strict=True) if share >= SHARE), None)
-        result.append(
-            CauseVerdict(
-                cause.name, cause.key, cause.size, cause.unit, cause.shown_in,
-                estimate_factor(record, given, number) if estimated else None, float(assessment.gains[number, 0]),
-                noticed, tuple(found.tolist()), tuple(named.tolist()),
-            )
+        noticed = next((size for size, share in zip(FACTORS, found, strict=True) if share >= SHARE), None)
+        verdict = CauseVerdict(
+            cause.name, cause.key, cause.size, cause.unit, cause.shown_in, factor, float(assessment.gains[number, 0]),
+            noticed, tuple(found.tolist()), tuple(named.tolist()),
         )  # fmt: skip
+        result.append(verdict)
     return tuple(result)
 
 
@@ -254,7 +254,9 @@ def _again(
 ) -> CauseVerdict | OffsetVerdict:
     """Estimate a number again, with others changed before it."""
     if isinstance(number, CauseVerdict):
-        return replace(number, factor=estimate_factor(record, recorded(record), foremost))
+        return replace(
+            number, factor=estimate_factor(record, recorded(record), foremost, float(assessment.drops[foremost]))
+        )
     estimate = assessment.offsets[foremost - len(record.causes)][0]
     return replace(number, estimate=tuple(estimate[:, 0].tolist()))
 

@@ -51,9 +51,8 @@ def wrong(verdicts: Sequence[ErrorVerdict]) -> list[str]:
                 f"the {kind} of {what} is {number(value, 3)} times too {side}: {number(low, 3)} to {number(high, 3)}"
             )
         if each.whiteness is not None and each.whiteness.p_value < limit:
-            clauses.append(
-                f"innovations of {what} are correlated: {number(each.whiteness.autocorrelation, 2)} from one to the next"
-            )
+            correlation = number(each.whiteness.autocorrelation, 2)
+            clauses.append(f"innovations of {what} are correlated: {correlation} from one to the next")
     return clauses
 
 

@@ -28,8 +28,8 @@ EXPECTED: Final = "time, error_NAME with sigma_NAME or covariance_NAME_NAME, inn
 def read_error_table(path: Path) -> ErrorTable:
     """Read a table of errors.
 
-    Columns are ``time``, ``error_NAME`` with ``sigma_NAME``, ``covariance_NAME_OTHER`` of two errors, ``innovation_NAME``
-    with ``innovation_sigma_NAME``; or ``e_``, ``s_``, ``p_``, ``nu_``, ``s_nu_``.
+    Columns are ``time``, ``error_NAME`` with ``sigma_NAME``, ``covariance_NAME_OTHER`` of two errors,
+    ``innovation_NAME`` with ``innovation_sigma_NAME``; or ``e_``, ``s_``, ``p_``, ``nu_``, ``s_nu_``.
     """
     table = read_table(path)
     kinds: dict[str, dict[str, Array]] = {kind: {} for kind in BEGINNINGS}

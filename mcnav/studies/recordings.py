@@ -162,10 +162,9 @@ def _tabulated(path: Path, named: Mapping[str, tuple[Array, str]], zero: float) 
         known = "; ".join(", ".join(name for name, _ in columns) for columns in COLUMNS.values())
         raise LogError(path, f"has no measurements; expected the columns {known}")
     times = _in_si(path, "time", *named["time"], "s")
-    if not np.all(np.diff(times) > 0.0):
-        raise LogError(
-            path, f"falls or repeats in row {int(np.argmin(np.diff(times))) + 2}; expected rising times", "time"
-        )
+    rising = np.diff(times) > 0.0
+    if not np.all(rising):
+        raise LogError(path, f"falls or repeats in row {int(np.argmin(rising)) + 2}; expected rising times", "time")
     return RecordedMeasurements(times - zero, values)
 
 

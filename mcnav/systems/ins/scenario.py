@@ -473,7 +473,7 @@ class Ins:
         return believed_shares(navigation.imu, navigation.sensors, navigation.filter, navigation.sigmas)
 
     def filter_recording(self, recording: Recording, mean: Array, covariance: Array) -> FilteredRecord:
-        """Take the filter through a recorded flight, whose errors have a mean and a covariance, in the sources' order."""
+        """Take the filter through a recorded flight; mean and covariance are those of the true sources."""
         processes = (*NOISE, *aiding_outputs(self.navigation.sensors))
         return filter_recording(self.navigation.aided, self.sources, processes, recording, mean, covariance)
 

@@ -36,7 +36,7 @@ HUNDRED: Final = 100
 SIMULATED, TRIALS = 1000, 100
 
 EVERY: Final = 4
-"""Flights of which the interval of one is computed."""
+"""Flights of which one has its interval computed; and the share of flights with something wrong."""
 
 WRONG: Final[Mapping[str, tuple[str, str, str, tuple[float, ...]]]] = {
     "nothing": ("", "", "gyro_angle_random_walk", (1.0,)),
@@ -122,7 +122,8 @@ def _held(
     causes = [cause.name for cause in record.causes]
     if name in causes:
         number = causes.index(name)
-        estimates = [estimate_factor(record, each, number) for each in innovations[::EVERY]]
+        drop = float(result.drops[number])
+        estimates = [estimate_factor(record, each, number, drop) for each in innovations[::EVERY]]
         return float(np.mean([each.low <= values[0] <= each.high for each in estimates]))
     offsets = [offset.name for offset in record.offsets]
     estimate, covariance = result.offsets[offsets.index(name)]
@@ -134,11 +135,11 @@ def _held(
 def main(campaign: Path, flights: int) -> None:
     """Print the rates of all that may be wrong."""
     text = campaign.read_text(encoding="utf-8")
-    print("| wrong in flight | alarms | named | interval holds |\n| --- | --- | --- | --- |")
+    print("| wrong in flight | flights | alarms | named | interval holds |\n| --- | --- | --- | --- | --- |")
     for wrong in WRONG:
-        measured = rates(text, wrong, flights, processes=2)
+        measured = rates(text, wrong, flights if wrong == "nothing" else flights // EVERY, processes=2)
         shares = (f"{100.0 * each:.1f} %" for each in (measured.alarms, measured.named, measured.held))
-        print(f"| {wrong} | " + " | ".join(shares) + " |", flush=True)
+        print(f"| {wrong} | {measured.flights:,} | " + " | ".join(shares) + " |", flush=True)
 
 
 if __name__ == "__main__":

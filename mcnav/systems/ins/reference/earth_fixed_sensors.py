@@ -229,9 +229,9 @@ class SensorModel:
             if QUANTITIES[quantity].scaled:
                 if difference.true is None:
                     raise ValueError(f"compare of {quantity} lacks the true value, which a scale factor needs")
-                true = difference.true[axes]
-                predicted = true + difference.value[axes]
-                innovation[places] += scaled[places] * predicted - factors[places] * true
+                true_value = difference.true[axes]
+                predicted = true_value + difference.value[axes]
+                innovation[places] += scaled[places] * predicted - factors[places] * true_value
                 response[places, :NAVIGATION] *= 1.0 + scaled[places, None]
                 response[places, NAVIGATION:] -= self._scaled[places] * predicted[:, None]
         return innovation, response
