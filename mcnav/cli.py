@@ -711,6 +711,14 @@ def judge(
     errors: Annotated[
         Path | None, typer.Option(metavar="TABLE", help="Errors and sigmas of any filter, in place of a campaign.")
     ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option("--column", metavar="NAME=COLUMN", help="Column of the readings, such as gyro_x=wx; repeat."),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option("--unit", metavar="NAME=UNIT", help="Unit of the readings, such as gyro=deg/s; repeat."),
+    ] = None,
     records: Annotated[int, typer.Option(min=200, max=100_000, help="Simulated records to compare with.")] = 1000,
     folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_judge].")] = None,
 ) -> None:
@@ -733,24 +741,25 @@ def judge(
             raise _fail("expected CAMPAIGN, --imu FILE and --measurements NAME=FILE, or --errors TABLE", BAD_INPUT)
         from mcnav.config.read import read_campaign
 
-        given = {name: Path(file) for name, file in _named_files(measurements).items()}
+        given = {name: Path(file) for name, file in _pairs(measurements, "measurements", "gnss=gnss.pos").items()}
+        columns, units = _pairs(column, "column", "gyro_x=wx"), _pairs(unit, "unit", "gyro=deg/s")
         target = folder or Path("reports") / f"{campaign.stem}_judge"
-        described = RecordingFiles(imu, given, reference, start)
+        described = RecordingFiles(imu, given, reference, start, columns, units)
         judgement, files = write_judgement(read_campaign(campaign), described, target, records)
         out.print(printed(judged.terminal(judgement)))
     out.print()
     _print_written(files)
 
 
-def _named_files(named: Sequence[str]) -> dict[str, str]:
-    """Read options of the form NAME=FILE."""
-    files = dict[str, str]()
-    for each in named:
-        name, equals, file = each.partition("=")
-        if not equals or not file:
-            raise _fail(f"--measurements: got {each!r}; expected NAME=FILE such as gnss=gnss.pos", BAD_INPUT)
-        files[name.strip()] = file.strip()
-    return files
+def _pairs(given: Sequence[str] | None, option: str, example: str) -> dict[str, str]:
+    """Read options of the form NAME=VALUE."""
+    pairs = dict[str, str]()
+    for each in given or []:
+        name, equals, value = each.partition("=")
+        if not equals or not value:
+            raise _fail(f"--{option}: got {each!r}; expected NAME=VALUE such as {example}", BAD_INPUT)
+        pairs[name.strip()] = value.strip()
+    return pairs
 
 
 @_command()

@@ -120,7 +120,7 @@ def effective_number(values: Array) -> float:
     return float(len(values) / max(share, 1.0))
 
 
-def tested_ratio(normalized: Array) -> RatioTest | None:
+def judge_size(normalized: Array) -> RatioTest | None:
     """Test that normalized values, shape (n, k), have the mean square one; the k are independent of each other.
 
     None where there are too few independent values. The interval is that of the ratio of variances.
@@ -185,12 +185,12 @@ def judge_errors(table: ErrorTable) -> tuple[ErrorVerdict, ...]:
     """Test each error, each group of errors with a covariance, and each innovation."""
     verdicts = []
     for name, (values, sigmas) in table.errors.items():
-        verdicts.append(ErrorVerdict(name, "NEES", tested_ratio((values / sigmas)[:, None]), None))
+        verdicts.append(ErrorVerdict(name, "NEES", judge_size((values / sigmas)[:, None]), None))
     for name, (members, covariances) in table.groups.items():
         values = np.stack([table.errors[member][0] for member in members], axis=1)
         whitened = np.linalg.solve(np.linalg.cholesky(covariances), values[:, :, None])[:, :, 0]
-        verdicts.append(ErrorVerdict(name, "NEES", tested_ratio(whitened), None))
+        verdicts.append(ErrorVerdict(name, "NEES", judge_size(whitened), None))
     for name, (values, sigmas) in table.innovations.items():
         normalized = values / sigmas
-        verdicts.append(ErrorVerdict(name, "NIS", tested_ratio(normalized[:, None]), whiteness(normalized)))
+        verdicts.append(ErrorVerdict(name, "NIS", judge_size(normalized[:, None]), whiteness(normalized)))
     return tuple(verdicts)

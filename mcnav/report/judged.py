@@ -92,7 +92,7 @@ def words(finding: Finding) -> str:
 
 def verdict(judgement: Judgement) -> Verdict:
     """Return the verdict in large type and the sentences below it."""
-    chance = f"{number(100.0 * judgement.probability, 2)} %"
+    chance = _share(judgement.probability, judgement.simulated)
     compared = f"of {judgement.simulated:,} records simulated by the campaign, {chance} are as unusual as this one"
     if not judgement.alarm:
         headline = "Nothing in this record is at odds with the campaign."
@@ -103,14 +103,25 @@ def verdict(judgement: Judgement) -> Verdict:
     first = judgement.findings[0]
     sentences = [f"{_capital(compared)}."]
     sentences += [f"Besides, {words(each)}." for each in judgement.findings[1:]]
-    sentences.append(_left(judgement.findings[-1], len(judgement.findings)))
+    sentences.append(_left(judgement.findings[-1], len(judgement.findings), judgement.simulated))
     return Verdict(f"{_capital(words(first))}.", "differs", (*sentences, *power(judgement)))
 
 
-def _left(last: Finding, count: int) -> str:
+def _share(probability: float, simulated: int) -> str:
+    """Say how many of the simulated records are as unusual.
+
+    >>> _share(0.394, 1000), _share(1.0 / 1001.0, 1000)
+    ('39 %', 'none')
+    """
+    if probability * (simulated + 1.0) < 1.5:
+        return "none"
+    return f"{number(100.0 * probability, 2)} %"
+
+
+def _left(last: Finding, count: int, simulated: int) -> str:
     """Say what is left once the numbers are changed."""
     changed = "this number" if count == 1 else f"these {count} numbers"
-    chance = f"{number(100.0 * last.left, 2)} %"
+    chance = _share(last.left, simulated)
     if last.left > 0.05:
         return f"With {changed} changed, {chance} of simulated records are as unusual: nothing else is at odds."
     return f"With {changed} changed, {chance} of simulated records are as unusual: something else is wrong, too."
@@ -143,12 +154,19 @@ def _toned(statistic: Statistic) -> Cell:
     return Cell(number(statistic.value, 3), tone=None if statistic.usual else "differs")
 
 
+def _rejected(each: SensorVerdict) -> str:
+    """Say how many measurements the gate rejected, and how many it does of a consistent filter."""
+    if each.expected_rejected is None:
+        return f"{each.rejected:,}"
+    return f"{each.rejected:,} ({number(each.expected_rejected, 2)} expected)"
+
+
 def sensor_table(judgement: Judgement) -> Table[SensorVerdict]:
     """Tabulate the innovations of each sensor."""
     columns: list[Column[SensorVerdict]] = [
         Column("Sensor", lambda each: humanize(each.name), "sensor", "label"),
         Column("updates", lambda each: f"{each.updates:,}"),
-        Column("rejected", lambda each: f"{each.rejected:,}"),
+        Column("rejected", _rejected),
         Column("mean NIS", lambda each: _toned(each.nis)),
         Column("95 % of records", lambda each: _range(each.nis)),
         Column("autocorrelation", lambda each: _toned(each.autocorrelation)),
@@ -181,6 +199,10 @@ def cause_table(judgement: Judgement) -> Table[CauseVerdict]:
     def factor(each: CauseVerdict) -> str:
         if each.factor is None:
             return "–"
+        if each.factor.low == 0.0 and np.isinf(each.factor.high):
+            return "not told"
+        if each.factor.low == 0.0:
+            return f"at most {number(each.factor.high, 3)}"
         high = "∞" if np.isinf(each.factor.high) else number(each.factor.high, 3)
         return f"{number(each.factor.value, 3)} ({number(each.factor.low, 3)} to {high})"
 

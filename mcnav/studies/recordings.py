@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -50,12 +50,16 @@ class RecordingFiles:
     ----------
     measurements : mapping of str to Path
         By the names of the sensors.
+    columns, units : mapping of str to str
+        Of the readings, as `read_imu_log` takes them.
     """
 
     imu: Path
     measurements: Mapping[str, Path]
     reference: Path | None = None
     start: Path | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def recordable(campaign: Campaign) -> RecordingScenario:
@@ -76,7 +80,7 @@ def read_recording(campaign: Campaign, files: RecordingFiles) -> tuple[Recording
         raise LogError(
             files.measurements[unknown[0]], f"is of {unknown[0]!r}, and the campaign has no such sensor; it has {known}"
         )
-    log = read_imu_log(files.imu)
+    log = read_imu_log(files.imu, files.columns, files.units)
     if log.gyro is None or log.accelerometer is None:
         raise LogError(files.imu, "lacks gyros or accelerometers; a navigator needs both")
     notes = [f"{files.imu.name}: {note}" for note in log.notes]

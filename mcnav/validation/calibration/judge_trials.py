@@ -35,7 +35,7 @@ from mcnav.judgement.simulation import Innovations, beside, recorded
 HUNDRED: Final = 100
 SIMULATED, TRIALS = 1000, 100
 
-EVERY: Final = 4
+EVERY: Final = 5
 """Flights of which one has its interval computed; and the share of flights with something wrong."""
 
 WRONG: Final[Mapping[str, tuple[str, str, str, tuple[float, ...]]]] = {
