@@ -1,4 +1,4 @@
-"""``mcnav record`` and ``mcnav judge``: files of a recorded flight, the verdict on it, and one line for each mistake."""
+"""``mcnav record`` and ``mcnav judge``: files of a recorded flight, the verdict on it, one line for each mistake."""
 
 from __future__ import annotations
 
@@ -91,15 +91,14 @@ def test_mistakes_are_one_line_each(tmp_path: Path) -> None:
     folder = recorded(False)
     campaign, imu, gnss = folder / "flight.toml", folder / "imu.csv", folder / "gnss.csv"
     assert "expected CAMPAIGN, --imu FILE and --measurements NAME=FILE" in refused("judge", campaign)
-    assert "has no such sensor; it has gnss" in refused(
-        "judge", campaign, "--imu", imu, "--measurements", f"gps={gnss}"
-    )
-    assert "expected NAME=VALUE" in refused("judge", campaign, "--imu", imu, "--measurements", "gnss")
+    named = ("judge", campaign, "--imu", imu, "--measurements")
+    assert "has no such sensor; it has gnss" in refused(*named, f"gps={gnss}")
+    assert "expected NAME=VALUE" in refused(*named, "gnss")
     late = tmp_path / "late.csv"
     rows = gnss.read_text().splitlines()
     later = [",".join([f"{float(row.split(',')[0]) + 1e6:.3f}", *row.split(",")[1:]]) for row in rows[1:]]
     late.write_text("\n".join([rows[0], *later]))
-    assert "both must have the same clock" in refused("judge", campaign, "--imu", imu, "--measurements", f"gnss={late}")
+    assert "both must have the same clock" in refused(*named, f"gnss={late}")
     unaided = tmp_path / "unaided.toml"
     unaided.write_text(SHORT[: SHORT.index("[[aiding]]")])
     assert "there is no filter to be judged" in refused("record", unaided)
