@@ -23,6 +23,7 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
+from mcnav.contract.recorded import FilteredRecord, Recording
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, Scenario, ScenarioError
 from mcnav.systems.ins.aided import (
@@ -44,6 +45,7 @@ from mcnav.systems.ins.linear.covariance import LinearErrors, propagate
 from mcnav.systems.ins.linear.recent_responses import recent_responses
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.linear.start_times import LinearStarts, propagate_starts
+from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources
@@ -380,6 +382,7 @@ CAPABILITIES: Final = frozenset(
         Capability.START_TIMES,
         Capability.EPOCHS,
         Capability.TRAJECTORY,
+        Capability.RECORDING,
     }
 )
 """What every such scenario is capable of."""
@@ -486,6 +489,15 @@ class Ins:
         if navigation.filter is None:
             return {}
         return believed_shares(navigation.imu, navigation.sensors, navigation.filter, navigation.sigmas)
+
+    def filter_recording(self, recording: Recording, mean: Array, covariance: Array) -> FilteredRecord:
+        """Take the filter through a recorded flight; mean and covariance are those of the true sources."""
+        processes = (*NOISE, *aiding_outputs(self.navigation.sensors))
+        return filter_recording(self.navigation.aided, self.sources, processes, recording, mean, covariance)
+
+    def simulate_recording(self, errors: Array, seed: int, index: int, interval: float) -> Recording:
+        """Record one sample, shape (sources,), with readings over intervals, s."""
+        return record_sample(self.navigation.aided, errors, seed, index, interval)
 
     def linear(self, times: Array | None = None) -> LinearSystem:
         """Linearize at the epochs after their updates, or at rising times of the trajectory, s.
