@@ -58,8 +58,8 @@ CAMPAIGN_NOTE: Final = (
 
 TEST_NOTE: Final = (
     "The test of fit looks for spectral lines, a trend, unsteadiness and another shape of the spectrum at once, and "
-    "rejects about five of a hundred records of which the model is right. A model that is not rejected may still be wrong "
-    "where the record is too short to tell."
+    "rejects about five of a hundred records of which the model is right. A model that is not rejected may still be "
+    "wrong where the record is too short to tell."
 )
 
 CLOSE: Final = 2.0

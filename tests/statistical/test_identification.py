@@ -26,7 +26,7 @@ from mcnav.validation.calibration.static_records import TrueNoise, simulate_reco
 from mcnav.validation.calibration.table import rates
 
 FALSE_ALARM = 1e-4
-TRIALS = 4
+TRIALS = 2
 
 
 def test_rates_of_the_grades_are_as_stated() -> None:
