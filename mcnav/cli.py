@@ -676,6 +676,93 @@ def lincov(
 
 
 @_command()
+def record(
+    campaign: CampaignFile,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_record].")] = None,
+    sample: Annotated[int, typer.Option(help="Number of the sample.")] = 0,
+    rate: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Readings per second.")] = 50.0,
+) -> None:
+    """Write what the instruments and sensors of one sample read: files as of a recorded flight.
+
+    Example: mcnav record flight.toml --sample 3 --out log
+    """
+    from mcnav.config.read import read_campaign
+    from mcnav.studies.recordings import write_recording
+
+    target = folder or Path("reports") / f"{campaign.stem}_record"
+    _print_written(write_recording(read_campaign(campaign), sample, 1.0 / rate, target))
+
+
+@_command()
+def judge(
+    campaign: Annotated[
+        Path | None,
+        typer.Argument(metavar="[CAMPAIGN]", help="Campaign file (TOML).", autocompletion=completion.campaigns),
+    ] = None,
+    imu: Annotated[Path | None, typer.Option(metavar="FILE", help="Recorded gyros and accelerometers.")] = None,
+    measurements: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=FILE", help="Recorded measurements of a sensor, such as gnss=gnss.pos; repeat."),
+    ] = None,
+    reference: Annotated[Path | None, typer.Option(metavar="FILE", help="Track to compare with.")] = None,
+    start: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="State at the start [default: that of the trajectory].")
+    ] = None,
+    errors: Annotated[
+        Path | None, typer.Option(metavar="TABLE", help="Errors and sigmas of any filter, in place of a campaign.")
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option("--column", metavar="NAME=COLUMN", help="Column of the readings, such as gyro_x=wx; repeat."),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option("--unit", metavar="NAME=UNIT", help="Unit of the readings, such as gyro=deg/s; repeat."),
+    ] = None,
+    records: Annotated[int, typer.Option(min=200, max=100_000, help="Simulated records to compare with.")] = 1000,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_judge].")] = None,
+) -> None:
+    """Take a campaign's filter through a recorded flight: which number is wrong, by how much, and what could be seen.
+
+    Example: mcnav judge flight.toml --imu imu.csv --measurements gnss=gnss.csv --reference truth.csv
+    """
+    from mcnav.report import judged, judged_errors
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.judge import write_error_judgement, write_judgement
+    from mcnav.studies.recordings import RecordingFiles
+
+    if errors is not None:
+        if campaign is not None or imu is not None:
+            raise _fail("--errors: is judged alone, without a campaign; leave one of them out", BAD_INPUT)
+        verdicts, files = write_error_judgement(errors, folder or Path("reports") / f"{errors.stem}_judge")
+        out.print(printed(judged_errors.terminal(verdicts)))
+    else:
+        if campaign is None or imu is None or not measurements:
+            raise _fail("expected CAMPAIGN, --imu FILE and --measurements NAME=FILE, or --errors TABLE", BAD_INPUT)
+        from mcnav.config.read import read_campaign
+
+        given = {name: Path(file) for name, file in _pairs(measurements, "measurements", "gnss=gnss.pos").items()}
+        columns, units = _pairs(column, "column", "gyro_x=wx"), _pairs(unit, "unit", "gyro=deg/s")
+        target = folder or Path("reports") / f"{campaign.stem}_judge"
+        described = RecordingFiles(imu, given, reference, start, columns, units)
+        judgement, files = write_judgement(read_campaign(campaign), described, target, records)
+        out.print(printed(judged.terminal(judgement)))
+    out.print()
+    _print_written(files)
+
+
+def _pairs(given: Sequence[str] | None, option: str, example: str) -> dict[str, str]:
+    """Read options of the form NAME=VALUE."""
+    pairs = dict[str, str]()
+    for each in given or []:
+        name, equals, value = each.partition("=")
+        if not equals or not value:
+            raise _fail(f"--{option}: got {each!r}; expected NAME=VALUE such as {example}", BAD_INPUT)
+        pairs[name.strip()] = value.strip()
+    return pairs
+
+
+@_command()
 def allocate(
     campaign: CampaignFile,
     folder: Annotated[
@@ -857,6 +944,10 @@ def identify(
     end: Annotated[
         str | None, typer.Option("--to", metavar="TIME", help="End of what is used, from the first reading.")
     ] = None,
+    below: Annotated[
+        str | None,
+        typer.Option(metavar="FREQUENCY", help="Upper end of the frequencies that are used, such as '10 Hz'."),
+    ] = None,
     campaign: Annotated[
         Path | None,
         typer.Option(
@@ -881,7 +972,7 @@ def identify(
 
     columns = _named_columns(column, "--column", "NAME=COLUMN such as gyro_x=wx")
     units = _named_columns(unit, "--unit", "NAME=UNIT such as gyro=deg/s")
-    report = identify_logs(logs, read_plan(columns, units, interval, begin, end, campaign))
+    report = identify_logs(logs, read_plan(columns, units, interval, begin, end, below, campaign))
     if form == "table":
         out.print(printed(terminal(report)))
     else:

@@ -14,6 +14,7 @@ records of the catalogue's grades 5.1 % are rejected, with the exponent four 3.8
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,7 +24,7 @@ from scipy.stats import chi2
 from mcnav._types import Array
 from mcnav.identification.fit import Candidate
 from mcnav.identification.processes import Grid
-from mcnav.identification.spectrum import Record
+from mcnav.identification.spectrum import Bands, Record, in_bands
 from mcnav.identification.trend import trend_p_value
 
 SIMULATIONS: Final = (500, 3500)
@@ -39,6 +40,11 @@ INDEPENDENT: Final = 3.0
 
 SINGLE: Final = float(-np.expm1(np.log1p(-SIZE) / INDEPENDENT))
 """P-value of a single test below which the model is rejected."""
+
+WHERE: Final = {
+    "line": "at {:.3g} Hz", "shape": "at {:.3g} Hz", "trend": "of {:.3g} per second", "steadiness": "at {:.3g} s",
+}  # fmt: skip
+"""Words of the places where a record departs from its model."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +63,10 @@ class Finding:
     p: float
     at: float
 
+    def __str__(self) -> str:
+        """Say where the record departs from the model."""
+        return f"{self.name} {WHERE[self.name].format(self.at)}"
+
 
 @dataclass(frozen=True)
 class Goodness:
@@ -68,12 +78,17 @@ class Goodness:
     def p(self) -> float:
         """P-value of all tests together."""
         smallest = min(finding.p for finding in self.findings)
-        return float(-np.expm1(INDEPENDENT * np.log1p(-min(smallest, 1.0 - 1e-16))))
+        tests = min(float(len(self.findings)), INDEPENDENT)
+        return float(-np.expm1(tests * np.log1p(-min(smallest, 1.0 - 1e-16))))
 
     @property
     def rejected(self) -> bool:
         """True if the record does not look like its model."""
         return self.p < SIZE
+
+    def rejected_by(self, names: Collection[str]) -> bool:
+        """Return whether tests of these names alone reject the model."""
+        return Goodness(tuple(each for each in self.findings if each.name in names)).rejected
 
     @property
     def worst(self) -> Finding:
@@ -81,14 +96,14 @@ class Goodness:
         return min(self.findings, key=lambda finding: finding.p)
 
 
-def check_fit(candidate: Candidate, record: Record, readings: Array) -> Goodness:
-    """Test a model at its maximum against its record."""
+def check_fit(candidate: Candidate, record: Record, readings: Array, whole: Record | None = None) -> Goodness:
+    """Test a model against its record, and against the ``whole`` one where that has the lower ordinates alone."""
     return Goodness(
         (
             _check_line(candidate, record),
             _check_shape(candidate),
             Finding("trend", *trend_p_value(candidate.model, candidate.bands, candidate.best, record)),
-            _check_steadiness(candidate, record, readings),
+            _check_steadiness(candidate, record, readings, None if whole is None else in_bands(whole)),
         )
     )
 
@@ -144,8 +159,8 @@ def _check_shape(candidate: Candidate) -> Finding:
     return Finding("shape", float(p), float(middle))
 
 
-def _check_steadiness(candidate: Candidate, record: Record, readings: Array) -> Finding:
-    """Compare mean squares of differences of readings in segments of time."""
+def _check_steadiness(candidate: Candidate, record: Record, readings: Array, measured: Bands | None) -> Finding:
+    """Compare mean squares of differences of readings in segments of time, with a measured spectrum or the model's."""
     segments = min(SEGMENTS, record.count // 100)
     if segments < 2:
         return Finding("steadiness", 1.0, 0.0)
@@ -154,7 +169,11 @@ def _check_steadiness(candidate: Candidate, record: Record, readings: Array) -> 
     squares = np.einsum("ij,ij->i", differences, differences) / (length - 1)
     # gamma_k of differences by the model: sums of s lambda over all angles; var(mean square) = 2 sum gamma_k^2 / length
     angles = Grid(record.interval, record.count, np.linspace(0.5, record.count - 0.5, 4096))
-    density = 4.0 * np.sin(angles.half) ** 2 * _variances(candidate, angles)
+    if measured is None:
+        level = _variances(candidate, angles)
+    else:
+        level = np.interp(angles.order, measured.grid.order, measured.sums / measured.numbers)
+    density = 4.0 * np.sin(angles.half) ** 2 * level
     own = density.mean()
     freedom = (length - 1) * own**2 / np.square(density).mean()
     mean = squares.mean()

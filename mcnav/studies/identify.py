@@ -23,7 +23,6 @@ from mcnav.identification.identify import identify_noise
 from mcnav.identification.lattice import resolution
 from mcnav.identification.processes import CORRELATION_TIME, Grid
 from mcnav.identification.several import common_noise, repeatability
-from mcnav.identification.spectrum import Record
 from mcnav.identification.statements import statements
 from mcnav.logs.imu_log import ImuLog, read_imu_log
 from mcnav.report.html import page_html
@@ -76,6 +75,8 @@ class IdentifyPlan:
         As `mcnav.logs.imu_log.read_imu_log` takes them.
     begin, end : float, optional
         Part of each log that is used, s from its first reading.
+    below : float, optional
+        Upper end of the frequencies that are used, Hz.
     campaign : Path, optional
         Campaign whose navigation errors are computed with what the logs identify.
     """
@@ -84,22 +85,24 @@ class IdentifyPlan:
     units: Mapping[str, str] = field(default_factory=dict)
     begin: float | None = None
     end: float | None = None
+    below: float | None = None
     campaign: Path | None = None
 
 
 def read_plan(
     columns: Mapping[str, str], units: Mapping[str, str], interval: str | None, begin: str | None, end: str | None,
-    campaign: Path | None,
+    below: str | None, campaign: Path | None,
 ) -> IdentifyPlan:  # fmt: skip
     """Read the options of the command line; `CampaignError` names one that is none."""
     times = dict[str, float | None]()
-    for option, text in (("--interval", interval), ("--from", begin), ("--to", end)):
+    given = (("--interval", interval, "s"), ("--from", begin, "s"), ("--to", end, "s"), ("--below", below, "Hz"))
+    for option, text, unit in given:
         try:
-            times[option] = None if text is None else quantity(f"{text} s" if is_number(text) else text, "s")
+            times[option] = None if text is None else quantity(f"{text} {unit}" if is_number(text) else text, unit)
         except UnitError as wrong:
             raise CampaignError([Problem(option, "", str(wrong))]) from None
     stated = {} if times["--interval"] is None else {"interval": f"{times['--interval']:.17g} s"}
-    return IdentifyPlan({**columns, **stated}, units, times["--from"], times["--to"], campaign)
+    return IdentifyPlan({**columns, **stated}, units, times["--from"], times["--to"], times["--below"], campaign)
 
 
 def is_number(text: str) -> bool:
@@ -141,14 +144,17 @@ def identify_logs(paths: Sequence[Path], plan: IdentifyPlan | None = None) -> Id
             for instrument, axis, readings in _axes_of(log, chosen):
                 own = records.setdefault((instrument, axis), [])
                 if np.ptp(readings) > 0.0:
-                    own.append(_record(path, f"{instrument} {axis}", readings, log.interval))
+                    own.append(_record(path, f"{instrument} {axis}", readings, log.interval, plan.below))
         axes = tuple(_axis_report(*key, own) for key, own in records.items() if len(own) == len(paths))
         stuck = [f"{' '.join(key)} is left out: all of its readings are the same"
                  for key, own in records.items() if len(own) < len(paths)]  # fmt: skip
+        limited = [
+            f"{' '.join(key)}: {record.limits}" for key, own in records.items() for record in own if record.limits
+        ]
         if not axes:
             raise CampaignError([Problem(str(paths[0]), "", "all readings are the same; the instruments are off")])
-        table = imu_table(axes, facts[0].interval)
-        report = IdentificationReport(tuple(facts), axes, nearest_grades(axes), (*stuck, *_of_attitude(axes)), table)
+        table, notes = imu_table(axes, facts[0].interval), (*stuck, *limited, *_of_attitude(axes))
+        report = IdentificationReport(tuple(facts), axes, nearest_grades(axes), notes, table)
         if varied is not None:
             report = replace(report, sigmas=campaign_sigmas(varied, report))
     return report
@@ -162,6 +168,7 @@ class _AxisRecord:
     goodness: Goodness
     resolution: float | None
     allan: AllanDeviation
+    limits: str
 
 
 def _stretch(path: Path, log: ImuLog, plan: IdentifyPlan) -> tuple[slice, tuple[str, ...]]:
@@ -204,17 +211,17 @@ def _check_interval(facts: Sequence[LogFacts]) -> None:
         raise CampaignError([Problem(last.name, "", message)])
 
 
-def _record(path: Path, name: str, readings: Array, interval: float) -> _AxisRecord:
+def _record(path: Path, name: str, readings: Array, interval: float, below: float | None) -> _AxisRecord:
     """Identify the noise of one axis in one log."""
     try:
-        noise = identify_noise(readings, interval)
+        noise = identify_noise(readings, interval, below)
     except ValueError as wrong:
         raise CampaignError([Problem(str(path), name, str(wrong))]) from None
     chosen = noise.fitted.chosen
     allan = allan_deviation(readings, interval, chosen.model, chosen.best.logs, relative_covariance(chosen))
     # the ordinates, as large as the log, are in the bands of the candidates
-    light = replace(noise.fitted, record=Record(interval, noise.mean, np.empty(0), np.empty(0)))
-    return _AxisRecord(light, noise.goodness, resolution(readings), allan)
+    light = replace(noise.fitted, record=replace(noise.fitted.record, ordinates=np.empty(0), lowest=np.empty(0)))
+    return _AxisRecord(light, noise.goodness, resolution(readings), allan, noise.limits)
 
 
 def _axis_report(instrument: str, axis: str, records: Sequence[_AxisRecord]) -> AxisReport:
