@@ -887,7 +887,7 @@ def trajectory(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="Trajectory file (CSV or parquet), or a campaign of type ins (TOML).",
+            help="Trajectory file or track (CSV, parquet, .pos, …), or a campaign of type ins (TOML).",
             autocompletion=completion.campaigns_and_trajectories,
         ),
     ],
