@@ -16,6 +16,7 @@ differ; elements are assigned one by one.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
 import secrets
@@ -26,10 +27,12 @@ from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
 import numba
+from numba.core import event
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import UserWideCacheLocator
 
-from mcnav.compiled.parts import PartCompiler, give_entry
+from mcnav.compiled.parts import LoopCompiler, PartCompiler, give_entry
+from mcnav.progress import COMPILATION
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -40,6 +43,33 @@ A function that is compiled beside a caller loaded from disk could then have the
 contains, and be stored with constants that it shares with that copy: later processes that load both could not call it.
 """
 
+
+class _Watch(event.Listener):  # type: ignore[misc]
+    """Counts what is compiled, and lets no memory be collected meanwhile: most of it lasts.
+
+    Looking through it would take a twentieth of the time.
+
+    One function is compiled at a time, in whichever thread, with others that it calls within it.
+    """
+
+    _collects = True
+
+    def on_start(self, event: Any) -> None:
+        """Begin a function."""
+        if COMPILATION.begun == 0:
+            self._collects = gc.isenabled()
+            gc.disable()
+        COMPILATION.begun += 1
+
+    def on_end(self, event: Any) -> None:
+        """End a function."""
+        COMPILATION.begun -= 1
+        COMPILATION.functions += 1
+        if COMPILATION.begun == 0 and self._collects:
+            gc.enable()
+
+
+event.register("numba:compile", _Watch())
 
 ROOMS: Final = ("compiled", "numerics", "systems/reentry", "systems/steady", "systems/ins")
 """Folders of the package whose constants and functions compiled code may contain."""
@@ -74,6 +104,7 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
 def _tell_that_code_cannot_be_stored(function: Callable[..., Any]) -> None:
     """Print one line for a command and its workers, which names the folders that numba has tried."""
+    COMPILATION.stored = False
     if os.environ.get(TOLD):
         return
     os.environ[TOLD] = "1"
@@ -119,16 +150,38 @@ def allocation_free(function: Function) -> Function:
     return _compile(function, fastmath={"contract"}, _nrt=False)
 
 
+def allocation_free_loop(function: Function) -> Function:
+    """Compile a function that is `allocation_free`, and calls parts for all that it computes (`mcnav.compiled.parts`).
+
+    Without arithmetic of its own, it has the same bits as one that is optimised twice.
+    """
+    return _compile(function, pipeline_class=LoopCompiler, fastmath={"contract"}, _nrt=False)
+
+
+def _compile_part(function: Function, **options: Any) -> Function:
+    """Compile a function without an entry for Python and machine code of its own (`mcnav.compiled.parts`)."""
+    part = _compile(function, pipeline_class=PartCompiler, cache=False, no_cpython_wrapper=True, **options)
+    give_entry(part, cache(lambda: _compile(function, **options)))
+    return part
+
+
 def allocation_free_part(function: Function) -> Function:
-    """Compile a function that is `allocation_free` as a part of its callers (`mcnav.compiled.parts`).
+    """Compile a function that is `allocation_free` as a part of its callers, in the place of each call.
 
     A call would copy the descriptions of all arrays that it is given, a hundred numbers and more.
     Unlike `inlined`, its body is typed and lowered once, not wherever it is called.
     """
-    options = {"fastmath": {"contract"}, "_nrt": False, "forceinline": True}
-    part = _compile(function, pipeline_class=PartCompiler, cache=False, no_cpython_wrapper=True, **options)
-    give_entry(part, cache(lambda: _compile(function, **options)))
-    return part
+    return _compile_part(function, fastmath={"contract"}, _nrt=False, forceinline=True)
+
+
+def allocation_free_subroutine(function: Function) -> Function:
+    """Compile a function that is `allocation_free` as a part of its callers, which call it."""
+    return _compile_part(function, fastmath={"contract"}, _nrt=False)
+
+
+def uncontracted_subroutine(function: Function) -> Function:
+    """Compile a function that is `uncontracted` and `allocation_free` as a part of its callers, which call it."""
+    return _compile_part(function, fastmath=False, _nrt=False)
 
 
 def allocation_free_uncontracted(function: Function) -> Function:
