@@ -1,9 +1,12 @@
-"""One way of compiling: cached on disk, free of the interpreter lock, contracted but never reassociated.
+"""One way of compiling: kept on disk, free of the interpreter lock, contracted but never reassociated.
 
-numba notices changes of the file that holds a compiled function, but not of constants and inlined functions that
-it takes from other files. The cache is therefore valid for one content of all files of this package.
+A function comes from the objects of an installation (`mcnav.compiled.objects`), or from where it was stored when it was
+compiled, or is compiled. numba notices changes of the file that holds a compiled function, but not of constants and
+inlined functions that it takes from other files. The cache is therefore valid for one content of all files of this
+package.
 
-Where no folder can be written to, as in an installation for reading alone, functions are compiled in every process.
+Where no folder can be written to, as in an installation for reading alone, functions that are not among the objects
+are compiled in every process.
 
 The code of a function contains a copy of each compiled function that it calls, optimised once more. A process that
 compiles both calls the original, and a process that loads the caller from disk calls the copy, which may fuse other
@@ -17,7 +20,6 @@ differ; elements are assigned one by one.
 from __future__ import annotations
 
 import gc
-import hashlib
 import os
 import secrets
 import sys
@@ -29,9 +31,11 @@ from typing import Any, Final, TypeVar, cast
 import numba
 from numba.core import event
 from numba.core.bytecode import FunctionIdentity
-from numba.core.caching import UserWideCacheLocator
+from numba.core.caching import FunctionCache, UserWideCacheLocator
 
+from mcnav.compiled.objects import Code, sources_digest
 from mcnav.compiled.parts import LoopCompiler, PartCompiler, give_entry
+from mcnav.compiled.target import choose_target
 from mcnav.progress import COMPILATION
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -47,9 +51,8 @@ contains, and be stored with constants that it shares with that copy: later proc
 class _Watch(event.Listener):  # type: ignore[misc]
     """Counts what is compiled, and lets no memory be collected meanwhile: most of it lasts.
 
-    Looking through it would take a twentieth of the time.
-
-    One function is compiled at a time, in whichever thread, with others that it calls within it.
+    Looking through it would take a twentieth of the time. One function is compiled at a time, in whichever thread,
+    with others that it calls within it.
     """
 
     _collects = True
@@ -70,36 +73,23 @@ class _Watch(event.Listener):  # type: ignore[misc]
 
 
 event.register("numba:compile", _Watch())
-
-ROOMS: Final = ("compiled", "numerics", "systems/reentry", "systems/steady", "systems/ins")
-"""Folders of the package whose constants and functions compiled code may contain."""
-
-TABLES: Final = "tables"
-"""Folders in them that describe campaign files, and of which it contains nothing."""
-
-
-@cache
-def sources_digest() -> str:
-    """Digest the files whose constants and functions compiled code may contain."""
-    package = Path(__file__).parents[1]
-    files = sorted(file for room in ROOMS for file in (package / room).rglob("*.py") if TABLES not in file.parts)
-    files.append(package / "constants.py")
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
-
+choose_target()
 
 TOLD: Final = "MCNAV_TOLD_THAT_CODE_CANNOT_BE_STORED"
 """Variable of the environment that a command's worker processes have from it: they do not say it again."""
 
 
-def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Give a function to numba; without a cache where no folder for it can be written to."""
+def _stored_code(function: Callable[..., Any]) -> FunctionCache | None:
+    """Return numba's cache of a function, valid for the sources; none where no folder for it can be written to."""
     try:
-        return numba.njit(**options)(function)
+        cached = FunctionCache(function)
     except RuntimeError as failure:
-        if not options["cache"] or "no locator available" not in str(failure):
+        if "no locator available" not in str(failure):
             raise
-    _tell_that_code_cannot_be_stored(function)
-    return numba.njit(**(options | {"cache": False}))(function)
+        return None
+    stored = cached._cache_file
+    stored._source_stamp = (*stored._source_stamp, sources_digest())
+    return cached
 
 
 def _tell_that_code_cannot_be_stored(function: Callable[..., Any]) -> None:
@@ -121,11 +111,10 @@ def _compile(function: Function, **options: Any) -> Function:
 
     It has no second entry for callers written in C, whom there are none: that takes a tenth of the time.
     """
-    usual = {"cache": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
-    dispatcher = _dispatcher(function, usual | options)
-    stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    if stored is not None:
-        stored._source_stamp = (*stored._source_stamp, sources_digest())
+    cached = options.pop("cache", True)
+    dispatcher = numba.njit(error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options)(function)
+    if cached and not numba.config.DISABLE_JIT:
+        dispatcher._cache = Code(function, lambda: _stored_code(function), _tell_that_code_cannot_be_stored)
     template, unliteral = dispatcher.get_call_template, numba.types.unliteral
     dispatcher.get_call_template = lambda arguments, keywords: template(
         tuple(map(unliteral, arguments)), {name: unliteral(each) for name, each in keywords.items()}

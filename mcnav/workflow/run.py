@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
 from mcnav.analysis.summary import Summary
+from mcnav.compiled.target import target
 from mcnav.config.read import Campaign
 from mcnav.config.stopping import StoppingRule
 from mcnav.entries.inputs import InputFile
@@ -206,6 +207,7 @@ def _first_manifest(
         requirements=campaign.requirements,
         identity=identity,
         accuracy=system.engine.accuracy,
+        processor=target(),
         commit=commit(),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         heavy_tailed=tuple(errors.heavy_tailed(design)),

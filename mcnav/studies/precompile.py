@@ -1,0 +1,46 @@
+"""All kernels compiled beforehand, for images, clusters and wheels: every example is run with few samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+from mcnav.config.read import read_campaign
+from mcnav.contract.scenario import ScenarioError
+from mcnav.entries.examples import examples, examples_folder
+from mcnav.errors import CampaignError
+from mcnav.lincov.partials import SimulationFailed
+from mcnav.lincov.polynomial_engine import engine_names
+from mcnav.progress import COMPILATION, SILENT, Phase, Progress
+from mcnav.studies.lincov import linear_covariance
+from mcnav.workflow.run import run_campaign
+
+SAMPLES: Final = 40
+"""Samples of each example: more than are simulated side by side."""
+
+REFUSALS: Final = (CampaignError, ScenarioError, SimulationFailed)
+"""What is raised where an example does not suit an engine or so few samples; what it needs by then is compiled."""
+
+
+def compile_kernels(names: Sequence[str] = (), progress: Progress = SILENT) -> int:
+    """Compile what examples, all unless they are named, need in each engine and in linear analysis.
+
+    Returns
+    -------
+    int
+        Functions that were compiled: those that are stored are not compiled again.
+    """
+    before = COMPILATION.functions
+    with TemporaryDirectory() as folder:
+        for name in names or examples():
+            progress.phase(Phase.PREPARING, note=name)
+            campaign = read_campaign(examples_folder() / f"{name}.toml", {"samples": SAMPLES})
+            for engine in engine_names(campaign.scenario):
+                with suppress(*REFUSALS):
+                    run_campaign(campaign, Path(folder, name, engine), engine, 1, report=False, force=True)
+            with suppress(*REFUSALS):
+                linear_covariance(campaign)
+    return COMPILATION.functions - before
