@@ -95,7 +95,8 @@ class Candidate:
             logs = self.best.logs.copy()
             if low <= 0.0 and np.isfinite(high):  # as large as it may be
                 logs[at] = np.log(high)
-            wanted = duration_wanted(self.model, logs, at, self.bands.grid)
+            grid = self.bands.grid
+            wanted = duration_wanted(self.model, logs, at, grid, float(self.bands.numbers.sum()) / (grid.count - 1))
             value = float(np.exp(self.best.logs[at]))
             rows.append(Estimate(name, value, float(low), float(high), float(bounds[at]), wanted))
         return tuple(rows)
@@ -115,20 +116,22 @@ def relative_deviations(model: Model, grid: Grid, numbers: Array, logs: Array) -
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(correlation))) / scale)
 
 
-def duration_wanted(model: Model, logs: Array, parameter: int, grid: Grid) -> float:
+def duration_wanted(model: Model, logs: Array, parameter: int, grid: Grid, share: float = 1.0) -> float:
     """Find the length of a record, s, at which the bound of a parameter's relative deviation is `WANTED`.
 
-    Ordinates are spread evenly over the frequency, so that their number in a band grows with the record's length.
+    Ordinates are spread evenly over the frequency, so that their number in a band grows with the record's length; the
+    model is fitted to a ``share`` of them, the lowest.
     """
 
     def bound(duration: float) -> float:
         count = duration / grid.interval
-        order = np.unique(np.round(np.geomspace(1.0, count - 1.0, 400)))
-        edge = np.concatenate([[0.5], np.sqrt(order[1:] * order[:-1]), [count - 0.5]])
-        longer = Grid(grid.interval, round(count), order)
+        last = max(1.0, float(share * (count - 1.0)))
+        order = np.unique(np.round(np.geomspace(1.0, last, 400)))
+        edge = np.concatenate([[0.5], np.sqrt(order[1:] * order[:-1]), [last + 0.5]])
+        longer = Grid(grid.interval, round(count), np.asarray(order, dtype=float))
         return float(relative_deviations(model, longer, np.diff(edge), logs)[parameter])
 
-    low, high = grid.interval * 16.0, LONGEST_RECORD
+    low, high = grid.interval * 16.0 / share, LONGEST_RECORD
     if bound(high) > WANTED:
         return np.inf
     while high / low > 1.01:

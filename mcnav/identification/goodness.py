@@ -13,6 +13,7 @@ p-values p is so small that ``1 − (1 − p)⁴ < 0.05`` (Šidák 1967).
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
@@ -25,7 +26,7 @@ from mcnav._types import Array
 from mcnav.identification.fit import Candidate
 from mcnav.identification.likelihood import maximize
 from mcnav.identification.processes import Grid
-from mcnav.identification.spectrum import ALONE, Bands, Record
+from mcnav.identification.spectrum import ALONE, Bands, Record, in_bands
 
 SIMULATIONS: Final = 4000
 """Simulations of the test of shape."""
@@ -34,6 +35,11 @@ SEGMENTS: Final = 50
 """Segments of the test of steadiness."""
 
 SIZE: Final = 0.05
+
+WHERE: Final = {
+    "line": "at {:.3g} Hz", "shape": "at {:.3g} Hz", "trend": "of {:.3g} per second", "steadiness": "at {:.3g} s",
+}  # fmt: skip
+"""Words of the places where a record departs from its model."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,10 @@ class Finding:
     name: str
     p: float
     at: float
+
+    def __str__(self) -> str:
+        """Say where the record departs from the model."""
+        return f"{self.name} {WHERE[self.name].format(self.at)}"
 
 
 @dataclass(frozen=True)
@@ -70,20 +80,24 @@ class Goodness:
         """True if the record does not look like its model."""
         return self.p < SIZE
 
+    def rejected_by(self, names: Collection[str]) -> bool:
+        """Return whether tests of these names alone reject the model."""
+        return Goodness(tuple(each for each in self.findings if each.name in names)).rejected
+
     @property
     def worst(self) -> Finding:
         """The test with the smallest p."""
         return min(self.findings, key=lambda finding: finding.p)
 
 
-def check_fit(candidate: Candidate, record: Record, readings: Array) -> Goodness:
-    """Test a model at its maximum against its record."""
+def check_fit(candidate: Candidate, record: Record, readings: Array, whole: Record | None = None) -> Goodness:
+    """Test a model against its record, and against the ``whole`` one where that has the lower ordinates alone."""
     return Goodness(
         (
             _check_line(candidate, record),
             _check_shape(candidate),
             _check_trend(candidate, record, readings),
-            _check_steadiness(candidate, record, readings),
+            _check_steadiness(candidate, record, readings, None if whole is None else in_bands(whole)),
         )
     )
 
@@ -134,7 +148,7 @@ def _check_shape(candidate: Candidate) -> Finding:
 
 def _check_trend(candidate: Candidate, record: Record, readings: Array) -> Finding:
     """Compare the likelihood with that of a model with a linear trend, whose transform is known."""
-    count, kept = record.count, min(ALONE, record.count - 1)
+    count, kept = record.count, min(ALONE, len(record.ordinates))
     order = np.arange(1.0, count)
     half = 0.5 * np.pi * order[:kept] / count
     # DCT-II of 0, 1, 2 ... (times the interval): -sqrt(2/n) cos(w/2) / (2 sin^2(w/2)) for odd j, zero for even j
@@ -168,8 +182,8 @@ def _low_coefficients(readings: Array, kept: int) -> Array:
     return np.asarray(dct(readings, type=2, norm="ortho"))[1 : kept + 1]
 
 
-def _check_steadiness(candidate: Candidate, record: Record, readings: Array) -> Finding:
-    """Compare mean squares of differences of readings in segments of time."""
+def _check_steadiness(candidate: Candidate, record: Record, readings: Array, measured: Bands | None) -> Finding:
+    """Compare mean squares of differences of readings in segments of time, with a measured spectrum or the model's."""
     segments = min(SEGMENTS, record.count // 100)
     if segments < 2:
         return Finding("steadiness", 1.0, 0.0)
@@ -178,7 +192,11 @@ def _check_steadiness(candidate: Candidate, record: Record, readings: Array) -> 
     squares = np.einsum("ij,ij->i", differences, differences) / (length - 1)
     # gamma_k of differences by the model: sums of s lambda over all angles; var(mean square) = 2 sum gamma_k^2 / length
     angles = Grid(record.interval, record.count, np.linspace(0.5, record.count - 0.5, 4096))
-    density = 4.0 * np.sin(angles.half) ** 2 * _variances(candidate, angles)
+    if measured is None:
+        level = _variances(candidate, angles)
+    else:
+        level = np.interp(angles.order, measured.grid.order, measured.sums / measured.numbers)
+    density = 4.0 * np.sin(angles.half) ** 2 * level
     own = density.mean()
     freedom = (length - 1) * own**2 / np.square(density).mean()
     mean = squares.mean()

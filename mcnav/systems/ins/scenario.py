@@ -370,6 +370,21 @@ class ReferenceEngine:
         )
 
 
+CAPABILITIES: Final = frozenset(
+    {
+        Capability.NOISE,
+        Capability.FILTER,
+        Capability.LINEAR_OVER_TIME,
+        Capability.LINEAR_AT_ANY_TIME,
+        Capability.COVARIANCE,
+        Capability.START_TIMES,
+        Capability.EPOCHS,
+        Capability.TRAJECTORY,
+    }
+)
+"""What every such scenario is capable of."""
+
+
 class Ins:
     """The scenario.
 
@@ -377,25 +392,18 @@ class Ins:
     ------
     ScenarioError
         When navigation does not lie within the trajectory.
+
+    Attributes
+    ----------
+    remarks : tuple of str
+        What was noticed of the files that it reads, and assumed of them, a clause each.
     """
 
     outputs = NAVIGATION_ERRORS
     start_clock = START_CLOCK
     revision = REVISION
-    can = frozenset(
-        {
-            Capability.NOISE,
-            Capability.FILTER,
-            Capability.LINEAR_OVER_TIME,
-            Capability.LINEAR_AT_ANY_TIME,
-            Capability.COVARIANCE,
-            Capability.START_TIMES,
-            Capability.EPOCHS,
-            Capability.TRAJECTORY,
-        }
-    )
 
-    def __init__(self, navigation: Navigation) -> None:
+    def __init__(self, navigation: Navigation, remarks: tuple[str, ...] = ()) -> None:
         first, last = navigation.truth.times[[0, -1]]
         for key, time in (("start", navigation.start), ("end", navigation.end)):
             if not first <= time <= last:
@@ -405,7 +413,17 @@ class Ins:
                 "end", f"got {navigation.end:g} s with a start at {navigation.start:g} s; expected {SHORTEST:g} s more"
             )
         self.navigation = navigation
+        self.remarks = remarks
         self._last_starts: tuple[tuple[str, bytes], LinearStarts] | None = None
+
+    @property
+    def can(self) -> frozenset[Capability]:
+        """What it is capable of."""
+        return CAPABILITIES | {Capability.REMARKS} if self.remarks else CAPABILITIES
+
+    def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
+        """Return `remarks`, whatever the errors."""
+        return self.remarks
 
     @property
     def engines(self) -> tuple[str, ...]:
@@ -433,7 +451,7 @@ class Ins:
 
     def with_filter(self, model: FilterModel, sigmas: Mapping[str, float] | None = None) -> Ins:
         """Return the same scenario with a filter, and the true root mean squares of the constant sources."""
-        return Ins(replace(self.navigation, filter=model, sigmas=sigmas or {}))
+        return Ins(replace(self.navigation, filter=model, sigmas=sigmas or {}), self.remarks)
 
     @property
     def filter_schema(self) -> FilterSchema | None:
@@ -583,7 +601,7 @@ class Ins:
         if not first <= time <= last:
             raise ScenarioError("start", f"got {time:g} s; navigation starts from {first:g} s to {last:g} s")
         truth = navigation.truth if axes == "start" else navigation.truth.held(navigation.start)
-        return Ins(replace(navigation, truth=truth, start=time))
+        return Ins(replace(navigation, truth=truth, start=time), self.remarks)
 
     def start_times(self, count: int) -> Array:
         """Space start times from the navigation's start to that of the shortest navigation, shape (count,), s."""

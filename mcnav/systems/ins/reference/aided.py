@@ -330,7 +330,7 @@ class _Flight:
         innovation, response = model.innovation(row, indicated, self.estimates, offsets[row], factors, arm)
         if not np.all(np.isfinite(innovation)):
             raise Diverged(f"an innovation of {model.sensor.name} ceased to be finite at {stop.time:.1f} s")
-        variances = np.diag(model.variances)
+        variances = np.diag(model.variances[row])
         covariance = response @ self.filter.P @ response.T + variances
         whitened = np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), innovation))
         accepted = bool(whitened @ whitened <= model.threshold)
