@@ -19,7 +19,10 @@ from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.run import run_campaign
 
 SAMPLES: Final = 40
-"""Samples of each example: more than are simulated side by side."""
+"""Samples of each example by its first engine: more than are simulated side by side."""
+
+FEWEST: Final = 2
+"""Samples by other engines, which take seconds for each."""
 
 REFUSALS: Final = (CampaignError, ScenarioError, SimulationFailed)
 """What is raised where an example does not suit an engine or so few samples; what it needs by then is compiled."""
@@ -37,10 +40,12 @@ def compile_kernels(names: Sequence[str] = (), progress: Progress = SILENT) -> i
     with TemporaryDirectory() as folder:
         for name in names or examples():
             progress.phase(Phase.PREPARING, note=name)
-            campaign = read_campaign(examples_folder() / f"{name}.toml", {"samples": SAMPLES})
-            for engine in engine_names(campaign.scenario):
+            file = examples_folder() / f"{name}.toml"
+            campaign, short = (read_campaign(file, {"samples": count}) for count in (SAMPLES, FEWEST))
+            for number, engine in enumerate(engine_names(campaign.scenario)):
                 with suppress(*REFUSALS):
-                    run_campaign(campaign, Path(folder, name, engine), engine, 1, report=False, force=True)
+                    of_engine = short if number else campaign
+                    run_campaign(of_engine, Path(folder, name, engine), engine, 1, report=False, force=True)
             with suppress(*REFUSALS):
                 linear_covariance(campaign)
     return COMPILATION.functions - before
