@@ -22,7 +22,7 @@ SAMPLES: Final = 40
 """Samples of each example by its first engine: more than are simulated side by side."""
 
 FEWEST: Final = 2
-"""Samples by other engines, which take seconds for each."""
+"""Samples by other engines, which take seconds for each; they are run in one example of each class of scenarios."""
 
 REFUSALS: Final = (CampaignError, ScenarioError, SimulationFailed)
 """What is raised where an example does not suit an engine or so few samples; what it needs by then is compiled."""
@@ -36,16 +36,18 @@ def compile_kernels(names: Sequence[str] = (), progress: Progress = SILENT) -> i
     int
         Functions that were compiled: those that are stored are not compiled again.
     """
-    before = COMPILATION.functions
+    before, done = COMPILATION.functions, set[tuple[type, str]]()
     with TemporaryDirectory() as folder:
         for name in names or examples():
             progress.phase(Phase.PREPARING, note=name)
             file = examples_folder() / f"{name}.toml"
             campaign, short = (read_campaign(file, {"samples": count}) for count in (SAMPLES, FEWEST))
-            for number, engine in enumerate(engine_names(campaign.scenario)):
+            first, *others = engine_names(campaign.scenario)
+            kinds = {(type(campaign.scenario), engine) for engine in others} - done
+            done |= kinds
+            for asked, engine in ((campaign, first), *((short, engine) for _, engine in sorted(kinds, key=str))):
                 with suppress(*REFUSALS):
-                    of_engine = short if number else campaign
-                    run_campaign(of_engine, Path(folder, name, engine), engine, 1, report=False, force=True)
+                    run_campaign(asked, Path(folder, name, engine), engine, 1, report=False, force=True)
             with suppress(*REFUSALS):
                 linear_covariance(campaign)
     return COMPILATION.functions - before
