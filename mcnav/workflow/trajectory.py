@@ -16,7 +16,7 @@ from mcnav.contract.history import History, Panel
 from mcnav.errors import CampaignError, Problem
 from mcnav.report.trajectory import Extreme, TrajectoryReport
 from mcnav.systems.ins.earth import WGS84
-from mcnav.systems.ins.scenario import is_ins
+from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file
 from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows, rows_from
 from mcnav.systems.ins.truth.trajectory import Truth

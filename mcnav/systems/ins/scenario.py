@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final, TypeGuard
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Capability, Scenario, ScenarioError
+from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.systems.ins.aided import (
     PROBES,
     AidedEngine,
@@ -694,11 +694,6 @@ class Ins:
             for sensor in navigation.sensors if sensor.outages
         }  # fmt: skip
         return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS, outages)
-
-
-def is_ins(scenario: Scenario) -> TypeGuard[Ins]:
-    """Return whether a scenario is an inertial navigation along a trajectory."""
-    return Capability.TRAJECTORY in scenario.can
 
 
 PANELS: Final = (

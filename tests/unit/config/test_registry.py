@@ -82,6 +82,13 @@ def test_templates_are_of_known_types() -> None:
     assert templates().keys() == registry.SCENARIO_TYPES.keys() - {"ins"}
 
 
+def test_further_tables_are_those_of_all_types() -> None:
+    kinds = (*registry.SCENARIO_TYPES.values(), registry.user_type())
+    assert {name for kind in kinds for name in kind.tables} == {*registry.FURTHER_NAMES}
+    assert registry.is_code("mine.py:Loop")
+    assert not any(registry.is_code(name) for name in (*registry.SCENARIO_TYPES, "mine.py", None))
+
+
 def test_sources_have_units_of_their_own() -> None:
     for kind in registry.SCENARIO_TYPES.values():
         assert all(isinstance(source, Source) for source in kind.sources or ())
