@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from mcnav.contract.samples import SimulationResult
     from mcnav.errors import CampaignError, RunFolderError
     from mcnav.identification.identify import IdentifiedNoise, identify_noise
+    from mcnav.logs.imu_log import ImuLog, read_imu_log
+    from mcnav.logs.tables import read_table
+    from mcnav.logs.track import Track, read_track
     from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign, sweep
     from mcnav.studies.allocate import allocate
     from mcnav.studies.lincov import linear_covariance
@@ -70,6 +73,7 @@ _HOMES = {
     "Flown": "mcnav.systems.user.flown",
     "FlownRun": "mcnav.notebook",
     "History": "mcnav.contract.history",
+    "ImuLog": "mcnav.logs.imu_log",
     "IdentifiedNoise": "mcnav.identification.identify",
     "Innovations": "mcnav.systems.user.flown",
     "SimulationResult": "mcnav.contract.samples",
@@ -87,11 +91,15 @@ _HOMES = {
     "linear_covariance": "mcnav.studies.lincov",
     "open_run": "mcnav.notebook",
     "read_campaign": "mcnav.config.read",
+    "read_imu_log": "mcnav.logs.imu_log",
+    "read_table": "mcnav.logs.tables",
+    "read_track": "mcnav.logs.track",
     "report_run": "mcnav.workflow.analyse",
     "run_campaign": "mcnav.notebook",
     "samples_of": "mcnav.workflow.analyse",
     "summary_of": "mcnav.workflow.analyse",
     "sweep": "mcnav.notebook",
+    "Track": "mcnav.logs.track",
 }
 
 __all__ = [
@@ -108,6 +116,7 @@ __all__ = [
     "GaussMarkov",
     "History",
     "IdentifiedNoise",
+    "ImuLog",
     "Innovations",
     "LinearAnswer",
     "Measurement",
@@ -119,6 +128,7 @@ __all__ = [
     "SimulationResult",
     "Source",
     "Strapdown",
+    "Track",
     "Trigger",
     "White",
     "allocate",
@@ -130,6 +140,9 @@ __all__ = [
     "linear_covariance",
     "open_run",
     "read_campaign",
+    "read_imu_log",
+    "read_table",
+    "read_track",
     "report_run",
     "run_campaign",
     "samples_of",

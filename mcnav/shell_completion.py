@@ -66,6 +66,12 @@ def trajectories(incomplete: str) -> list[str]:
     return _quoted(path for path in result if not Path(path).with_name("manifest.json").exists())
 
 
+def logs(incomplete: str) -> list[str]:
+    """Return files that may be records of sensors."""
+    result = _walk(incomplete, (".csv", ".txt", ".parquet", ".mat", ".ulg", ".bag", ".db3", ".mcap"))
+    return _quoted(path for path in result if not Path(path).with_name("manifest.json").exists())
+
+
 def campaigns_and_trajectories(incomplete: str) -> list[str]:
     """Return campaign files, and files that may be trajectories."""
     return campaigns(incomplete) + trajectories(incomplete)

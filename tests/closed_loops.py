@@ -99,8 +99,21 @@ class ConstantGain(Remembering):
         return {"moved": (moved, "m"), "fuel": (np.abs(truth.velocity + 3.0), "m/s", "control")}
 
 
+class Biased(DoubleIntegrator):
+    """A model that is wrong by a metre."""
+
+    measurements = (
+        Measurement("ranging", "m", interval=1.0, truth=lambda truth: truth.position,
+                    model=lambda estimate: estimate.position + 1.0),
+    )  # fmt: skip
+
+
 class Continuous(DoubleIntegrator):
     cycle, step, end = None, 0.5, 60.0
+
+
+class Fine(Continuous):
+    step, end = 0.05, 120.0
 
 
 class Nominal(DoubleIntegrator):
@@ -348,8 +361,10 @@ SHIPPED = {
 
 OF = {
     "GuidedLander": "Landing",
-    "Continuous": "DoubleIntegrator", "Remembering": "DoubleIntegrator", "ConstantGain": "DoubleIntegrator",
-    "Nominal": "DoubleIntegrator", "Corrected": "DoubleIntegrator", "FixedDescent": "Descent",
+    "Biased": "DoubleIntegrator",
+    "Continuous": "DoubleIntegrator", "Fine": "DoubleIntegrator", "Remembering": "DoubleIntegrator",
+    "ConstantGain": "DoubleIntegrator", "Nominal": "DoubleIntegrator", "Corrected": "DoubleIntegrator",
+    "FixedDescent": "Descent",
 }  # fmt: skip
 
 

@@ -44,15 +44,17 @@ contains, and be stored with constants that it shares with that copy: later proc
 ROOMS: Final = ("compiled", "numerics", "systems/reentry", "systems/steady", "systems/ins")
 """Folders of the package whose constants and functions compiled code may contain."""
 
-TABLES: Final = "tables"
-"""Folders in them that describe campaign files, and of which it contains nothing."""
+UNCOMPILED: Final = {"tables", "recorded"}
+"""Folders in them of which it contains nothing: campaign files, recordings."""
 
 
 @cache
 def sources_digest() -> str:
     """Digest the files whose constants and functions compiled code may contain."""
     package = Path(__file__).parents[1]
-    files = sorted(file for room in ROOMS for file in (package / room).rglob("*.py") if TABLES not in file.parts)
+    files = sorted(
+        file for room in ROOMS for file in (package / room).rglob("*.py") if not UNCOMPILED.intersection(file.parts)
+    )
     files.append(package / "constants.py")
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 

@@ -289,7 +289,7 @@ def _resolve(content: Mapping[str, Any], table: CampaignTable, name: str, descri
         **({"store": table.store} if table.store != "samples" else {}),
         **({"sample_timeout": content["sample_timeout"]} if "sample_timeout" in content else {}),
         "scenario": dict(described.resolved),
-        **{key: content[key] for key in FURTHER_NAMES if key in content},
+        **{key: described.further.get(key, content[key]) for key in FURTHER_NAMES if key in content},
         "errors": content["errors"],
         "correlations": content.get("correlations", []),
         **({"joint": content["joint"]} if table.joint else {}),

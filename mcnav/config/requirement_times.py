@@ -50,7 +50,7 @@ def with_epochs(scenario: Ins, table: AcceptTable) -> Ins:
         time for time in asked
         if navigation.start < time < navigation.end and np.abs(times - time).min() > same_times(navigation)
     ]  # fmt: skip
-    return type(scenario)(replace(navigation, further=tuple(far))) if far else scenario
+    return type(scenario)(replace(navigation, further=tuple(far)), scenario.remarks) if far else scenario
 
 
 def read_epochs(

@@ -36,6 +36,8 @@ class ScenarioSpec:
         The table that gives each of them, for messages.
     complete : callable, optional
         Returns a scenario with what it takes from the statistics of the errors, which are read after it.
+    further : mapping of str to Any
+        Further tables of the file with the paths that their files have in a run folder.
     """
 
     scenario: Scenario
@@ -45,6 +47,7 @@ class ScenarioSpec:
     sigmas: Mapping[str, float] = field(default_factory=dict)
     tables: Mapping[str, str] = field(default_factory=dict)
     complete: Callable[[Scenario, ErrorModel], Scenario] | None = None
+    further: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

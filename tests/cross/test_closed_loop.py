@@ -77,8 +77,10 @@ def test_double_integrator(name: str, sigma: str, expected: tuple[float, ...], o
 
 def test_continuous_guidance() -> None:
     """The filter's F is that of the error: with that of the estimate alone sigma would be 72.6 m."""
-    described = campaign("Continuous")
-    law, kalman = np.array([[0.213023288, 0.652722433]]), np.array([[0.271106383], [0.042687633]])
+    described = campaign("Fine")
+    law, walked = np.array([[0.213023288, 0.652722433]]), 0.01 * np.array([[1.0 / 3.0, 0.5], [0.5, 1.0]])
+    before = linalg.solve_discrete_are(np.array([[1.0, 0.0], [1.0, 1.0]]), np.eye(2)[:, :1], walked, [[4.0]])
+    kalman = before[:, :1] / (before[0, 0] + 4.0)
     rate, control, h = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
     both = np.block([[rate, -control @ law], [np.zeros((2, 2)), rate - control @ law]])
     spread = np.zeros((4, 4))
@@ -92,8 +94,8 @@ def test_continuous_guidance() -> None:
     steady = linalg.solve_discrete_lyapunov(update @ step, update @ noise @ update.T + added)
     expected = np.sqrt(np.diag(steady))
     told = sigmas(described)
-    assert told["true_position"] == pytest.approx(expected[0], rel=2e-5)  # Runge-Kutta's steps of half a second
-    assert told["navigated_velocity"] == pytest.approx(expected[3], rel=2e-5)
+    assert told["true_position"] == pytest.approx(expected[0], rel=1e-8)  # Runge-Kutta's steps: 1e-9
+    assert told["navigated_velocity"] == pytest.approx(expected[3], rel=1e-8)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -18,6 +19,7 @@ from mcnav.progress import SILENT, Progress
 from mcnav.store import summaries
 from mcnav.systems.ins.aided import AidedReferenceEngine
 from mcnav.workflow.run import run_campaign
+from tests.closed_loops import FILE, tables
 from tests.conftest import TWO_ERRORS, content
 
 STORES: Final = ("samples", "summary")
@@ -50,6 +52,8 @@ STOCHASTIC: Final = {
     "scenario": {"type": f"{OWN}.py:Own", "duration": "1.5 h", "angle_random_walk": "0.003 deg/sqrt(h)"},
     "errors": {"tilt": "10 arcsec", "gyro_drift": "0.01 deg/h"},
 }
+GUIDED: Final = content(2) | {"scenario": {"type": "reentry", "trajectory": 2, "guidance": {"input": "indicated"}}}
+LOOP: Final = tables("Corrected")
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,8 @@ KINDS: Final = {
     "aided, own gains": Kind("ensemble", AIDED, 64, 6),
     "aided, shared gains": Kind("shared-gains", AIDED, 256, 6),
     "aided, reference": Kind("reference", AIDED, 2, 4),
+    "guided, ensemble": Kind("ensemble", GUIDED, 2_048, 4),
+    "loop, own gains": Kind("vectorised", LOOP, 32, 8, in_processes=True),
     "own, stochastic": Kind("single", STOCHASTIC, 32, 8, in_processes=True),
 }
 
@@ -116,7 +122,9 @@ class Case:
             code, _, _ = new_scenario(OWN, place, stochastic=True)
             text = code.read_text()
             code.write_text(text.replace("    settings = {", f"    chunk = {kind.chunk}\n    settings = {{", 1))
-        described = {"samples": kind.chunk * kind.chunks, "seed": 1772, "store": self.store, **kind.content}
+        if kind.engine == "vectorised":
+            shutil.copy(FILE, place)
+        described = {**kind.content, "samples": kind.chunk * kind.chunks, "seed": 1772, "store": self.store}
         return parse_campaign(described | changes, str(place / f"{OWN}.toml"), OWN)
 
     def run(
@@ -152,7 +160,10 @@ def small_summaries(chunk: int) -> Iterator[None]:
 
 @contextmanager
 def _small_chunks() -> Iterator[None]:
-    """Let chunks of the aided reference engine have two samples: a fifth of a second each."""
+    """Let chunks of the aided reference engine have two samples: a fifth of a second each; those of closed loops 32."""
     small = partial(AidedReferenceEngine, chunk=KINDS["aided, reference"].chunk)
-    with patch("mcnav.systems.ins.scenario.AidedReferenceEngine", small):
+    with (
+        patch("mcnav.systems.ins.scenario.AidedReferenceEngine", small),
+        patch("mcnav.systems.closed_loop.scenario.MOST_SAMPLES", KINDS["loop, own gains"].chunk),
+    ):
         yield

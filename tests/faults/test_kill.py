@@ -71,11 +71,12 @@ def test_killed_workers_of_an_aided_run(tmp_path: Path) -> None:
 def test_resume_of_every_kind() -> None:
     """Killed after the first chunk, then amid the writing of the second: all files are those of a run at one go.
 
-    With samples by every engine of inertial navigation, and with a summary by one of each kind that simulates without
-    workers, which take longest to start; `tests.faults.kills` says what else is looked at, and names what goes wrong.
+    With samples by every engine of inertial navigation and of closed loops, and with a summary by one of each kind that
+    simulates without workers, which take longest to start; `tests.faults.kills` says what else is looked at, and names
+    what goes wrong.
     """
-    sampled = [kind for kind in KINDS if kind.startswith(("free", "aided"))]
-    summed = ["free, ensemble", "aided, own gains"]
+    sampled = [kind for kind in KINDS if kind.startswith(("free", "aided", "guided", "loop"))]
+    summed = ["free, ensemble", "aided, own gains", "guided, ensemble"]
     cases = [f"{kind}, samples" for kind in sampled] + [f"{kind}, summary" for kind in summed]
     tool = [sys.executable, "-m", "tests.faults.kills", "--mode", "fixed", "--backends", "joblib", "--cases", *cases]
     done = run_to_end(tool, env=environment())

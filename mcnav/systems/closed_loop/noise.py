@@ -25,10 +25,10 @@ BLOCK: Final = 256
 
 
 class Noise:
-    """Standard normal variates of some samples, each stream in its own order."""
+    """Standard normal variates of some samples, each stream in its own order; or shares of them, shape (n,)."""
 
-    def __init__(self, seed: int, index: IndexArray) -> None:
-        self._seed, self._samples = seed, np.asarray(index).astype(np.uint64)
+    def __init__(self, seed: int, index: IndexArray, shares: Array | None = None) -> None:
+        self._shares, self._seed, self._samples = shares, seed, np.asarray(index).astype(np.uint64)
         self._used: dict[int, NDArray[np.int64]] = {}
         self._drawn: dict[int, Array] = {}
 
@@ -40,7 +40,7 @@ class Noise:
             fresh = draw_normals(self._seed, self._samples, stream, used, max(count, BLOCK))
             left = fresh if left is None or not len(left) else np.concatenate([left, fresh])
         self._drawn[stream] = left[count:]
-        return left[:count]
+        return left[:count] if self._shares is None else left[:count] * self._shares
 
 
 class NoNoise:

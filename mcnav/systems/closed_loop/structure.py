@@ -105,6 +105,12 @@ class Structure:
             counterparts += range(place.start, place.stop)
         return np.arange(self.estimate.begin, self.estimate.whole.stop), np.array(counterparts, dtype=np.intp)
 
+    @cached_property
+    def navigator(self) -> NDArray[np.intp]:
+        """Places in X of what a navigator keeps: estimate and memory."""
+        estimate, memory = self.estimate.whole, self.memory.whole
+        return np.concatenate([np.arange(each.start, each.stop) for each in (estimate, memory)])
+
     def navigation_errors(self, x: Array) -> Array:
         """Return ``x_hat - x``, shape (estimate.size, n), of attitudes as rotation vectors."""
         places, counterparts = self.pairs

@@ -46,7 +46,7 @@ CAMPAIGN: dict[str, Any] = {
 
 @pytest.fixture
 def _with_balloons(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(registry.SCENARIO_TYPES, "balloon", BALLOON)  # type: ignore[arg-type]
+    monkeypatch.setitem(registry.SCENARIO_TYPES, "balloon", BALLOON)
 
 
 @pytest.mark.usefixtures("_with_balloons")

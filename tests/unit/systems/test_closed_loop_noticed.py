@@ -11,6 +11,8 @@ import pytest
 from mcnav.config.read import parse_campaign
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError
+from mcnav.systems.closed_loop.scenario import ClosedLoopScenario
+from tests.closed_loops import campaign
 
 HEAD = """
 import numpy as np
@@ -193,7 +195,7 @@ def test_mistakes_get_one_line(tmp_path: Path, changes: str, told: str) -> None:
         ("    measurements = (Measurement('ranging', 'm', lambda truth: truth.x, instants=[100.0]),)\n",
          "the filter has no measurement within the flight"),
         (PUSH.format("Trigger(lambda time, truth: time - 4.5 + 0.5 * truth.x, latest=9.0)"),
-         "the trigger of push is met at 4.5 s, within one sigma of the measurement at 4 s"),
+         "the trigger of push is met at 4.5 s, within one sigma of the measurements at 4 and 5 s: it comes before or"),
         (PUSH.format("Trigger(lambda time, truth: 1e-2 * (time - 4.5) + truth.x, latest=9.0)"),
          "the trigger of push grazes: one sigma of its time is"),
         ("    end = Trigger(lambda time: time - 8.0, latest=50.0)\n", "within one sigma of the measurement at 8 s"),
@@ -224,6 +226,23 @@ def test_errors_of_steps_that_decay_do_not_add_up(tmp_path: Path) -> None:
         return {"x": estimate.v, "v": sensed}
 """
     assert scenario(tmp_path, lag).remarks == ()
+
+
+def test_steps_are_compared_one_by_one_where_a_method_takes_all_times_for_the_same(tmp_path: Path) -> None:
+    """Taken together, steps would have the force of the first one."""
+    swaying = """
+    step = 0.05
+    def rates(self, truth, time, command, noise):
+        return {"x": truth.v, "v": command + noise.gusts + np.sin(time[0])}
+"""
+    assert not any("halved steps" in remark for remark in scenario(tmp_path, swaying).remarks)
+
+
+def test_an_estimate_without_errors_of_its_own_has_the_size_of_its_truth() -> None:
+    """The navigator of a satellite 500 m from its place is told that it is there; steps of 20 s will do."""
+    loop = campaign("OrbitCorrection").scenario
+    assert isinstance(loop, ClosedLoopScenario)
+    assert not any("halved steps" in remark for remark in loop.remarks)
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,7 @@ from mcnav.systems.ins.imu.instruments import CONSTANTS
 from mcnav.systems.ins.imu.variates import IMU_STREAM, draw_normals
 from mcnav.systems.ins.linear.adjoint import Adjoint, add_linear, adjoint_of_closed
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, own_covariances
-from mcnav.systems.ins.sensors.measurements import rate_error
+from mcnav.systems.ins.sensors.measurements import rate_error, white_sigmas
 
 Made = TypeVar("Made")
 
@@ -360,7 +360,7 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
         np.exp(-since[:, None] / times),
         np.array([each.correlated for each in components]),
         faded,
-        np.array([each.noise for each in components])[which],
+        white_sigmas(sensors, measurements),
         limits[measurements.sensors],
         own_covariances(loop, ensemble.epochs, np.ones(len(ensemble.epochs))),
         np.array([rate_error(name) for name in biases], dtype=np.int64),

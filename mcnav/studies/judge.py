@@ -1,0 +1,83 @@
+"""A recorded flight judged by its campaign, and a table of errors of somebody else's filter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mcnav._threads import one_thread
+from mcnav.config.read import Campaign
+from mcnav.contract.recorded import FilteredRecord, RecordingError
+from mcnav.contract.scenario import ScenarioError
+from mcnav.errors import CampaignError, Problem
+from mcnav.files import indented_json, to_json, write_texts
+from mcnav.judgement.error_table import ErrorVerdict, judge_errors
+from mcnav.judgement.verdict import SIMULATED, TRIALS, Judgement, judge
+from mcnav.logs.log_error import LogError
+from mcnav.report import judged
+from mcnav.report import judged_errors as errors_report
+from mcnav.report.html import page_html
+from mcnav.report.judge_page import page
+from mcnav.studies.error_tables import read_error_table
+from mcnav.studies.recordings import RecordingFiles, read_recording, recordable
+
+JSON, PAGE = "judge.json", "judge.html"
+
+MOST_TRIALS: Final = TRIALS
+
+
+def judge_recording(
+    campaign: Campaign, files: RecordingFiles, simulated: int = SIMULATED, seed: int = 0
+) -> tuple[FilteredRecord, Judgement]:
+    """Take the campaign's filter through a recorded flight, and judge the record.
+
+    Parameters
+    ----------
+    simulated : int
+        Simulated records that it is compared with.
+
+    Raises
+    ------
+    CampaignError
+        When a file cannot be read, or the filter cannot go through the record.
+    """
+    recording, notes = read_recording(campaign, files)
+    scenario = recordable(campaign)
+    try:
+        with one_thread():
+            mean = np.asarray(campaign.errors.mean)
+            record = scenario.filter_recording(recording, mean, campaign.errors.covariance)
+            judgement = judge(record, simulated, min(MOST_TRIALS, simulated), seed)
+    except RecordingError as problem:
+        raise LogError(files.imu, str(problem)) from None
+    except ScenarioError as problem:
+        raise CampaignError([Problem(campaign.file, problem.key, str(problem))]) from None
+    return record, replace(judgement, notes=(*notes, *judgement.notes))
+
+
+def write_judgement(
+    campaign: Campaign, files: RecordingFiles, folder: Path, simulated: int = SIMULATED, seed: int = 0
+) -> tuple[Judgement, list[Path]]:
+    """Judge a recorded flight; write its page and ``judge.json``."""
+    record, judgement = judge_recording(campaign, files, simulated, seed)
+    texts = {
+        JSON: indented_json(to_json({"campaign": campaign.name, **judged.content(judgement)})),
+        PAGE: page_html(page(campaign.name, record, judgement)),
+    }
+    return judgement, write_texts(folder, texts)
+
+
+def write_error_judgement(table: Path, folder: Path) -> tuple[Sequence[ErrorVerdict], list[Path]]:
+    """Judge a table of errors, sigmas and innovations; write its page and ``judge.json``."""
+    errors = read_error_table(table)
+    with one_thread():
+        verdicts = judge_errors(errors)
+    texts = {
+        JSON: indented_json(to_json({"table": table.name, **errors_report.content(verdicts)})),
+        PAGE: page_html(errors_report.page(table.name, errors, verdicts)),
+    }
+    return verdicts, write_texts(folder, texts)
