@@ -51,8 +51,8 @@ DISAGREEMENT: Final = 2.5
 MINOR: Final = 0.02
 """Share of a cell in the probability below which the pilot, of few lines there, is not compared with."""
 
-LEAST: Final = 2e-3
-"""Least share of the lines that a cell gets."""
+EACH: Final = 5
+"""Lines that each cell gets at least: few cells carry much, but together the small ones may."""
 
 BEFORE: Final = "flights fail before the limit is reached along their line as well: it is crossed more than once"
 
@@ -242,7 +242,7 @@ class _Plan:
         return np.array([np.mean(plain[lines.facet == j]) for j in range(len(self.facets.distances))])
 
     def shares(self, pilot: _Lines, proposals: list[Proposal]) -> Array:
-        """Return the shares of the lines that each cell gets, as its probability by the pilot and by the fit, (facets,).
+        """Return the share of the lines of each cell: its probability by the pilot and by the fit, shape (facets,).
 
         The fit alone knows what few lines of a small cell miss; where no line enters, it knows nothing.
         """
@@ -254,7 +254,6 @@ class _Plan:
                 entry = np.maximum(proposal.entry(v), self.begins(j, v))
                 fitted[j] = float(np.mean(proposal.ratio(v) * special.ndtr(-entry)))
         shares = means / means.sum() + fitted / max(fitted.sum(), 1e-300)
-        shares = np.maximum(shares / shares.sum(), LEAST)
         return np.asarray(shares / shares.sum())
 
     def nearest(self, pilot: _Lines) -> float:
@@ -274,7 +273,9 @@ class _Plan:
         per_line = pilot.flights / len(pilot.facet) + 1.0 + 1.0 / BETWEEN
         number = self.lines_needed(pilot, proposals, precision)
         number = int(np.clip(min(number, (most - self.flown.flights) / per_line), FEWEST, MOST))
-        facet = np.searchsorted(np.cumsum(shares), self.generator.random(number) * (1.0 - 1e-12)).astype(np.int64)
+        lines_of = np.maximum(np.rint(number * shares), EACH).astype(np.int64)
+        facet, number = np.repeat(np.arange(len(shares)), lines_of), int(lines_of.sum())
+        shares = lines_of / number
         uniform, normal = self.generator.random(number), self.generator.standard_normal((number, d - 1))
         across = np.empty((number, d - 1))
         for j, proposal in enumerate(proposals):
@@ -282,7 +283,7 @@ class _Plan:
             across[mine] = proposal.draw(uniform[mine], normal[mine])
         lines = self.follow(facet, across, proposals)
         weights = lines.weights(proposals) / shares[facet]
-        value, low, high = weights_interval(weights, number, confidence)
+        value, low, high = weights_interval(weights, facet, confidence)
         refusal = self.doubt(lines, weights, value, proposals, shares)
         if refusal:
             return _refused(self.flown, refusal, d)

@@ -73,9 +73,9 @@ class Proposal:
     def improved(self, normal: Array, begins: Callable[[Array], Array]) -> tuple[Proposal, float]:
         """Match mean and variance to the lines that matter by the fit, and return the variation that is left.
 
-        ``normal`` are standard normals, shape (n, d - 1); ``begins`` returns where lines at v begin, shape (n,). The moments are those of ``phi(v) Phi(-t*(v))`` with the
-        fitted t*, by importance sampling (cross-entropy; Rubinstein, 1999). The variation is the squared coefficient
-        of the weights of lines laid so.
+        ``normal`` are standard normals, shape (n, d - 1); ``begins`` returns where lines at v begin, shape (n,). The
+        moments are those of ``phi(v) Phi(-t*(v))`` with the fitted t*, by importance sampling (cross-entropy;
+        Rubinstein, 1999). The variation is the squared coefficient of the weights of lines laid so.
         """
         best = self
         variation = math.inf
