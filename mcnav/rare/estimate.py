@@ -51,6 +51,9 @@ DISAGREEMENT: Final = 2.5
 MINOR: Final = 0.02
 """Share of a cell in the probability below which the pilot, of few lines there, is not compared with."""
 
+NEVER: Final = 37.0
+"""Entry of lines of which none was seen to enter; its probability is 1e-299."""
+
 EACH: Final = 5
 """Lines that each cell gets at least: few cells carry much, but together the small ones may."""
 
@@ -225,10 +228,10 @@ class _Plan:
             mine = facet == j
             mine &= np.isfinite(followed.entry) & (followed.entry > followed.begin)  # others enter with their cell
             entered = followed.entry[mine]
-            fit = Proposal.plain(d, float(np.mean(entered)) if len(entered) else float(facets.distances[j]))
+            fit = Proposal.plain(d, float(np.mean(entered)) if len(entered) else NEVER)
             if d and count > d + 3:
                 fit = Proposal.fitted(followed.across[mine], entered, fit.constant)
-            fitted.append(fit.improved(normal, partial(self.begins, j))[0])
+            fitted.append(fit.improved(normal, partial(self.begins, j))[0] if fit.constant < NEVER else fit)
         return followed, fitted
 
     def begins(self, facet: int, across: Array) -> Array:
@@ -249,7 +252,7 @@ class _Plan:
         normal = self.generator.standard_normal((DRAWS, self.facets.directions.shape[1] - 1))
         means, fitted = self.means(pilot), np.zeros(len(proposals))
         for j, proposal in enumerate(proposals):
-            if np.any(np.isfinite(pilot.entry[pilot.facet == j])):
+            if proposal.constant < NEVER:
                 v = proposal.draw((np.arange(DRAWS) + 0.5) / DRAWS, normal)
                 entry = np.maximum(proposal.entry(v), self.begins(j, v))
                 fitted[j] = float(np.mean(proposal.ratio(v) * special.ndtr(-entry)))

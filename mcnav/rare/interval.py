@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -9,25 +10,28 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.statistics.estimates import Estimate
 
-ROOTS: Final = 0.002
-"""Relative error of the estimate by the tolerance of the crossings."""
+ROOTS: Final = 0.003
+"""Relative error of the estimate by the tolerance of the crossings and by the few lines that set the interval.
+
+With it 95 % intervals were measured to hold as `mcnav docs method` says; without it they hold in 94 %.
+"""
 
 
 def weights_interval(weights: Array, cells: IndexArray, confidence: float) -> tuple[float, float, float]:
     """Return the mean of weights, shape (n,), and the ends of its interval.
 
     Weights are ``n / n_j`` times those of the n_j lines of cell j, so that their mean is the sum of the means of cells.
-    The interval is Student's, or Hall's where skewness widens it (`mcnav.statistics.estimates`). Neither end is closer
-    to the estimate than the error of the crossings, nor the lower one than the share of the lines' tails that one check
-    for each line cannot see, one in their number.
+    The interval is Student's, or Hall's where skewness widens it (`mcnav.statistics.estimates`), with the square of
+    `ROOTS` added. The lower end is never closer to the estimate than the share of the lines' tails that one check for
+    each line cannot see, one in their number.
     """
     estimate = stratified_mean(weights, cells)
     value = estimate.value
     if not value > 0.0:
         return 0.0, 0.0, 0.0
     low, high = estimate.interval(confidence)
-    nearest = max(ROOTS, 1.0 / len(weights))
-    return value, max(0.0, min(low, value * (1.0 - nearest))), max(high, value * (1.0 + ROOTS))
+    down, up = math.hypot(1.0 - low / value, ROOTS), math.hypot(high / value - 1.0, ROOTS)
+    return value, value * max(0.0, 1.0 - max(down, 1.0 / len(weights))), value * (1.0 + up)
 
 
 def stratified_mean(weights: Array, cells: IndexArray) -> Estimate:
