@@ -55,7 +55,7 @@ def test_a_limit_at_one_in_a_million_agrees_with_a_count_of_two_hundred_million(
     assert required["remark"] == f"decided by {exceedance['flights']} flights chosen with the linear model"
     report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "most likely by gyro drift at" in report
-    assert "shown by 1,497,866 samples with none beyond" in report
+    assert "shown by 1,497,865 samples with none beyond" in report
 
 
 def test_bits_do_not_depend_on_jobs_nor_on_interruptions(tmp_path: Path) -> None:
