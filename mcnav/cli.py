@@ -676,6 +676,93 @@ def lincov(
 
 
 @_command()
+def record(
+    campaign: CampaignFile,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_record].")] = None,
+    sample: Annotated[int, typer.Option(help="Number of the sample.")] = 0,
+    rate: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Readings per second.")] = 50.0,
+) -> None:
+    """Write what the instruments and sensors of one sample read: files as of a recorded flight.
+
+    Example: mcnav record flight.toml --sample 3 --out log
+    """
+    from mcnav.config.read import read_campaign
+    from mcnav.studies.recordings import write_recording
+
+    target = folder or Path("reports") / f"{campaign.stem}_record"
+    _print_written(write_recording(read_campaign(campaign), sample, 1.0 / rate, target))
+
+
+@_command()
+def judge(
+    campaign: Annotated[
+        Path | None,
+        typer.Argument(metavar="[CAMPAIGN]", help="Campaign file (TOML).", autocompletion=completion.campaigns),
+    ] = None,
+    imu: Annotated[Path | None, typer.Option(metavar="FILE", help="Recorded gyros and accelerometers.")] = None,
+    measurements: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=FILE", help="Recorded measurements of a sensor, such as gnss=gnss.pos; repeat."),
+    ] = None,
+    reference: Annotated[Path | None, typer.Option(metavar="FILE", help="Track to compare with.")] = None,
+    start: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="State at the start [default: that of the trajectory].")
+    ] = None,
+    errors: Annotated[
+        Path | None, typer.Option(metavar="TABLE", help="Errors and sigmas of any filter, in place of a campaign.")
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option("--column", metavar="NAME=COLUMN", help="Column of the readings, such as gyro_x=wx; repeat."),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option("--unit", metavar="NAME=UNIT", help="Unit of the readings, such as gyro=deg/s; repeat."),
+    ] = None,
+    records: Annotated[int, typer.Option(min=200, max=100_000, help="Simulated records to compare with.")] = 1000,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_judge].")] = None,
+) -> None:
+    """Take a campaign's filter through a recorded flight: which number is wrong, by how much, and what could be seen.
+
+    Example: mcnav judge flight.toml --imu imu.csv --measurements gnss=gnss.csv --reference truth.csv
+    """
+    from mcnav.report import judged, judged_errors
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.judge import write_error_judgement, write_judgement
+    from mcnav.studies.recordings import RecordingFiles
+
+    if errors is not None:
+        if campaign is not None or imu is not None:
+            raise _fail("--errors: is judged alone, without a campaign; leave one of them out", BAD_INPUT)
+        verdicts, files = write_error_judgement(errors, folder or Path("reports") / f"{errors.stem}_judge")
+        out.print(printed(judged_errors.terminal(verdicts)))
+    else:
+        if campaign is None or imu is None or not measurements:
+            raise _fail("expected CAMPAIGN, --imu FILE and --measurements NAME=FILE, or --errors TABLE", BAD_INPUT)
+        from mcnav.config.read import read_campaign
+
+        given = {name: Path(file) for name, file in _pairs(measurements, "measurements", "gnss=gnss.pos").items()}
+        columns, units = _pairs(column, "column", "gyro_x=wx"), _pairs(unit, "unit", "gyro=deg/s")
+        target = folder or Path("reports") / f"{campaign.stem}_judge"
+        described = RecordingFiles(imu, given, reference, start, columns, units)
+        judgement, files = write_judgement(read_campaign(campaign), described, target, records)
+        out.print(printed(judged.terminal(judgement)))
+    out.print()
+    _print_written(files)
+
+
+def _pairs(given: Sequence[str] | None, option: str, example: str) -> dict[str, str]:
+    """Read options of the form NAME=VALUE."""
+    pairs = dict[str, str]()
+    for each in given or []:
+        name, equals, value = each.partition("=")
+        if not equals or not value:
+            raise _fail(f"--{option}: got {each!r}; expected NAME=VALUE such as {example}", BAD_INPUT)
+        pairs[name.strip()] = value.strip()
+    return pairs
+
+
+@_command()
 def allocate(
     campaign: CampaignFile,
     folder: Annotated[
@@ -782,12 +869,14 @@ def check_scenario(campaign: CampaignFile) -> None:
         raise typer.Exit(CHECK_FAILED)
 
 
-def _named_columns(named: Sequence[str] | None) -> dict[str, str]:
+def _named_columns(
+    named: Sequence[str] | None, option: str = "--column", expected: str = "NAME=COLUMN such as 'lat=latitude [rad]'"
+) -> dict[str, str]:
     columns = dict[str, str]()
     for each in named or []:
         name, equals, written = each.partition("=")
         if not equals:
-            raise _fail(f"--column: got {each!r}; expected NAME=COLUMN such as 'lat=latitude [rad]'", BAD_INPUT)
+            raise _fail(f"{option}: got {each!r}; expected {expected}", BAD_INPUT)
         columns[name.strip()] = written.strip()
     return columns
 
@@ -798,7 +887,7 @@ def trajectory(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="Trajectory file (CSV or parquet), or a campaign of type ins (TOML).",
+            help="Trajectory file or track (CSV, parquet, .pos, …), or a campaign of type ins (TOML).",
             autocompletion=completion.campaigns_and_trajectories,
         ),
     ],
@@ -827,6 +916,70 @@ def trajectory(
         out.print(printed(described.terminal(result)))
     if page is not None:
         _print_written(write_texts(page.parent, {page.name: page_html(described.page(result))}))
+
+
+@_command()
+def identify(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG...", help="Records of a unit at rest.", autocompletion=completion.logs),
+    ],
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--column", "--columns", metavar="NAME=COLUMN", help="Column of a log, such as gyro_x=wx; repeat."
+        ),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option("--unit", "--units", metavar="NAME=UNIT", help="Unit of a column, such as gyro=deg/s; repeat."),
+    ] = None,
+    interval: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Interval between readings, such as '0.01 s', in place of a column of time."),
+    ] = None,
+    begin: Annotated[
+        str | None, typer.Option("--from", metavar="TIME", help="Begin of what is used, from the first reading.")
+    ] = None,
+    end: Annotated[
+        str | None, typer.Option("--to", metavar="TIME", help="End of what is used, from the first reading.")
+    ] = None,
+    below: Annotated[
+        str | None,
+        typer.Option(metavar="FREQUENCY", help="Upper end of the frequencies that are used, such as '10 Hz'."),
+    ] = None,
+    campaign: Annotated[
+        Path | None,
+        typer.Option(
+            help="Campaign of type ins whose errors are computed with the result.", autocompletion=completion.campaigns
+        ),
+    ] = None,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Also write a page, identify.json and imu.toml into a folder.")
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Identify the noise of an inertial measurement unit from logs at rest, with intervals and a test of fit.
+
+    Several logs of one unit give its noise in common, and the bias from one turn-on to the next.
+
+    Example: mcnav identify static.csv --unit gyro=deg/s --out reports/unit
+    """
+    from mcnav.files import write_texts
+    from mcnav.report.identify import terminal
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.identify import files_of, identification_table, identify_logs, read_plan
+
+    columns = _named_columns(column, "--column", "NAME=COLUMN such as gyro_x=wx")
+    units = _named_columns(unit, "--unit", "NAME=UNIT such as gyro=deg/s")
+    report = identify_logs(logs, read_plan(columns, units, interval, begin, end, below, campaign))
+    if form == "table":
+        out.print(printed(terminal(report)))
+    else:
+        _export(form, [vars(row) for row in report.parameters], identification_table(report))
+    if folder is not None:
+        out.print()
+        _print_written(write_texts(folder, files_of(report)))
 
 
 @_command()
@@ -976,6 +1129,42 @@ def schema(
         sys.stdout.write(schema_text())
     else:
         _print_written(write_texts(file.parent, {file.name: schema_text()}))
+
+
+@_command("compile")
+def compile_all(
+    into: Annotated[
+        Path | None, typer.Option("--into", metavar="FOLDER", help="Write objects there, which a wheel may hold.")
+    ] = None,
+    level: Annotated[
+        Literal["x86-64-v3", "x86-64-v4"] | None,
+        typer.Option(help="Processor that objects are for [default: the highest level of this one]."),
+    ] = None,
+    only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="An example in place of all; repeat.")] = None,
+) -> None:
+    """Compile all kernels beforehand, so that no later command does: for images and clusters.
+
+    Every example is run with a few samples, by each engine.
+
+    Example: mcnav compile
+    """
+    if level is not None and into is None:
+        raise _fail("--level: is for objects; give --into FOLDER")
+    if into is not None:
+        from mcnav.compiled.target import choose_objects
+
+        try:
+            choose_objects(into, level)
+        except ValueError as wrong:
+            raise _fail(f"--level: {wrong}") from None
+    from mcnav.entries.examples import example
+    from mcnav.report import progress
+    from mcnav.studies.precompile import compile_kernels
+
+    names = [example(name).stem for name in only or ()]
+    with progress.shown(err) as shown:
+        count = compile_kernels(names, shown)
+    out.print(f"{count} functions compiled, all others were stored")
 
 
 @app.command(cls=_Command)

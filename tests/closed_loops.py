@@ -99,6 +99,15 @@ class ConstantGain(Remembering):
         return {"moved": (moved, "m"), "fuel": (np.abs(truth.velocity + 3.0), "m/s", "control")}
 
 
+class Biased(DoubleIntegrator):
+    """A model that is wrong by a metre."""
+
+    measurements = (
+        Measurement("ranging", "m", interval=1.0, truth=lambda truth: truth.position,
+                    model=lambda estimate: estimate.position + 1.0),
+    )  # fmt: skip
+
+
 class Continuous(DoubleIntegrator):
     cycle, step, end = None, 0.5, 60.0
 
@@ -352,6 +361,7 @@ SHIPPED = {
 
 OF = {
     "GuidedLander": "Landing",
+    "Biased": "DoubleIntegrator",
     "Continuous": "DoubleIntegrator", "Fine": "DoubleIntegrator", "Remembering": "DoubleIntegrator",
     "ConstantGain": "DoubleIntegrator", "Nominal": "DoubleIntegrator", "Corrected": "DoubleIntegrator",
     "FixedDescent": "Descent",

@@ -19,8 +19,15 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.analysis.requirements import Requirement, normal_box_probability, normal_quantile, size_probability
-from mcnav.analysis.requirements_over_time import largest_normal_quantile
+from mcnav.analysis.requirements import (
+    Requirement,
+    law_quantile,
+    normal_box_probability,
+    size_members,
+    size_probability,
+)
+from mcnav.analysis.requirements_over_time import largest_quantile
+from mcnav.analysis.vector_sizes import components_of
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Output
 from mcnav.errors import suggestion
@@ -71,6 +78,8 @@ class Measure:
         SI unit of its values, and unit shown.
     requirement : int or None
         Number of the campaign's requirement that it is.
+    members : tuple of int
+        Outputs whose root sum of squares the only one of its outputs is.
     """
 
     name: str
@@ -82,6 +91,7 @@ class Measure:
     readings: tuple[int, ...] = ()
     limits: tuple[float, ...] = ()
     requirement: int | None = None
+    members: tuple[int, ...] = ()
 
     @property
     def bound(self) -> float | None:
@@ -104,11 +114,13 @@ class Measure:
         return self._value(readings.mean, readings.covariance)
 
     def own_value(self, readings: CovarianceReadings) -> float:
-        """Compute it for errors as the filter states them, SI; NaN without a filter."""
-        return float("nan") if readings.own is None else self._value(np.zeros_like(readings.mean), readings.own)
+        """Compute it for errors as the filter states them, SI; NaN without a filter, and of a correction's size."""
+        if readings.own is None or self.members:
+            return float("nan")
+        return self._value(np.zeros_like(readings.mean), readings.own)
 
     def _value(self, means: Array, covariances: Array) -> float:
-        at, picked = np.array(self.readings), np.array(self.outputs)
+        at, picked = np.array(self.readings), np.array(self.members or self.outputs)
         mean, covariance = means[np.ix_(at, picked)], covariances[np.ix_(at, picked, picked)]
         if self.kind == SIGMA:
             return float(np.sqrt(max(covariance[:, 0, 0].max(), 0.0)))
@@ -117,8 +129,8 @@ class Measure:
         if self.kind == BOX:
             return normal_box_probability(mean[0], covariance[0], np.array(self.limits))
         if len(at) == 1:
-            return normal_quantile(mean[0], covariance[0], self.probability)
-        return largest_normal_quantile(mean, covariance, self.probability)[0]
+            return law_quantile(mean[0], covariance[0], self.probability, bool(self.members))
+        return largest_quantile(mean, covariance, self.probability, bool(self.members))[0]
 
 
 def read_measure(written: str, outputs: Sequence[Output]) -> Measure:
@@ -195,7 +207,7 @@ def usual_measures(outputs: Sequence[Output]) -> list[Measure]:
 
 def requirement_measures(requirements: Sequence[Requirement], outputs: Sequence[Output]) -> list[Measure]:
     """Return the measures that requirements limit, in order; a sigma ratio is none."""
-    measures: list[Measure] = []
+    measures, sizes = list[Measure](), components_of(outputs)
     for number, each in enumerate(requirements):
         if each.kind == "sigma_ratio":
             continue
@@ -207,11 +219,9 @@ def requirement_measures(requirements: Sequence[Requirement], outputs: Sequence[
             name = f"{name} #{number + 1}"
         of = outputs[each.outputs[0]]
         unit, shown_in = ("1", "%") if each.kind == BOX else (of.unit, of.shown_in)
-        measures.append(
-            Measure(
-                name, each.kind, each.outputs, unit, shown_in, size_probability(each), each.epochs, each.limits, number
-            )
-        )
+        members, probability = size_members(each.outputs, sizes), size_probability(each)
+        measure = Measure(name, each.kind, each.outputs, unit, shown_in, probability, each.epochs, each.limits, number)
+        measures.append(replace(measure, members=members))
     return measures
 
 

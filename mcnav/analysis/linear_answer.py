@@ -20,15 +20,14 @@ from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of, pic
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import (
     Requirement,
+    law_quantile,
     normal_box_probability,
-    normal_quantile,
     size_members,
     size_probability,
 )
-from mcnav.analysis.requirements_over_time import largest_normal_quantile
+from mcnav.analysis.requirements_over_time import largest_quantile
 from mcnav.contract.quantities import Output, Source
 from mcnav.statistics.bisection import root_between, smallest_reaching
-from mcnav.statistics.normal_size import NormalSize
 
 
 @dataclass(frozen=True)
@@ -286,20 +285,13 @@ def _judge(
         return _judge_box(requirement, mean, covariance, nominal)
 
     def quantile(mean: Array, covariance: Array) -> float:
-        if members:
-            return NormalSize.of(mean, covariance).quantile(probability)
-        return normal_quantile(mean, covariance, probability)
+        return law_quantile(mean, covariance, probability, bool(members))
 
     probability, time = size_probability(requirement), None
     if requirement.epochs and history is not None:
         at = np.array(requirement.epochs)
         means, covariances = history.mean[np.ix_(at, picked)], history.covariance[np.ix_(at, picked, picked)]
-        if members:
-            values = [quantile(*each) for each in zip(means, covariances, strict=True)]
-            worst = int(np.argmax(values))
-            value = values[worst]
-        else:
-            value, worst = largest_normal_quantile(means, covariances, probability)
+        value, worst = largest_quantile(means, covariances, probability, bool(members))
         time, mean, covariance = float(history.times[at[worst]]), means[worst], covariances[worst]
         nominal = np.zeros(len(picked)) if history.nominal is None else history.nominal[at[worst], picked]
     else:
@@ -336,12 +328,15 @@ def _margin_about(
     return 0.5 * (ends[0] + ends[1])
 
 
-def sizes_over_time(requirement: Requirement, history: Moments) -> Array:
+def sizes_over_time(requirement: Requirement, history: Moments, sizes: Mapping[int, tuple[int, ...]]) -> Array:
     """Compute the quantile or radius of a requirement at every time, shape (m,), SI."""
-    picked = np.array(requirement.outputs)
+    members = size_members(requirement.outputs, sizes)
+    picked = np.array(members or requirement.outputs)
     mean, covariance = history.mean[:, picked], history.covariance[:, picked[:, None], picked]
     probability = size_probability(requirement)
-    return np.array([normal_quantile(*each, probability) for each in zip(mean, covariance, strict=True)])
+    return np.array([
+        law_quantile(*each, probability, bool(members)) for each in zip(mean, covariance, strict=True)
+    ])  # fmt: skip
 
 
 def _judge_box(requirement: Requirement, mean: Array, covariance: Array, nominal: Array) -> LinearRequirement:

@@ -199,14 +199,19 @@ def size_probability(requirement: Requirement) -> float:
 def linear_quantile(model: Model, outputs: tuple[int, ...], probability: float) -> float:
     """Compute a quantile of the sizes of errors in one, two or three outputs by the linear model."""
     members = size_members(outputs, model.sizes)
-    if members:
-        return NormalSize.of(*_linear_moments(model, members)).quantile(probability)
-    return normal_quantile(*_linear_moments(model, outputs), probability)
+    return law_quantile(*_linear_moments(model, members or outputs), probability, bool(members))
 
 
 def size_members(outputs: tuple[int, ...], sizes: Mapping[int, tuple[int, ...]]) -> tuple[int, ...]:
     """Return the outputs whose size one output is; none where it is no size."""
     return sizes.get(outputs[0], ()) if len(outputs) == 1 else ()
+
+
+def law_quantile(mean: Array, covariance: Array, probability: float, of_size: bool) -> float:
+    """Compute a quantile of the distance from zero of a normal variable, of a size in any number of dimensions."""
+    if of_size:
+        return NormalSize.of(mean, covariance).quantile(probability)
+    return normal_quantile(mean, covariance, probability)
 
 
 def normal_quantile(mean: Array, covariance: Array, probability: float) -> float:

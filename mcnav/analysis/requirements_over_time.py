@@ -12,8 +12,8 @@ Histories are stored of the first samples only, so that a campaign of more does 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,8 +24,10 @@ from mcnav.analysis.requirements import (
     RequirementResult,
     error_sizes,
     independent_samples,
+    law_quantile,
     normal_quantile,
     normal_share,
+    size_members,
     size_probability,
 )
 from mcnav.analysis.samples_needed import Counting, samples_needed
@@ -48,6 +50,8 @@ class ErrorHistories:
         By linear analysis.
     most : int
         Samples whose histories are stored at most.
+    sizes : mapping of int to tuple of int
+        Outputs that are the root sum of squares of others.
     """
 
     times: Array
@@ -56,6 +60,7 @@ class ErrorHistories:
     mean: Array | None
     covariance: Array | None
     most: int
+    sizes: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
 
 
 def judge_over_time(requirement: Requirement, histories: ErrorHistories | None, confidence: float) -> RequirementResult:
@@ -106,19 +111,25 @@ def largest_linear_quantile(
     """Compute the largest quantile of errors' sizes at some epochs by the linear model; NaN without one."""
     if histories.mean is None or histories.covariance is None:
         return math.nan
-    at, picked = np.array(epochs), np.array(outputs)
+    members = size_members(outputs, histories.sizes)
+    at, picked = np.array(epochs), np.array(members or outputs)
     mean, covariance = histories.mean[np.ix_(at, picked)], histories.covariance[np.ix_(at, picked, picked)]
-    return largest_normal_quantile(mean, covariance, probability)[0]
+    return largest_quantile(mean, covariance, probability, bool(members))[0]
 
 
-def largest_normal_quantile(means: Array, covariances: Array, probability: float) -> tuple[float, int]:
+def largest_quantile(means: Array, covariances: Array, probability: float, of_size: bool) -> tuple[float, int]:
     """Compute the largest quantile of the distance from zero of some normal variables, and the number of the largest.
 
     Parameters
     ----------
     means, covariances : ndarray, shapes (m, d) and (m, d, d)
         Of m variables in one, two or three dimensions.
+    of_size : bool
+        Whether the distance is the size of a correction, of any number of dimensions.
     """
+    if of_size:
+        values = [law_quantile(*each, probability, of_size) for each in zip(means, covariances, strict=True)]
+        return max(values), int(np.argmax(values))
     size = np.trace(covariances, axis1=1, axis2=2) + np.einsum("mi,mi->m", means, means)
     order = np.argsort(-size, kind="stable").tolist()
     largest, worst = 0.0, order[0]

@@ -105,8 +105,21 @@ class StartClock:
         What happens at time zero, up to which starts are compared; without an event all are.
     aligned : str
         Where reference axes that all starts share are aligned.
+    meaning : str
+        What a later start is, in sentences, where it has no reference axes to choose.
+    compared : str
+        Which starts are compared, in a sentence, where the study would say something else.
+    weighs : str
+        Kind of the outputs that the weighted dispersion counts unless weights are given, as `kind_of` names it; all
+        without it.
+    instants : bool
+        Whether navigation starts at given instants alone.
     """
 
     label: str
     event: str = ""
     aligned: str = "at the first point of the trajectory"
+    meaning: str = ""
+    compared: str = ""
+    weighs: str = ""
+    instants: bool = False

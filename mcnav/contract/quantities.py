@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, Protocol
 
@@ -98,6 +98,33 @@ def kinds_of(outputs: Sequence[_OfKind]) -> list[str]:
     """Return the kind of each output; empty strings where all are navigation errors, and need not be told apart."""
     kinds = [kind_of(output) for output in outputs]
     return kinds if set(kinds) - {NAVIGATION_ERRORS} else [""] * len(kinds)
+
+
+@dataclass(frozen=True)
+class EndWords:
+    """What outputs at the end are called: one of them, many, and the heading of their column in a narrow table."""
+
+    one: str
+    many: str
+    heading: str
+
+    @property
+    def title(self) -> str:
+        """Many of them at the beginning of a sentence."""
+        return self.many[0].upper() + self.many[1:]
+
+
+FINAL_ERRORS: Final = EndWords("final error", "final errors", "final error, 1σ")
+AT_END: Final = EndWords("output at the end", "outputs at the end", "at the end, 1σ")
+
+
+def end_words(outputs: Iterable[_OfKind]) -> EndWords:
+    """Return what outputs at the end are called: errors where all are, since dispersions, efforts and times are none.
+
+    >>> end_words([Output("range", "m", "km")]).many, end_words([Output("final_time", "s", "s", of="time")]).title
+    ('final errors', 'Outputs at the end')
+    """
+    return FINAL_ERRORS if {kind_of(output) for output in outputs} <= {NAVIGATION_ERRORS} else AT_END
 
 
 def source_labels(sources: Sequence[str], outputs: Sequence[str]) -> list[str]:

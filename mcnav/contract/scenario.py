@@ -11,6 +11,7 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import History, StartClock
 from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
+from mcnav.contract.recorded import FilteredRecord, Recording
 
 
 class Capability(StrEnum):
@@ -45,6 +46,9 @@ class Capability(StrEnum):
 
     TRAJECTORY = "trajectory"
     """It navigates along a trajectory that can be shown by itself."""
+
+    RECORDING = "recording"
+    """Its filter can be taken through recorded readings and measurements, and its samples can be recorded."""
 
     REMARKS = "remarks"
     """It notices where its linear model or its samples are not to be relied on."""
@@ -185,6 +189,16 @@ class Replayable(Scenario, Protocol):
         """One sample, shape (sources,), by the reference engine to its end, or to where it failed."""
 
 
+class RecordingScenario(FilterScenario, Protocol):
+    """A scenario with `RECORDING`."""
+
+    def filter_recording(self, recording: Recording, mean: Array, covariance: Array) -> FilteredRecord:
+        """Take the filter through a recorded flight, whose errors have a mean and a covariance; or `RecordingError`."""
+
+    def simulate_recording(self, errors: Array, seed: int, index: int, interval: float) -> Recording:
+        """Record one sample, shape (sources,), with readings over intervals, s."""
+
+
 class RemarkingScenario(Scenario, Protocol):
     """A scenario with `REMARKS`."""
 
@@ -250,6 +264,11 @@ def has_updates(scenario: Scenario) -> TypeGuard[ScenarioWithUpdates]:
 def can_replay(scenario: Scenario) -> TypeGuard[Replayable]:
     """Return whether one sample can be shown from beginning to end."""
     return Capability.REPLAY in scenario.can
+
+
+def can_be_recorded(scenario: Scenario) -> TypeGuard[RecordingScenario]:
+    """Return whether a filter can be taken through recorded flights."""
+    return Capability.RECORDING in scenario.can
 
 
 def runs_user_code(scenario: Scenario) -> bool:

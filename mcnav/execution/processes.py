@@ -36,6 +36,7 @@ from mcnav.execution.chunks import (
     simulate_chunk,
     store,
 )
+from mcnav.execution.memory import SMALL_PIECES, keep_freed_memory
 from mcnav.store.chunk_files import ChunkFile
 from mcnav.systems.sample_loop import join_results
 from mcnav.systems.timeouts import timeout_message
@@ -46,6 +47,13 @@ TRIED_WHOLE: Final = 2
 IDLE: Final = 60.0
 """Seconds after which an unused isolated process ends."""
 
+
+def _begin_worker(parent: int) -> None:
+    """Let a worker process end with its parent, and keep the memory of a step for the next one."""
+    end_with_parent(parent)
+    keep_freed_memory(*SMALL_PIECES)
+
+
 _isolated_executors: dict[int, ProcessPoolExecutor] = {}
 """One isolated process for each thread; joblib keeps its own pool."""
 
@@ -53,7 +61,7 @@ _isolated_executors: dict[int, ProcessPoolExecutor] = {}
 def _isolated_worker() -> ProcessPoolExecutor:
     thread = threading.get_ident()
     if thread not in _isolated_executors:
-        executor = ProcessPoolExecutor(1, timeout=IDLE, initializer=end_with_parent, initargs=(os.getpid(),))
+        executor = ProcessPoolExecutor(1, timeout=IDLE, initializer=_begin_worker, initargs=(os.getpid(),))
         _isolated_executors[thread] = executor
     return _isolated_executors[thread]
 
@@ -91,7 +99,7 @@ def _run_pool(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Itera
             n_jobs=workers,
             return_as="generator_unordered",
             backend="loky",
-            initializer=end_with_parent,
+            initializer=_begin_worker,
             initargs=(os.getpid(),),
         )(delayed(_numbered)(work, place) for place in places)
     yield from result

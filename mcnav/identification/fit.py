@@ -7,6 +7,7 @@ next is stated: a margin below 4 tells little.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -15,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.identification.likelihood import Maximum, maximize, profile_interval
+from mcnav.identification.likelihood import Maximum, information, maximize, profile_interval
 from mcnav.identification.processes import (
     GAUSS_MARKOV,
     QUANTIZATION,
@@ -40,6 +41,9 @@ WANTED: Final = 0.2
 
 LONGEST_RECORD: Final = 10 * 365.25 * 86_400.0
 """A record longer than this (s) is not advised."""
+
+ROUGHLY: Final = 1e-2
+"""Decrement of −2 log L at which a first maximum, from which others start, is near enough."""
 
 PENALTY: Final = 4.0
 """Price of a parameter, in −2 log L: one that is not there is taken in 2 of 100 records."""
@@ -86,19 +90,26 @@ class Candidate:
         """−2 log L with `PENALTY` for each parameter: the smaller, the better."""
         return self.best.deviance + PENALTY * len(self.best.logs)
 
-    def estimates(self) -> tuple[Estimate, ...]:
-        """Compute every parameter with its interval."""
+    def estimates(self, names: Collection[str] = ()) -> tuple[Estimate, ...]:
+        """Compute parameters with their intervals: those of some names, by default every one."""
         bounds = relative_deviations(self.model, self.bands.grid, self.bands.numbers, self.best.logs)
         rows = []
         for at, name in enumerate(self.model.parameters):
+            if names and name not in names:
+                continue
             low, high = np.exp(profile_interval(self.model, self.bands, self.best, at))
             logs = self.best.logs.copy()
             if low <= 0.0 and np.isfinite(high):  # as large as it may be
                 logs[at] = np.log(high)
-            wanted = duration_wanted(self.model, logs, at, self.bands.grid)
+            wanted = duration_wanted(self.model, logs, at, self.bands.grid, self.bands.share)
             value = float(np.exp(self.best.logs[at]))
             rows.append(Estimate(name, value, float(low), float(high), float(bounds[at]), wanted))
         return tuple(rows)
+
+
+def relative_covariance(candidate: Candidate) -> Array:
+    """Compute the covariance of the logarithms by the likelihood's curvature, shape (parameters, parameters)."""
+    return np.asarray(np.linalg.pinv(information(candidate.model, candidate.bands, candidate.best.logs), rcond=1e-12))
 
 
 def relative_deviations(model: Model, grid: Grid, numbers: Array, logs: Array) -> Array:
@@ -115,20 +126,22 @@ def relative_deviations(model: Model, grid: Grid, numbers: Array, logs: Array) -
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(correlation))) / scale)
 
 
-def duration_wanted(model: Model, logs: Array, parameter: int, grid: Grid) -> float:
+def duration_wanted(model: Model, logs: Array, parameter: int, grid: Grid, share: float = 1.0) -> float:
     """Find the length of a record, s, at which the bound of a parameter's relative deviation is `WANTED`.
 
-    Ordinates are spread evenly over the frequency, so that their number in a band grows with the record's length.
+    Ordinates are spread evenly over the frequency, so that their number in a band grows with the record's length; the
+    model is fitted to a ``share`` of them, the lowest.
     """
 
     def bound(duration: float) -> float:
         count = duration / grid.interval
-        order = np.unique(np.round(np.geomspace(1.0, count - 1.0, 400)))
-        edge = np.concatenate([[0.5], np.sqrt(order[1:] * order[:-1]), [count - 0.5]])
-        longer = Grid(grid.interval, round(count), order)
+        last = max(1.0, float(share * (count - 1.0)))
+        order = np.unique(np.round(np.geomspace(1.0, last, 400)))
+        edge = np.concatenate([[0.5], np.sqrt(order[1:] * order[:-1]), [last + 0.5]])
+        longer = Grid(grid.interval, round(count), np.asarray(order, dtype=float))
         return float(relative_deviations(model, longer, np.diff(edge), logs)[parameter])
 
-    low, high = grid.interval * 16.0, LONGEST_RECORD
+    low, high = grid.interval * 16.0 / share, LONGEST_RECORD
     if bound(high) > WANTED:
         return np.inf
     while high / low > 1.01:
@@ -186,7 +199,8 @@ def fit(record: Record) -> AxisFit:
 
 def _best(model: Model, bands: Bands) -> Maximum:
     """Find the largest of the maxima that several starts lead to."""
-    return min((maximize(model, bands, start) for start in _starts(model, bands)), key=lambda each: each.deviance)
+    maxima = (maximize(model, bands, start, converged=ROUGHLY) for start in _starts(model, bands))
+    return min(maxima, key=lambda each: each.deviance)
 
 
 def _starts(model: Model, bands: Bands) -> list[Array]:

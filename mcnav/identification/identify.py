@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mcnav._types import Array
 from mcnav.identification.fit import AxisFit, Estimate, fit
 from mcnav.identification.goodness import Goodness, check_fit
-from mcnav.identification.spectrum import transform
+from mcnav.identification.spectrum import Record, transform
+
+BANDWIDTH: Final = ("line", "shape")
+"""Tests of fit of the spectrum, which its lower part alone may pass."""
 
 FEWEST: Final = 1_000
 """Readings of the shortest record that is accepted."""
+
+FEWEST_ORDINATES: Final = 250
+"""Ordinates of the spectrum that a model is fitted to."""
 
 
 @dataclass(frozen=True)
@@ -32,10 +39,23 @@ class IdentifiedNoise:
         By how much the criterion of the next model is larger; below 4 the choice means little.
     goodness : Goodness
         Test of fit of that model.
+    of_all : Goodness, optional
+        Test of fit of the best model of the whole spectrum, where only the lower frequencies have one.
     """
 
     fitted: AxisFit
     goodness: Goodness
+    of_all: Goodness | None = None
+
+    @property
+    def below(self) -> float:
+        """Upper end of the frequencies that the model was fitted to, Hz."""
+        return self.fitted.record.below
+
+    @property
+    def part(self) -> bool:
+        """True if the model was fitted to the lower frequencies alone."""
+        return len(self.fitted.record.ordinates) < self.fitted.record.count - 1
 
     @property
     def mean(self) -> float:
@@ -61,9 +81,17 @@ class IdentifiedNoise:
         """Tabulate the estimates, and say whether the model fits."""
         lines = [_line(each) for each in self.estimates]
         worst = self.goodness.worst
-        fits = "the model fits" if not self.goodness.rejected else f"the model does not fit: {worst.name}"
+        fits = "the model fits" if not self.goodness.rejected else f"the model does not fit: {worst}"
         lines.append(f"{fits} (p = {self.goodness.p:.2g}); margin over the next model {self.margin:.3g}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *([self.limits] if self.part else [])])
+
+    @property
+    def limits(self) -> str:
+        """Frequencies that the model was fitted to, in words, where they are not all."""
+        if not self.part:
+            return ""
+        why = "" if self.of_all is None else f"; no model fits the whole spectrum: {self.of_all.worst}"
+        return f"fitted below {self.below:.3g} Hz{why}"
 
 
 def _line(estimate: Estimate) -> str:
@@ -75,7 +103,7 @@ def _line(estimate: Estimate) -> str:
     return f"{estimate.name:18} not identifiable from this record: {below}{wanted}"
 
 
-def identify_noise(readings: ArrayLike, interval: float) -> IdentifiedNoise:
+def identify_noise(readings: ArrayLike, interval: float, below: float | None = None) -> IdentifiedNoise:
     """Estimate white noise, quantization, and a rate random walk or Gauss-Markov process from static readings.
 
     The likelihood is that of the record's cosine transform (Whittle), exact for white noise and random walks; intervals
@@ -87,6 +115,10 @@ def identify_noise(readings: ArrayLike, interval: float) -> IdentifiedNoise:
         Rates (rad/s) or specific forces (m/s^2) of one axis at rest, each the mean over ``interval``.
     interval : float
         Between readings, s.
+    below : float, optional
+        Upper end of the frequencies that the model is fitted to, Hz. By default all; where no model has the spectrum of
+        all, because instruments filter their readings, a half, a quarter, ... of them: half of the first part whose
+        spectrum has a model, or the part that comes nearest to having one.
 
     Returns
     -------
@@ -105,7 +137,7 @@ def identify_noise(readings: ArrayLike, interval: float) -> IdentifiedNoise:
     >>> [each.name for each in noise.estimates]
     ['random_walk']
     """
-    values = np.array(readings, dtype=float)
+    values = np.asarray(readings, dtype=float)
     if values.ndim != 1 or len(values) < FEWEST:
         raise ValueError(f"expected at least {FEWEST:,} readings of one axis; got an array of shape {values.shape}")
     if not (np.isfinite(interval) and interval > 0.0):
@@ -115,6 +147,24 @@ def identify_noise(readings: ArrayLike, interval: float) -> IdentifiedNoise:
         raise ValueError(f"reading {int(np.argmin(known))} is not finite; fit a stretch without gaps")
     if np.ptp(values) == 0.0:
         raise ValueError(f"all readings are {values[0]:g}: the instrument is stuck, or switched off")
-    record = transform(values.copy(), interval)
+    record = transform(values, interval)
+    if below is not None:
+        kept = int(2.0 * below * record.duration)
+        if kept < FEWEST_ORDINATES:
+            raise ValueError(f"below {below:g} Hz the record has {kept} ordinates; {FEWEST_ORDINATES} are needed")
+        return _identify(replace(record, ordinates=record.ordinates[:kept]), values, record)
+    tried, part = [_identify(record, values)], 2
+    while tried[-1].goodness.rejected_by(BANDWIDTH) and len(record.ordinates) // part >= FEWEST_ORDINATES:
+        tried.append(_identify(record.up_to(part), values, record))
+        part *= 2
+    if tried[-1].goodness.rejected_by(BANDWIDTH):
+        return max(tried, key=lambda noise: noise.goodness.p)
+    if len(tried) > 1 and len(record.ordinates) // part >= FEWEST_ORDINATES:
+        tried.append(_identify(record.up_to(part), values, record))  # a filter's share that no test can see biases, too
+    return tried[-1] if len(tried) == 1 else replace(tried[-1], of_all=tried[0].goodness)
+
+
+def _identify(record: Record, values: Array, whole: Record | None = None) -> IdentifiedNoise:
+    """Fit a model to the ordinates of a record, or to the lower ones of a ``whole`` record."""
     fitted = fit(record)
-    return IdentifiedNoise(fitted, check_fit(fitted.chosen, record, values))
+    return IdentifiedNoise(fitted, check_fit(fitted.chosen, record, values, whole))

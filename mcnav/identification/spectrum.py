@@ -8,7 +8,7 @@ weighted with the variances of a model near the truth, so that the slope of the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -35,19 +35,29 @@ class Record:
     ----------
     interval : float
         Between readings, s.
+    count : int
+        n readings.
     mean : float
-    ordinates : ndarray, shape (n - 1,)
-        Squares of the coefficients c_1 … c_(n-1).
+    ordinates : ndarray, shape (m,)
+        Squares of the coefficients c_1 … c_m: all n - 1, or those below a frequency.
+    lowest : ndarray, shape (min(`ALONE`, n - 1),)
+        The first coefficients, with their signs.
     """
 
     interval: float
+    count: int
     mean: float
     ordinates: Array
+    lowest: Array
 
     @property
-    def count(self) -> int:
-        """Number of readings."""
-        return len(self.ordinates) + 1
+    def below(self) -> float:
+        """Upper end of the frequencies, Hz."""
+        return 0.5 * (len(self.ordinates) + 1) / self.duration
+
+    def up_to(self, part: int) -> Record:
+        """Return the lowest ordinates: 1 of so many of all."""
+        return replace(self, ordinates=self.ordinates[: (self.count - 1) // part])
 
     @property
     def duration(self) -> float:
@@ -73,27 +83,33 @@ class Bands:
     numbers: Array
     sums: Array
 
+    @property
+    def share(self) -> float:
+        """Share of all frequencies that the bands reach up to, from the middle of the last one."""
+        return float(min(1.0, np.max(self.grid.order / self.grid.count) * np.sqrt(WIDTH)))
+
 
 def transform(readings: Array, interval: float) -> Record:
     """Transform equally spaced readings, shape (n,), of a rate or an acceleration."""
     mean = float(readings.mean())
     coefficients = np.asarray(dct(readings - mean, type=2, norm="ortho", overwrite_x=True))[1:]
-    return Record(interval, mean, np.square(coefficients, out=coefficients))
+    lowest = coefficients[:ALONE].copy()
+    return Record(interval, len(readings), mean, np.square(coefficients, out=coefficients), lowest)
 
 
-def edges(count: int) -> Array:
-    """Return the first order of each band and one past the last, for a number of readings."""
-    single = min(ALONE, count - 1)
+def edges(ordinates: int) -> Array:
+    """Return the first order of each band and one past the last, for a number of ordinates."""
+    single = min(ALONE, ordinates)
     edge = [float(single + 1)]
-    while edge[-1] < count:
+    while edge[-1] <= ordinates:
         edge.append(max(edge[-1] + 1.0, np.floor(edge[-1] * WIDTH)))
-    edge[-1] = float(count)
+    edge[-1] = float(ordinates + 1)
     return np.concatenate([np.arange(1.0, single + 1.0), edge])
 
 
-def middles(count: int, interval: float) -> tuple[Grid, Array]:
-    """Return the middles of the bands of a record, and how many ordinates each has."""
-    edge = edges(count)
+def middles(count: int, interval: float, ordinates: int | None = None) -> tuple[Grid, Array]:
+    """Return the middles of the bands of a record, of all its ordinates or the lowest, and how many each band has."""
+    edge = edges(count - 1 if ordinates is None else ordinates)
     return Grid(interval, count, 0.5 * (edge[:-1] + edge[1:] - 1.0)), np.diff(edge)
 
 
@@ -105,8 +121,8 @@ def in_bands(record: Record, weight: Callable[[Grid], Array] | None = None) -> B
     weight : callable, optional
         Returns variances near the true ones on a `Grid`; equal ones by default.
     """
-    grid, numbers = middles(record.count, record.interval)
-    begins = (edges(record.count)[:-1] - 1.0).astype(np.intp)
+    grid, numbers = middles(record.count, record.interval, len(record.ordinates))
+    begins = (edges(len(record.ordinates))[:-1] - 1.0).astype(np.intp)
     if weight is None:
         return Bands(grid, numbers, np.add.reduceat(record.ordinates, begins))
     weighed = np.empty_like(record.ordinates)

@@ -9,6 +9,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.history import StartClock
+from mcnav.contract.quantities import kind_of
 from mcnav.contract.scenario import VariableStart, has_noisy_start_times
 from mcnav.lincov.covariance import propagated_covariance
 
@@ -108,7 +109,8 @@ def study_start_times(
     schedule : ErrorSchedule, optional
         Constant by default.
     weights : ndarray, shape (outputs,), optional
-        See `StartTimeStudy`; by default each output counts by its sigma for a start at the first point.
+        See `StartTimeStudy`; by default each output counts by its sigma for a start at the first point, or those alone
+        that the clock weighs, if they are dispersed.
     """
     times = scenario.start_times(count)
     partials = scenario.partials_at(times, axes)
@@ -127,6 +129,9 @@ def study_start_times(
         of_noise = np.sqrt(of_noise)
     sigma = np.sqrt(np.maximum(variances, 0.0))
     if weights is None:
-        weights = np.divide(1.0, sigma[0], out=np.zeros_like(sigma[0]), where=sigma[0] > 0.0)
+        counted = sigma[0] > 0.0
+        weighed = counted & np.array([kind_of(output) == scenario.start_clock.weighs for output in scenario.outputs])
+        counted = weighed if weighed.any() else counted
+        weights = np.divide(1.0, sigma[0], out=np.zeros_like(sigma[0]), where=counted)
     effects = partials * (multiples * np.sqrt(np.diag(start_covariance)))[:, None, :]
     return StartTimeStudy(axes, times, partials, effects, sigma, weights, scenario.start_clock, of_noise)

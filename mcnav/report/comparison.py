@@ -11,6 +11,7 @@ import numpy as np
 
 from mcnav.analysis.run_comparison import Change
 from mcnav.analysis.summary import Summary
+from mcnav.contract.quantities import EndWords, end_words
 from mcnav.errors import shortened
 from mcnav.report import filter_verdict, sentences
 from mcnav.report.document import (
@@ -192,12 +193,12 @@ def page(
     confidence: float,
 ) -> Page:
     """Return the comparison as a page."""
-    changed = input_table(titles, manifests)
+    changed, words = input_table(titles, manifests), end_words(manifests[0].model.outputs)
     nothing = Sentence(f"None: the runs have {SAME}.")
     sections = [
         Section("runs", "Verdicts", [_verdict_table(titles, summaries)]),
         Section("inputs", "Changed inputs", [changed if changed.rows else nothing]),
-        Section("outputs", "Change from baseline", _changes(titles, rows, confidence)),
+        Section("outputs", "Change from baseline", _changes(titles, rows, confidence, words)),
         Section("budget", "Error budget", _budgets(titles, manifests, summaries)),
     ]
     heading = ", ".join(titles)
@@ -208,8 +209,11 @@ def terminal(
     titles: Sequence[str], manifests: Sequence[Manifest], rows: Sequence[Row], confidence: float
 ) -> list[Part]:
     """List what the terminal shows: the inputs that differ, and the change of each output."""
-    changed = input_table(titles, manifests)
-    return [changed if changed.rows else Sentence(f"The runs have {SAME}."), change_table(titles, rows, confidence)]
+    changed, words = input_table(titles, manifests), end_words(manifests[0].model.outputs)
+    return [
+        changed if changed.rows else Sentence(f"The runs have {SAME}."),
+        change_table(titles, rows, confidence, words),
+    ]
 
 
 def _verdict_table(titles: Sequence[str], summaries: Sequence[Summary]) -> Table[tuple[str, Summary]]:
@@ -270,15 +274,15 @@ def input_table(titles: Sequence[str], manifests: Sequence[Manifest]) -> Table[V
     return Table(caption, [key, *_of_runs(titles)], rows, "Changed inputs")
 
 
-def _changes(titles: Sequence[str], rows: Sequence[Row], confidence: float) -> list[Part]:
+def _changes(titles: Sequence[str], rows: Sequence[Row], confidence: float, words: EndWords) -> list[Part]:
     """Draw and tabulate the change of each output from the first run."""
     if not rows:
         return [Sentence("The first run shares no output with another run.")]
     common = Note(COMMON) if any(row.change is not None and row.change.common for row in rows) else None
-    return [*joined(ratios(rows, titles), change_table(titles, rows, confidence), common)]
+    return [*joined(ratios(rows, titles), change_table(titles, rows, confidence, words), common)]
 
 
-def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float) -> Table[Row]:
+def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float, words: EndWords) -> Table[Row]:
     """Tabulate sigmas before and after, their ratio and the change of the mean."""
 
     def ratio(row: Row) -> Cell:
@@ -290,7 +294,7 @@ def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float) 
         return with_error(known.value * row.scale, known.standard_error * row.scale)
 
     columns: list[Column[Row]] = [
-        Column("Output", lambda row: Cell(humanize(row.output), row.shown_in), "final error, 1σ", "label"),
+        Column("Output", lambda row: Cell(humanize(row.output), row.shown_in), words.heading, "label"),
         Column("Run", lambda row: titles[row.run], "run", "label"),
         Column("Paired σ before", lambda row: row.known.before * row.scale, "paired σ before", form=five_digits),
         Column("Paired σ after", lambda row: row.known.after * row.scale, "after", form=five_digits),
@@ -301,7 +305,7 @@ def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float) 
         Column("Change", lambda row: Cell(row.words, tone=CHANGED.get(row.words, "")), "change", "label"),
     ]
     caption = (
-        f"Final errors of each run compared with {titles[0]}: Monte Carlo sigmas (paired estimates), their ratio, and "
+        f"{words.title} of each run compared with {titles[0]}: Monte Carlo sigmas (paired estimates), their ratio, and "
         f"the change of the mean ± one standard error. All intervals hold jointly at {100.0 * confidence:g} %."
     )
     return Table(caption, columns, rows, f"Change from {titles[0]}", keys=2)
@@ -322,9 +326,9 @@ def _budgets(titles: Sequence[str], manifests: Sequence[Manifest], summaries: Se
             for label, value in zip(labels, contributions, strict=True):
                 rows.setdefault(label, [ABSENT] * len(manifests))[at] = number(value * scale, 4)
         shown: list[Values] = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]
-        name = humanize(output.name)
+        name, words = humanize(output.name), end_words([output])
         caption = (
-            f"{name}, {output.shown_in}: final error for one sigma of each source alone, by the linear model of each "
+            f"{name}, {output.shown_in}: {words.one} for one sigma of each source alone, by the linear model of each "
             "run."
         )
         source: Column[Values] = Column("Source", lambda row: row[0], kind="label")

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, causes_at
-from mcnav.contract.quantities import Output
+from mcnav.contract.quantities import KINDS, Output, end_words, kinds_of
 from mcnav.report.figures.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.format import number
@@ -66,7 +66,7 @@ def headline(answer: LinearAnswer) -> tuple[str, str]:
         return words, TONES["not met" if failed else "met"]
     names = largest_causes(answer)
     if not names:
-        return "No final error has any dispersion", "undecided"
+        return f"No {end_words(answer.outputs).one} has any dispersion", "undecided"
     return f"Largest {'cause' if len(names) == 1 else 'causes'} at the end: {' and '.join(names)}", ""
 
 
@@ -254,8 +254,9 @@ def contributor_rows(answer: LinearAnswer) -> list[ContributorRow]:
     if answer.beyond is not None:
         return []
     scale, budget, names = scale_of(answer.outputs), answer.budget, answer.causes
-    rows = []
-    for i, output in enumerate(answer.outputs):
+    rows, kinds = [], kinds_of(answer.outputs)
+    for i in sorted(range(len(kinds)), key=lambda i: KINDS.index(kinds[i]) if kinds[i] else 0):
+        output = answer.outputs[i]
         shares = np.nan_to_num(budget.shares[i])
         for j in np.argsort(-shares, kind="stable"):
             if shares[j] >= COARSEST_SHARE:

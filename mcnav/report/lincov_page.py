@@ -11,7 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import LinearCovariance
-from mcnav.contract.quantities import KINDS, kinds_of
+from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report.document import (
     Answers,
     Cell,
@@ -42,16 +42,16 @@ from mcnav.report.lincov import (
 from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import listed
 from mcnav.report.sentences import BEYOND, noticed
-from mcnav.report.share_table import ShareRow, each_cause, share_table, together
+from mcnav.report.share_table import ShareRow, each_cause, share_tables, together
 
 EXPLANATION: Final = (
     "Linear analysis for normal errors; no number here is of samples. mcnav run tests it by Monte Carlo simulation."
 )
 
 REQUIREMENTS: Final = (
-    "Requirements of the campaign's [accept] table for linear normal errors. “Errors may be ×”: the multiple of all "
-    "final errors at which the requirement is just met. Causes: share of the mean square of these errors at the "
-    "instant at which the requirement is tightest"
+    "Requirements of the campaign's [accept] table for linear normal {}. “Errors may be ×”: the multiple of all {} at "
+    "which the requirement is just met. Causes: share of the mean square of these at the instant at which the "
+    "requirement is tightest"
 )
 """Caption of the table of requirements."""
 
@@ -117,8 +117,9 @@ def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
         Column("Largest causes", lambda row: _causes(row.causes),
                "largest causes then, share of the mean square", "words"),
     ]  # fmt: skip
-    title = "Requirements, for linear normal errors"
-    return Table(f"{REQUIREMENTS}{several}.", columns, requirement_rows(answer), title, keys=2)
+    words, what = end_words(answer.outputs), "outputs" if any(kinds_of(answer.outputs)) else "errors"
+    title, caption = f"Requirements, for linear normal {what}", REQUIREMENTS.format(what, words.many)
+    return Table(f"{caption}{several}.", columns, requirement_rows(answer), title, keys=2)
 
 
 def _size(value: float | None) -> str:
@@ -229,9 +230,9 @@ def _budget_parts(answer: LinearAnswer, outages: drawn.Outages) -> list[Part]:
     ]
     causes = each_cause(budget, caused, drawn.cause_labels(answer), sources, np.any(caused, axis=0).tolist())
 
-    def table(caption: str, rows: Sequence[ShareRow], sigmas: bool) -> Table[ShareRow]:
-        return share_table(f"{SHARES}{caption}.", "Cause", answer.outputs, rows, budget.cross_terms, sigmas=sigmas)
+    def tables(caption: str, rows: Sequence[ShareRow], sigmas: bool) -> list[Part]:
+        return share_tables(f"{SHARES}{caption}.", "Cause", answer.outputs, rows, budget.cross_terms, sigmas=sigmas)
 
-    foremost = table("; of several causes together", together(budget, caused, drawn.contributors(answer)), False)
-    every = Folded(f"All {len(causes)} causes", [table("", causes, True)])
-    return [foremost, every, *headed("Over time", drawn.development(answer, outages))]
+    foremost = tables("; of several causes together", together(budget, caused, drawn.contributors(answer)), False)
+    every = Folded(f"All {len(causes)} causes", tables("", causes, True))
+    return [*foremost, every, *headed("Over time", drawn.development(answer, outages))]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.linearity import AloneRange, DispersionRange
-from mcnav.contract.quantities import Output, Source
+from mcnav.contract.quantities import Output, Source, end_words
 from mcnav.report.document import (
     EMPHASIS,
     Cell,
@@ -130,8 +130,8 @@ def page(
         Note(OF_RATIOS.format(within)),
     ]  # fmt: skip
     alone: list[Part] = [
-        drawn.alone(single, minor, directions, names),
-        _alone_multiples(single, minor, directions, names, within),
+        drawn.alone(single, minor, directions, names, end_words(outputs).one),
+        _alone_multiples(single, minor, directions, names, f"nonlinear {end_words(outputs).one}", within),
         Note(OF_SOURCES),
     ]
     return Page(
@@ -166,7 +166,12 @@ def together_table(
 
 
 def _alone_multiples(
-    single: AloneRange, minor: NDArray[np.bool_], directions: Sequence[str], names: Sequence[str], within: str
+    single: AloneRange,
+    minor: NDArray[np.bool_],
+    directions: Sequence[str],
+    names: Sequence[str],
+    what: str,
+    within: str,
 ) -> Table[int]:
     """Tabulate the multiples of each direction, a row each; values of minor sources are grey."""
 
@@ -177,10 +182,7 @@ def _alone_multiples(
         )
 
     columns = [Column("Source", lambda j: directions[j], kind="label"), *map(of_output, range(len(names)))]
-    caption = (
-        "Multiple of one sigma, of either sign, at which the nonlinear final error differs from the linear one by "
-        f"{within}."
-    )
+    caption = f"Multiple of one sigma, of either sign, at which the {what} differs from the linear one by {within}."
     return Table(caption, columns, range(len(directions)))
 
 

@@ -23,7 +23,7 @@ from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.analysis.vector_sizes import SampledSize
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearSystem
-from mcnav.contract.quantities import Output, Source, kinds_of, source_labels
+from mcnav.contract.quantities import EndWords, Output, Source, end_words, kinds_of, source_labels
 from mcnav.report.summary import summarise
 from mcnav.store.chunk_files import Samples
 from mcnav.store.manifest import Manifest, Variable
@@ -144,6 +144,11 @@ class RunAnalysis:
     def kinds(self) -> list[str]:
         """Kind of each output; empty strings where all are navigation errors."""
         return kinds_of(self.manifest.model.outputs)
+
+    @property
+    def ends(self) -> EndWords:
+        """What outputs at the end are called."""
+        return end_words(self.manifest.model.outputs)
 
     @property
     def several_kinds(self) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from mcnav._types import Array
 from mcnav.analysis.summary import Ends, Summary
-from mcnav.contract.quantities import KINDS, kinds_of
+from mcnav.contract.quantities import AT_END, FINAL_ERRORS, KINDS, end_words, kinds_of
 from mcnav.report import sentences
 from mcnav.report.document import Cell, Column, Table, five_digits
 from mcnav.report.format import interval, number, with_error
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 VERDICTS: Final = ("agrees", "undecided", "differs")
-
-TITLE: Final = "Linear and Monte Carlo sigmas of the final errors"
 
 
 @dataclass(frozen=True)
@@ -158,7 +156,7 @@ RUN: Final = ResultColumn[OutputEntry](
 )
 OUTPUT: Final = ResultColumn[OutputEntry](
     "output", lambda each: each.name,
-    (Column("Output", lambda each: Cell(humanize(each.name), each.unit), "final error, 1σ", kind="text"),),
+    (Column("Output", lambda each: Cell(humanize(each.name), each.unit), FINAL_ERRORS.heading, kind="text"),),
 )  # fmt: skip
 
 NUMBERS: Final[tuple[ResultColumn[OutputEntry], ...]] = (
@@ -191,14 +189,18 @@ FILTERED: Final = ResultColumn[OutputEntry]("sigma_filter", lambda each: each.sc
 def outputs_table(summary: Summary, units: Units = "shown", caption: str = "") -> ResultTable:
     """Tabulate the outputs of a run."""
     columns = (OUTPUT, *NUMBERS, *((FILTERED,) if summary.filter else ()))
-    return ResultTable.of_entries("outputs", TITLE, 1, columns, entries_of({"": summary}, units), caption)
+    return ResultTable.of_entries("outputs", _title(summary), 1, columns, entries_of({"": summary}, units), caption)
+
+
+def _title(summary: Summary) -> str:
+    return f"Linear and Monte Carlo sigmas of the {end_words(summary.outputs).many}"
 
 
 def outputs_frame(summary: Summary) -> pd.DataFrame:
     """Return the columns that people read, with the unit, for pandas; the index are the outputs."""
     columns = [column for column in NUMBERS if column.shown or column.name == "unit"]
     rows = entries_of({"": summary}, "shown")
-    return ResultTable.of_entries("outputs", TITLE, 1, (OUTPUT, *columns), rows).frame(indexed=True)
+    return ResultTable.of_entries("outputs", _title(summary), 1, (OUTPUT, *columns), rows).frame(indexed=True)
 
 
 def outputs_of_runs(runs: Mapping[str, Summary], title: str, elsewhere: str) -> Table[OutputEntry]:
@@ -206,7 +208,7 @@ def outputs_of_runs(runs: Mapping[str, Summary], title: str, elsewhere: str) -> 
     columns = [each for column in (OUTPUT, *((RUN,) if len(runs) > 1 else ()), *NUMBERS) for each in column.shown]
     entries = grouped(entries_of(runs, "shown"))
     if any(entry.kind for entry in entries):
-        columns[0] = replace(columns[0], brief="at the end, 1σ")
+        columns[0] = replace(columns[0], brief=AT_END.heading)
     keys = 2 if len(runs) > 1 else 1
     return Table("", columns, entries, title, keys, elsewhere=elsewhere, group=lambda entry: entry.kind)
 

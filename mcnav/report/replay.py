@@ -9,7 +9,7 @@ import pandas as pd
 
 from mcnav._types import Array
 from mcnav.contract.history import History
-from mcnav.contract.quantities import Output, Source
+from mcnav.contract.quantities import FINAL_ERRORS, Output, Source, end_words
 from mcnav.report.document import Cell, Column, Facts, Lines, Note, Page, Part, Section, Table, joined
 from mcnav.report.figures.flight import flight
 from mcnav.report.format import number
@@ -20,7 +20,7 @@ from mcnav.units import conversion
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of one simulation of the sample: its final errors, SI, NaN when it failed, and ``ok`` or why it failed."""
+    """One simulation of the sample: its outputs at the end, SI, NaN when it failed, and ``ok`` or why it failed."""
 
     label: str
     values: Array
@@ -74,7 +74,7 @@ def error_table(replay: Replay) -> Table[_Error]:
 
 
 def outcome_table(replay: Replay) -> Table[int]:
-    """Tabulate the final errors, a row each: of the linear model, stored, and simulated again."""
+    """Tabulate the outputs at the end, a row each: of the linear model, stored, and simulated again."""
 
     def outcome(heading: str, values: Array) -> Column[int]:
         def content(i: int) -> str:
@@ -83,13 +83,15 @@ def outcome_table(replay: Replay) -> Table[int]:
 
         return Column(heading, content)
 
+    words = end_words(replay.outputs)
     columns = [
-        Column("Output", lambda i: Cell(humanize(replay.outputs[i].name), replay.outputs[i].shown_in), "final error",
+        Column("Output", lambda i: Cell(humanize(replay.outputs[i].name), replay.outputs[i].shown_in), words.one,
                "label"),
         outcome("linear", replay.linear),
         *(outcome(each.label, each.values) for each in replay.outcomes),
     ]  # fmt: skip
-    caption = "Final navigation errors: linear model, stored result, and new simulations."
+    what = "Final navigation errors" if words == FINAL_ERRORS else words.title
+    caption = f"{what}: linear model, stored result, and new simulations."
     return Table(caption, columns, range(len(replay.outputs)), "Outcome")
 
 

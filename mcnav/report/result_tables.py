@@ -12,6 +12,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.summary import Summary
 from mcnav.contract.failure import message_of
+from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report import export
 from mcnav.report.filter_columns import groups_table, neglected_table, sensors_table, sigmas_table
 from mcnav.report.joint_columns import directions_table, ellipsoids_table, tests_table
@@ -87,16 +88,17 @@ def _verdict(results: Results) -> list[Row]:
 def _budget(results: Results) -> list[Row]:
     """List the share of each cause in the linear variance of each output, and its sigma alone."""
     budget, causes, sources = results.summary.budget, results.summary.causes_of_errors, len(results.summary.sources)
-    rows = []
-    for i, output in enumerate(results.quantities("outputs")):
+    rows, outputs, kinds = [], results.quantities("outputs"), kinds_of(results.summary.outputs)
+    for i in sorted(range(len(outputs)), key=lambda i: KINDS.index(kinds[i]) if kinds[i] else 0):
+        output, of_kind = outputs[i], {"output_kind": kinds[i].lower()} if kinds[i] else {}
         for j, cause in enumerate(causes):
             rows.append({
                 "output": output.name, "cause": cause, "kind": "source" if j < sources else "noise",
                 "share": float(budget.shares[i, j]), "sigma": float(budget.contributions[i, j]) * output.scale,
-                "unit": output.unit, "share_saved": float(budget.saved[i, j]),
+                "unit": output.unit, "share_saved": float(budget.saved[i, j]), **of_kind,
             })  # fmt: skip
         rows.append({"output": output.name, "cause": CORRELATIONS, "kind": CORRELATIONS,
-                     "share": float(budget.cross_terms[i]), "unit": output.unit})  # fmt: skip
+                     "share": float(budget.cross_terms[i]), "unit": output.unit, **of_kind})  # fmt: skip
     return rows
 
 
@@ -191,7 +193,9 @@ FINAL_TABLES: Final[tuple[Build, ...]] = (
              _simulated_budget),
     lambda results: requirements_table(results.summary, results.units),
     lambda results: allowed_table(results.summary, results.units),
-    _of_rows("covariance", "Covariances and correlations of the final errors", 2, _covariance),
+    lambda results: _of_rows(
+        "covariance", f"Covariances and correlations of the {end_words(results.summary.outputs).many}", 2, _covariance
+    )(results),
     lambda results: percentiles_table(results.summary, results.units),
     lambda results: sizes_table(results.summary, results.units),
     lambda results: tests_table(results.summary),

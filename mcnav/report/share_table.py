@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget
-from mcnav.contract.quantities import Output
-from mcnav.report.document import Cell, Column, Table
+from mcnav.contract.quantities import KINDS, Output, kinds_of
+from mcnav.report.document import Cell, Column, Part, Sentence, Table
 from mcnav.report.figures.sources import Contributor
 from mcnav.report.format import ROUNDING, number, share
 from mcnav.report.model import humanize
@@ -34,6 +34,37 @@ class ShareRow:
     sigma: float | None = None
     mean: float | None = None
     unit: str = ""
+
+    def of(self, members: Sequence[int]) -> ShareRow:
+        """Return the row of some outputs."""
+        chosen = list(members)
+        return replace(self, shares=self.shares[chosen], caused=None if self.caused is None else self.caused[chosen])
+
+
+def share_tables(
+    caption: str,
+    heading: str,
+    outputs: Sequence[Variable | Output],
+    rows: Sequence[ShareRow],
+    cross_terms: Array,
+    *,
+    sigmas: bool = False,
+    means: bool = False,
+) -> list[Part]:
+    """Tabulate shares as `share_table` does, outputs of each kind by themselves with the causes that disperse them."""
+    kinds, cross_terms = kinds_of(outputs), np.asarray(cross_terms)
+    if not any(kinds):
+        return [share_table(caption, heading, outputs, rows, cross_terms, sigmas=sigmas, means=means)]
+    shares = np.array([row.shares for row in rows]).reshape(len(rows), len(outputs))
+    matters = np.abs(np.nan_to_num(shares)) > ROUNDING
+    parts: list[Part] = [Sentence(caption)]
+    for kind in KINDS:
+        members = [i for i, each in enumerate(kinds) if each == kind and matters[:, i].any()]
+        if members:
+            causes = [row.of(members) for row, some in zip(rows, matters[:, members].any(axis=1), strict=True) if some]
+            of_kind, cross = [outputs[i] for i in members], cross_terms[members]
+            parts.append(share_table(f"{kind}.", heading, of_kind, causes, cross, sigmas=sigmas, means=means))
+    return parts
 
 
 def share_table(

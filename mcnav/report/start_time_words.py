@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mcnav.analysis.comparison import Comparison
 from mcnav.analysis.linear_range import limits_of, outputs_beyond
 from mcnav.analysis.verdict import combine_verdicts
-from mcnav.contract.quantities import Output
+from mcnav.contract.quantities import Output, kind_of
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report.format import number
 from mcnav.report.model import humanize
@@ -36,14 +36,15 @@ def answer(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: S
             "start."
         )
     gain = study.weighted[place] / study.weighted[0] if study.weighted[0] > 0.0 else 1.0
+    what = f"of the starts compared, {_weighted(study, outputs)} is smallest there"
     words = [
-        f"Start at {minutes(study.times[place])} {study.clock.label}: of the starts compared, the weighted dispersion "
-        f"of all outputs is smallest there, {gain:.3g} times that of a start at the first point."
+        f"Start at {minutes(study.times[place])} {study.clock.label}: {what}, {gain:.3g} times that of a start at "
+        "the first point."
     ]
     if place == 0:
         words[0] = (
-            f"Start at the first point, {minutes(study.times[0])} {study.clock.label}: of the starts compared, the "
-            "weighted dispersion of all outputs is smallest there; an earlier start is not looked at."
+            f"Start at the first point, {minutes(study.times[0])} {study.clock.label}: {what}; an earlier start is not "
+            "looked at."
         )
     elif place == study.before_event - 1:
         words.append("It is the latest start compared; a later one is not looked at.")
@@ -54,6 +55,14 @@ def answer(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: S
         words.append(f"Errors of that start are beyond the range of linear analysis ({exceeding}): do not rely on it.")
         return " ".join(words)
     return " ".join([*words, _confirmed(study, checks)]).strip()
+
+
+def _weighted(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
+    """Name what is weighted."""
+    counted = {kind_of(output) for output, weight in zip(outputs, study.weights, strict=True) if weight > 0.0}
+    if counted == {study.clock.weighs}:
+        return f"the weighted {study.clock.weighs.lower()}"
+    return "the weighted dispersion of all outputs"
 
 
 def _exceeding(beyond: NDArray[np.bool_], outputs: Sequence[Output]) -> str:
@@ -68,11 +77,12 @@ def _exceeding(beyond: NDArray[np.bool_], outputs: Sequence[Output]) -> str:
 
 def _of_single_outputs(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
     """Say between which times the best starts of single outputs lie; empty where they are the same."""
-    best = study.times[study.best]
-    first, last = int(np.argmin(best)), int(np.argmax(best))
+    counted = np.flatnonzero(study.weights > 0.0) if study.clock.weighs else np.arange(len(outputs))
+    best = study.times[study.best[counted]]
+    first, last = (int(place(best)) for place in (np.argmin, np.argmax))
     if minutes(best[first]) == minutes(best[last]):
         return ""
-    ends = [f"{minutes(best[each])} ({humanize(outputs[each].name)})" for each in (first, last)]
+    ends = [f"{minutes(best[each])} ({humanize(outputs[counted[each]].name)})" for each in (first, last)]
     return f"Single outputs have their best starts from {ends[0]} to {ends[1]}."
 
 

@@ -12,7 +12,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from mcnav.analysis.comparison import Comparison, OutputComparison
-from mcnav.contract.quantities import Output, Source
+from mcnav.contract.quantities import KINDS, Output, Source, end_words, kinds_of
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report.document import (
     Cell,
@@ -25,6 +25,7 @@ from mcnav.report.document import (
     Sentence,
     Table,
     Verdict,
+    five_digits,
     joined,
     label,
 )
@@ -50,9 +51,12 @@ ALL_STARTS: Final = (
 )
 
 WEIGHTED: Final = (
-    "Weighted: root sum square of the sigmas, each divided by its weight in the campaign, or by its value for a start "
-    "at the first point."
+    "Weighted: root sum square of the sigmas{}, each divided by its weight in the campaign, or by its value for a "
+    "start at the first point."
 )
+
+OF_KIND: Final = " of the {}"
+"""Which sigmas those are, by the kind that a clock weighs."""
 
 MOST_BESIDE: Final = 4
 """Outputs whose checks stand beside each other; those of more stand below each other."""
@@ -105,15 +109,20 @@ def page(
 ) -> Page:
     """Return the page; ``checks`` are Monte Carlo comparisons by start time, s."""
     scale, effects = scale_of(outputs), grouped_effects(study, sources, outputs)
-    convention = CONVENTIONS[study.axes].format(study.clock.aligned)
-    compared = STARTS_TO_AN_EVENT.format(study.clock.event) if study.clock.event else ALL_STARTS
+    clock, words = study.clock, end_words(outputs)
+    convention = clock.meaning or CONVENTIONS[study.axes].format(clock.aligned)
+    compared = clock.compared or (STARTS_TO_AN_EVENT.format(clock.event) if clock.event else ALL_STARTS)
     parts: list[Part] = [
-        drawn.dispersion(study, checks, scale, outputs), _best_table(study, outputs), Note(f"{compared} {WEIGHTED}"),
-    ]  # fmt: skip
+        drawn.dispersion(study, checks, scale, outputs),
+        _by_output(study, outputs) if clock.weighs else _best_table(study, outputs),
+        Note(f"{compared} {WEIGHTED.format(OF_KIND.format(clock.weighs.lower()) if clock.weighs else '')}"),
+    ]
     if checks:
         parts += [Heading("Monte Carlo checks"), _check_table(study, checks, outputs)]
     sections = [Section("when", "Best start", parts)]
     for i, output in enumerate(outputs):
+        if clock.weighs and not study.weights[i]:
+            continue
         figure = drawn.effects(study, i, float(scale[i]), effects, output)
         title = f"Partial derivatives of the final {humanize(output.name)}"
         sections.append(Section(f"partials-{i + 1}", title, joined(figure)))
@@ -123,7 +132,7 @@ def page(
         campaign,
         [
             Verdict(answer(study, checks, outputs)),
-            Sentence(f"Final errors as functions of the start of navigation. {convention}"),
+            Sentence(f"{words.title} as functions of the start of navigation. {convention}"),
         ],
         sections,
     )
@@ -149,6 +158,25 @@ def _best_table(study: StartTimeStudy, outputs: Sequence[Output]) -> Table[tuple
         "dispersion (1σ) of every output for that start."
     )
     return Table(caption, columns, list(places.items()))
+
+
+def _by_output(study: StartTimeStudy, outputs: Sequence[Output]) -> Table[int]:
+    """Tabulate for each output, a row each, its best start and its dispersion for that and others."""
+    scale, kinds = scale_of(outputs), kinds_of(outputs)
+
+    def sigma(heading: str, place: Callable[[int], int]) -> Column[int]:
+        return Column(heading, lambda i: float(study.sigma[place(i), i] * scale[i]), form=five_digits)
+
+    columns: list[Column[int]] = [
+        Column("Output", lambda i: Cell(humanize(outputs[i].name), outputs[i].shown_in), kind="label"),
+        Column(f"Best start, {study.clock.label}", lambda i: minutes(study.times[study.best[i]])),
+        sigma("1σ then", lambda i: int(study.best[i])),
+        sigma(f"1σ for {minutes(study.times[study.best_weighted])}, best weighted", lambda i: study.best_weighted),
+        sigma("1σ for a start with the flight", lambda i: 0),
+    ]
+    caption = "Start with the smallest dispersion for each output, by linear analysis, and the dispersion for others."
+    rows = sorted(np.flatnonzero(study.sigma.any(axis=0)).tolist(), key=lambda i: KINDS.index(kinds[i]))
+    return Table(caption, columns, rows, group=lambda i: kinds[i])
 
 
 @dataclass(frozen=True)

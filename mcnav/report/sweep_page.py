@@ -12,6 +12,7 @@ from markupsafe import Markup
 from mcnav.analysis.accuracy_measures import Measure
 from mcnav.analysis.curve_refinement import BEND
 from mcnav.analysis.sweep import Confirmation, JustMet, Sweep, Variable
+from mcnav.contract.quantities import end_words
 from mcnav.report import sentences
 from mcnav.report.document import (
     STRONG,
@@ -202,9 +203,10 @@ def confirmation_table(sweep: Sweep, confirmations: Sequence[Confirmation]) -> T
     def ends(row: _Checked) -> str:
         return interval(row.estimates["ratio_paired_from"], row.estimates["ratio_paired_to"])
 
+    words = end_words(sweep.outputs)
     columns: list[Column[_Checked]] = [
         Column("point", lambda row: row.point, kind="text", place="terminal"),
-        Column("Output", lambda row: Cell(humanize(row.estimates["output"]), row.estimates["unit"]), "final error",
+        Column("Output", lambda row: Cell(humanize(row.estimates["output"]), row.estimates["unit"]), words.one,
                "label"),
         Column("Linear σ", lambda row: row.estimates["sigma_linear"], "linear σ"),
         Column("Paired σ", lambda row: row.estimates["sigma_paired"], "paired σ"),
@@ -212,7 +214,7 @@ def confirmation_table(sweep: Sweep, confirmations: Sequence[Confirmation]) -> T
         Column("Interval", ends, "interval"),
         Column("Verdict", verdict, "verdict", "label"),
     ]  # fmt: skip
-    return Table("Final errors, 1σ.", columns, rows, "Monte Carlo", keys=2)
+    return Table(f"{words.title}, 1σ.", columns, rows, "Monte Carlo", keys=2)
 
 
 @dataclass(frozen=True)
@@ -258,7 +260,7 @@ def _checks(sweep: Sweep) -> list[Part]:
     within = f"{100.0 * summary.tolerance:g} % at {100.0 * summary.confidence:g} % confidence"
     parts: list[Part] = [Note(
         "Each point is an ordinary run of the campaign, judged by itself: a sigma agrees within "
-        f"{within}. Final errors are compared, and requirements at their own times."
+        f"{within}. {end_words(sweep.outputs).title} are compared, and requirements at their own times."
     )]  # fmt: skip
     for each in sweep.confirmations:
         tone = verdict_at(sweep, each)

@@ -13,7 +13,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison
 from mcnav.analysis.summary import Summary
 from mcnav.analysis.verdict import combine_verdicts
-from mcnav.contract.quantities import Output, Source
+from mcnav.contract.quantities import Output, Source, end_words
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report import sentences, start_time_words
 from mcnav.report.export import partial_rows
@@ -62,7 +62,7 @@ def requirements(summary: Summary) -> RenderableType:
 def partials(sources: Sequence[Source], outputs: Sequence[Output], matrix: Array) -> RenderableType:
     """Tabulate P in the units shown, one line per source."""
     columns = [*texts("per unit of"), *numbers(*map(_label, outputs))]
-    table = FittedTable("Partial derivatives of the final errors", columns)
+    table = FittedTable(f"Partial derivatives of the {end_words(outputs).many}", columns)
     values = iter(partial_rows(sources, outputs, matrix))
     labels = labels_of(sources, outputs)
     for label, source in zip(labels, sources, strict=True):
@@ -93,7 +93,9 @@ def best_starts(
     """
     columns = [*texts("best for"), *numbers("start", "best σ", "campaign's σ")]
     columns += [*numbers("Monte Carlo"), *texts("verdict")] if checked else []
-    title = f"Best start of navigation by linear analysis ({study.clock.label}), and 1σ of the final errors"
+    title = (
+        f"Best start of navigation by linear analysis ({study.clock.label}), and 1σ of the {end_words(outputs).many}"
+    )
     table = FittedTable(title, columns)
     scale = scale_of(outputs)
     rows = [(_label(output), int(study.best[i]), np.eye(len(outputs))[i] * scale) for i, output in enumerate(outputs)]

@@ -22,6 +22,7 @@ from mcnav.analysis.requirements import requirements_from
 from mcnav.analysis.vector_sizes import components_of, linear_sizes
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.contract.linear import LinearModel, LinearSystem
+from mcnav.contract.quantities import kinds_of
 from mcnav.contract.scenario import (
     Scenario,
     ScenarioError,
@@ -39,7 +40,7 @@ from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.html import page_html
 from mcnav.report.lincov_page import page
-from mcnav.systems.ins.scenario import is_ins
+from mcnav.systems.ins.recognition import is_ins
 from mcnav.units import UnitError, quantity
 
 FILE: Final = "lincov.json"
@@ -207,13 +208,14 @@ def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> 
 
 def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
     """Arrange a linear covariance as ``lincov.json`` has it: SI units, and two rows where an update falls on a time."""
-    names = [output.name for output in answer.outputs]
+    names, kinds = [output.name for output in answer.outputs], kinds_of(answer.outputs)
     history = answer.asked or answer.history
     return {
         "campaign": answer.campaign,
         **({"remarks": answer.remarks} if answer.remarks else {}),
         "outputs": names,
         "units": [output.unit for output in answer.outputs],
+        **({"kinds": kinds} if any(kinds) else {}),
         "mean": answer.mean,
         "sigma": answer.sigma,
         "covariance": answer.covariance,

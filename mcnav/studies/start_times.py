@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,6 +13,7 @@ import numpy as np
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
+from mcnav.analysis.vector_sizes import components_of
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine
 from mcnav.contract.members import ready_engine
@@ -46,12 +48,19 @@ class StartTimesFound:
 def _scenario(campaign: Campaign, axes: str) -> VariableStart:
     if not has_start_times(campaign.scenario):
         raise CampaignError([Problem(campaign.file, "scenario", "has no start times to choose from")])
-    try:
+    with _scenario_errors(campaign):
         campaign.scenario.check_start_axes(axes)
+    return campaign.scenario
+
+
+@contextmanager
+def _scenario_errors(campaign: Campaign) -> Iterator[None]:
+    """Convert errors of scenarios into `CampaignError`."""
+    try:
+        yield
     except ScenarioError as wrong:
         key = "start_times.axes" if wrong.key == "axes" else wrong.key
         raise CampaignError([Problem(campaign.file, key, str(wrong))]) from None
-    return campaign.scenario
 
 
 def start_time_study(campaign: Campaign, axes: str | None = None, count: int | None = None) -> StartTimeStudy:
@@ -61,7 +70,9 @@ def start_time_study(campaign: Campaign, axes: str | None = None, count: int | N
     """
     plan, covariance = campaign.start_times, campaign.errors.covariance
     axes, count = axes or plan.axes, count or plan.count
-    return study_start_times(_scenario(campaign, axes), covariance, axes, count, plan.schedule, plan.weights)
+    scenario = _scenario(campaign, axes)
+    with _scenario_errors(campaign):
+        return study_start_times(scenario, covariance, axes, count, plan.schedule, plan.weights)
 
 
 def checked_times(campaign: Campaign, study: StartTimeStudy) -> tuple[float, ...]:
@@ -70,6 +81,8 @@ def checked_times(campaign: Campaign, study: StartTimeStudy) -> tuple[float, ...
         return campaign.start_times.check
     latest = 0.0 if study.clock.event else study.times[-1]
     even = np.linspace(study.times[0], max(latest, study.times[0]), EVENLY)
+    if study.clock.instants:
+        even = study.times[np.abs(study.times[:, None] - even).argmin(axis=0)]
     return tuple(np.unique(np.concatenate([even, study.times[[*study.best, study.best_weighted]]])))
 
 
@@ -89,7 +102,8 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Comparison:
     outcomes, linear_outcomes = _simulated(engine, Batch(np.arange(len(draws)), draws, campaign.seed))
     linear = started.linear().end
     covariance = errors.covariance * np.outer(multiples, multiples)
-    model = Model(linear.partials, linear.nominal, errors.mean * multiples, covariance, linear.processes)
+    sizes = components_of(started.outputs)
+    model = Model(linear.partials, linear.nominal, errors.mean * multiples, covariance, linear.processes, sizes)
     sampling = SamplingDesign.of(design, plan.samples)
     criterion = Criterion(campaign.tolerance, campaign.confidence)
     return compare(model, draws, outcomes, criterion, sampling, linear_outcomes)

@@ -253,7 +253,8 @@ def error_histories(folder: RunFolder, manifest: Manifest, design: SamplingDesig
     if development is not None and development.processes and development.covariance is None:
         known = False  # an earlier manifest, without the covariance that noise adds
     mean, covariance = linear_moments(model, development) if development is not None and known else (None, None)
-    return ErrorHistories(times, errors, design.blocks(np.arange(len(errors))), mean, covariance, STORED)
+    sizes = components_of(model.outputs)
+    return ErrorHistories(times, errors, design.blocks(np.arange(len(errors))), mean, covariance, STORED, sizes)
 
 
 def same_times(one: Array, other: Array) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from mcnav._threads import one_thread
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.analysis.summary import Summary
+from mcnav.contract.quantities import end_words
 from mcnav.errors import reading_file
 from mcnav.report.comparison import Row, change_table, input_table, inputs, outputs
 from mcnav.report.comparison import page as comparison_page
@@ -57,7 +58,11 @@ class RunComparison:
 
     def _repr_html_(self) -> str:
         """Show the tables of the page on inputs and outputs."""
-        tables = (input_table(self.titles, self.manifests), change_table(self.titles, self.rows, self.confidence))
+        words = end_words(self.manifests[0].model.outputs)
+        tables = (
+            input_table(self.titles, self.manifests),
+            change_table(self.titles, self.rows, self.confidence, words),
+        )
         return parts_html(tables)
 
     @property

@@ -164,7 +164,7 @@ def _run_table(runs: Sequence[_Run]) -> Table[_Run]:
         Column("Verdicts", verdict, kind="text"),
         Column("Samples", lambda run: run.samples, form=counted),
         Column("Failed", lambda run: run.failed, form=counted),
-        Column("1σ of the final errors", lambda run: run.sigmas, kind="words"),
+        Column("1σ at the end", lambda run: run.sigmas, kind="words"),
         Column("Started", lambda run: run.started, kind="label"),
         Column("Identity", lambda run: CODE(run.digest), kind="label"),
     ]

@@ -135,7 +135,7 @@ def test_the_responses_of_the_reference_engine_are_derivatives(quantity: str, pl
         axes = Rotation.from_rotvec(step[:3]).as_matrix() @ truth.states.axes[row]
         frame = LocalFrame.at(WGS84, position)
         indicated = Indicated(position, truth.states.velocity[row] + step[3:6], axes, frame, reading)
-        return model.innovation(row, indicated, -step[9:], *exact)
+        return model.innovation(model.true_at(row), indicated, -step[9:], *exact)
 
     value, response = innovation(np.zeros(9 + len(model.states)))
     rounding = 4e-9 * np.abs(response[:, 6:9]).max() + 1e-12 * np.abs(response[:, :6]).max()

@@ -8,6 +8,8 @@ and the bounds add what the trials' own scatter allows at a false-alarm rate of 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -15,6 +17,8 @@ from scipy import stats
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.contract.engine import without_noise
 from mcnav.sampling.designs import DESIGNS, SamplingDesign, standard_normals
+from mcnav.statistics.correlation import fisher_interval
+from mcnav.statistics.estimates import summed_mean
 
 CURVATURE = 0.2
 TRUE_RATIO = np.sqrt(1.0 + 2.0 * CURVATURE**2)
@@ -92,3 +96,23 @@ def test_skewness_of_trajectory_7() -> None:
     assert found.skewness[3].value == pytest.approx(1.57, abs=5.0 * found.skewness[3].standard_error + 0.005)
     assert found.normality is not None
     assert found.normality.skewness_test.p_value < 1e-10
+
+
+@pytest.mark.parametrize(("degrees", "rate"), [(None, 0.056), (5.0, 0.071)])
+def test_intervals_of_correlations_miss_as_rarely_as_stated(degrees: float | None, rate: float) -> None:
+    """Of 200 samples, normal or with heavy tails; `fisher_interval` states the rates, to 0.3 %."""
+    rng, records, count, correlation = np.random.default_rng(8), 800, 200, 0.9
+    misses = 0
+    for _ in range(records):
+        one, other = rng.standard_normal((2, count))
+        other = correlation * one + np.sqrt(1.0 - correlation**2) * other
+        if degrees is not None:
+            wide = np.sqrt(degrees / rng.chisquare(degrees, count))
+            one, other = one * wide, other * wide
+        u, v = stats.zscore(one), stats.zscore(other)
+        value = float(np.mean(u * v))
+        influence = summed_mean(u * v - 0.5 * value * (u * u + v * v), np.ones(count))
+        low, high = fisher_interval(replace(influence, value=value), 0.95)
+        misses += not low <= correlation <= high
+    assert stats.binom.sf(misses - 1, records, rate) > FALSE_ALARM
+    assert stats.binom.cdf(misses, records, 0.041) > FALSE_ALARM

@@ -187,8 +187,8 @@ def normal_quantiles(content: RunAnalysis) -> Figure | None:
     return Figure(
         name="quantiles",
         title="Normal quantile plots",
-        description="Quantiles of the Monte Carlo final errors against normal quantiles; the straight line is the "
-        "normal distribution of linear analysis.",
+        description=f"Quantiles of the Monte Carlo {content.ends.many} against normal quantiles; the straight line is "
+        "the normal distribution of linear analysis.",
         panels=[
             Panel(names[i], Axis("quantile of a normal distribution", "σ"), Axis(names[i], units[i]),
                   [Line(straight, expected, centre[i] + sigma[i] * expected, 1.6),

@@ -153,7 +153,7 @@ def histograms(content: RunAnalysis) -> Figure:
     return Figure(
         name="histograms",
         title="Distribution of each output",
-        description="Histograms of the Monte Carlo final errors with the normal density of linear analysis.",
+        description=f"Histograms of the Monte Carlo {content.ends.many} with the normal density of linear analysis.",
         panels=panels,
         key=(counted, normal),
         columns=columns,

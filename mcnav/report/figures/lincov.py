@@ -11,6 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, sizes_over_time
 from mcnav.analysis.linear_covariance import LinearCovariance
+from mcnav.contract.quantities import end_words
 from mcnav.lincov.covariance import propagated_variances
 from mcnav.report.figures.budgets import ALL, development_figure, shares_figure
 from mcnav.report.figures.figure import HALF, Figure, side_by_side
@@ -114,7 +115,8 @@ def requirements(answer: LinearAnswer, outages: Outages) -> Figure | None:
     panels = []
     for number, each in enumerate(wanted, start=1):
         first = each.requirement.outputs[0]
-        unit, values = answer.outputs[first].shown_in, sizes_over_time(each.requirement, history.moments) * scale[first]
+        values = sizes_over_time(each.requirement, history.moments, answer.model.sizes) * scale[first]
+        unit = answer.outputs[first].shown_in
         limit, at = each.requirement.limits[0] * scale[first], list(each.requirement.epochs)
         title = f"{number}: {short_name(each, answer)}"
         columns[f"{title} [{unit}]"] = values
@@ -200,7 +202,7 @@ def correlations(answer: LinearAnswer) -> Figure:
     square = Axis(names=names)
     return Figure(
         name="correlations",
-        title="Correlations of the final errors",
+        title=f"Correlations of the {end_words(answer.outputs).many}",
         description="Correlation matrix of the outputs by linear analysis, as numbers on coloured squares.",
         panels=[Panel("Correlation", square, square, [Cells(POSITIVE, NEGATIVE, values, texts, DEEPEST)])],
         key=(POSITIVE, NEGATIVE),

@@ -71,7 +71,9 @@ def _ratio(name: str, dispersion_range: DispersionRange, tolerance: float, colum
     return ratio_panel(name, across, upward, tolerance, marks)
 
 
-def alone(single: AloneRange, minor: NDArray[np.bool_], directions: Sequence[str], names: Sequence[str]) -> Figure:
+def alone(
+    single: AloneRange, minor: NDArray[np.bool_], directions: Sequence[str], names: Sequence[str], what: str
+) -> Figure:
     """Draw the multiple of each source alone at which the final error leaves the linear one: a plot for each output.
 
     ``minor``, shape (directions, outputs): where a source hardly moves an output.
@@ -97,7 +99,7 @@ def alone(single: AloneRange, minor: NDArray[np.bool_], directions: Sequence[str
     return Figure(
         name="alone",
         title="Range of linearity of each source alone",
-        description="For each source and output the multiple of the stated error at which the nonlinear final error "
+        description=f"For each source and output the multiple of the stated error at which the nonlinear {what} "
         "departs from the linear one by the tolerance.",
         panels=[panel(name, i) for i, name in enumerate(names)],
         key=(MATTERS, MINOR, FARTHER),

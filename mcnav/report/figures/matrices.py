@@ -40,10 +40,9 @@ def matrices(content: RunAnalysis) -> Figure:
     levels = (content.comparison.confidence_each, content.criterion.confidence)
     each, together = (f"{100.0 * level:.4g} %" for level in levels)
     names, few = content.output_names, len(content.output_names) <= FEW
-    what = "outputs at the end" if content.several_kinds else "final errors"
     return Figure(
         name="matrices",
-        title=f"Covariances and correlations of the {what}",
+        title=f"Covariances and correlations of the {content.ends.many}",
         description="Covariance and correlation matrices of the outputs: linear, paired Monte Carlo estimate, and "
         "difference, as numbers on coloured squares.",
         panels=_panels(content),

@@ -11,7 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison
 from mcnav.contract.history import StartClock
-from mcnav.contract.quantities import Output
+from mcnav.contract.quantities import Output, end_words
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, numbered
@@ -79,14 +79,17 @@ def dispersion(
         return Panel(f"final {name}", axis, Axis("1σ", outputs[i].shown_in, low=0.0), [*marks, *event])
 
     names = [humanize(output.name) for output in outputs]
+    drawn = [
+        i for i, output in enumerate(outputs) if not study.clock.weighs or (sigma[:, i].any() and not output.size_of)
+    ]
     columns = [f"{name}, 1σ [{output.shown_in}]" for name, output in zip(names, outputs, strict=True)]
     table = {f"start [{study.clock.label}]": starts} | dict(zip(columns, sigma.T, strict=True))
     return Figure(
         name="dispersion",
         title="Dispersion by start of navigation",
-        description="Sigma of each final error against the start time, linear and Monte Carlo; a triangle marks the "
-        f"best start{f' up to {study.clock.event}' if study.clock.event else ''}.",
-        panels=[panel(name, i) for i, name in enumerate(names)],
+        description=f"Sigma of each {end_words(outputs).one} against the start time, linear and Monte Carlo; a "
+        f"triangle marks the best start{f' up to {study.clock.event}' if study.clock.event else ''}.",
+        panels=[panel(names[i], i) for i in drawn],
         key=(linear, *([CHECKED] if checks else []), BEST),
         columns=table | {"all, weighted [1]": study.weighted},
         file="start_times.csv",
@@ -109,6 +112,7 @@ def effects(study: StartTimeStudy, i: int, scale: float, known: Sequence[Effects
         lines = [Line(series[j], starts, values[:, j]) for j in members]
         return Panel(title, axis, Axis(f"final {name}", output.shown_in), [*lines, *event])
 
+    what = "Final error in" if output.of == "navigation" else "Final"
     frame = {f"{each.label} [{output.shown_in}]": values[:, j] for j, each in enumerate(series)}
     return Figure(
         name=f"effects-{output.name}".replace("_", "-"),
@@ -118,6 +122,6 @@ def effects(study: StartTimeStudy, i: int, scale: float, known: Sequence[Effects
         key=series,
         columns={f"start [{study.clock.label}]": starts} | frame,
         size=(HALF[0], 280.0),
-        caption=f"Final error in {name} for one sigma of each source: partial derivative times sigma{combined}.",
+        caption=f"{what} {name} for one sigma of each source: partial derivative times sigma{combined}.",
         file="start_times.csv",
     )

@@ -92,7 +92,7 @@ def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answe
         Column("Largest sources", lambda row: row.words, kind="words"),
     ]
     caption = (
-        f"{'At the end' if several else 'Final errors'}, one sigma. Monte Carlo: paired estimate, intervals hold "
+        f"{content.ends.title}, one sigma. Monte Carlo: paired estimate, intervals hold "
         f"jointly at {100.0 * content.summary.confidence:g} %. Sources: share of the linear variance."
     )
     return Table(caption, columns, rows, group=lambda row: row.kind)

@@ -12,7 +12,7 @@ from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.sources import contributors
 from mcnav.report.model import RunAnalysis
 from mcnav.report.sections.simulated_budget import simulated_budget
-from mcnav.report.share_table import each_cause, share_table, together
+from mcnav.report.share_table import each_cause, share_tables, together
 
 
 def budget_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section:
@@ -33,16 +33,16 @@ def _tables(content: RunAnalysis) -> list[Part]:
     listed = [*((sigmas > 0.0) | (model.mean != 0.0)).tolist(), *(True for _ in model.processes)]
     every, parts = each_cause(budget, caused, content.cause_names, sources, listed), contributors(content)
     grouped = "; of several sources the root sum square" if any(len(each.members) > 1 for each in parts) else ""
-    effect = "effect at the end" if content.several_kinds else "final error"
-    foremost = share_table(
+    effect = "effect at the end" if content.several_kinds else content.ends.one
+    foremost = share_tables(
         f"Share of the linear variance, %, and {effect} for one sigma{grouped}.",
         "Source", outputs, together(budget, caused, parts), cross_terms,
     )  # fmt: skip
-    whole = share_table(
+    whole = share_tables(
         f"Linear error budget: share of the variance, %, and {effect} for one sigma of each source alone.",
         "Source", outputs, every, cross_terms, sigmas=True, means=bool(np.any(model.mean)),
     )  # fmt: skip
-    return [foremost, Folded(f"All {len(every)} sources", [whole])]
+    return [*foremost, Folded(f"All {len(every)} sources", whole)]
 
 
 def _definition() -> Folded:

@@ -111,7 +111,7 @@ def requirements_section(content: RunAnalysis) -> Section | None:
 def sigmas_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section:
     """Arrange linear and Monte Carlo sigmas, and how the ratios converge."""
     together, tolerance = _levels(content)
-    what = "Outputs at the end" if content.several_kinds else "Final navigation errors"
+    what = content.ends.title if content.several_kinds else "Final navigation errors"
     caption = (
         f"{what}, one sigma: linear and Monte Carlo (paired and plain estimates). Intervals hold at "
         f"{100.0 * content.comparison.confidence_each:.4g} % each and {together} jointly."

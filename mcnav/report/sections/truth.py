@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,12 +15,17 @@ from mcnav.report.figures.figure import Figure
 from mcnav.report.format import fixed, number
 from mcnav.report.kinds import quantities
 from mcnav.report.model import RunAnalysis, humanize
+from mcnav.statistics.correlation import ROUNDING, fisher_interval
 
 CAPTION: Final = (
     "Correlation of true dispersion and navigation error at the end, and their linear sigmas. Where it is −1 and both "
     "sigmas are equal, the truth misses by minus the navigation error; at 0 neither is a linear function of the other. "
-    "Monte Carlo: paired estimate."
+    "Monte Carlo: paired estimate. Intervals, on Fisher's scale with errors that suppose no normal samples, hold "
+    "jointly at {:g} %; what is tested is whether the linear value is inside, not how much a difference matters."
 )
+
+NOT_TESTED: Final = "not tested"
+INSIDE, OUTSIDE = "inside", "outside"
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,15 @@ class CorrelationRow:
     sigma_true: float
     sigma_error: float
     unit: str
+    ends: tuple[float, float] | None = None
+
+    @property
+    def verdict(self) -> str:
+        """Whether the linear correlation is inside the interval."""
+        if self.ends is None:
+            return NOT_TESTED
+        low, high = self.ends
+        return INSIDE if low - ROUNDING <= self.linear <= high + ROUNDING else OUTSIDE
 
 
 def truth_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section | None:
@@ -42,11 +56,14 @@ def truth_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section 
         Column("Quantity", lambda row: row.name, kind="label"),
         Column("Linear correlation", lambda row: fixed(row.linear, 6)),
         Column("Monte Carlo correlation", lambda row: fixed(row.flown, 6)),
+        Column("Interval", lambda row: "–" if row.ends is None else " to ".join(fixed(each, 6) for each in row.ends)),
+        Column("Linear value is", lambda row: row.verdict, kind="text"),
         Column("True σ", lambda row: number(row.sigma_true)),
         Column("Navigation error σ", lambda row: number(row.sigma_error)),
         Column("Unit", lambda row: row.unit, kind="text"),
     ]
-    table = Table(CAPTION, columns, rows) if rows else None
+    caption = CAPTION.format(100.0 * content.criterion.confidence)
+    table = Table(caption, columns, rows) if rows else None
     parts = joined(drawn.get("dispersion_over_time"))
     parts += headed("At the end", drawn.get("landing_ellipses"))
     parts += headed("Correlation of truth and navigation error", table)
@@ -57,15 +74,25 @@ def correlation_rows(content: RunAnalysis) -> list[CorrelationRow]:
     """List the quantities whose truth and navigation error are both dispersed."""
     linear, flown = content.comparison.covariance_linear, content.comparison.covariance_paired
     sigmas = np.sqrt(np.diag(linear)) * content.output_scale
-    return [
-        CorrelationRow(
+    rows, pairs = [], []
+    for each in quantities(content.manifest.model.outputs):
+        if each.error is None or not (sigmas[each.true] > 0.0 and sigmas[each.error] > 0.0):
+            continue
+        pairs.append((min(each.true, each.error), max(each.true, each.error)))
+        rows.append(CorrelationRow(
             humanize(each.name),
             _correlation(linear, each.true, each.error), _correlation(flown, each.true, each.error),
             float(sigmas[each.true]), float(sigmas[each.error]), content.output_units[each.true],
-        )
-        for each in quantities(content.manifest.model.outputs)
-        if each.error is not None and sigmas[each.true] > 0.0 and sigmas[each.error] > 0.0
-    ]  # fmt: skip
+        ))  # fmt: skip
+    joint = content.comparison.joint
+    tested = {each.between: each for each in joint.correlations} if joint else {}
+    level = 1.0 - (1.0 - content.criterion.confidence) / max(len(rows), 1)
+    return [
+        replace(row, ends=fisher_interval(replace(tested[pair].difference, value=row.flown), level))
+        if pair in tested
+        else row
+        for row, pair in zip(rows, pairs, strict=True)
+    ]
 
 
 def _correlation(covariance: Array, one: int, other: int) -> float:

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.linear import LinearReadings
 from mcnav.systems.closed_loop.setup import Setup
-from mcnav.systems.closed_loop.simulation import simulate
-
-SMALL_SHARE: Final = 0.01
-"""Share of all errors and noise with which samples must follow their twins."""
+from mcnav.systems.closed_loop.soundness import SAMPLES, SMALL_SHARE
 
 SMALL_DEPARTURE: Final = 0.05
 """Departure of a sample with small errors from its twin, in its sigma: a term of second order leaves a hundredth."""
@@ -33,25 +29,23 @@ MAGNIFIED: Final = 10.0
 """Sigma of a correction over what the dispersions call for, from which on its target is nearly singular."""
 
 
-def departures_from_twins(setup: Setup, batch: Batch, whole: SimulationResult, sigma: Array) -> list[str]:
+def departures_from_twins(setup: Setup, result: SimulationResult, sigma: Array) -> list[str]:
     """Say where samples depart from their twins, with all errors and with a hundredth of them.
 
     Parameters
     ----------
-    whole : SimulationResult
-        Of the batch.
+    result : SimulationResult
+        Of `check_repeatable`.
     sigma : ndarray, shape (outputs,)
         Linear, at the end.
     """
-    small_setup = replace(setup, true=setup.true.scaled(SMALL_SHARE))
-    small = simulate(small_setup, replace(batch, errors=SMALL_SHARE * batch.errors), noise=True, over_time=False)
-    name, most = _largest(setup, small, SMALL_SHARE * sigma)
+    name, most = _largest(setup, result, slice(SAMPLES, None), SMALL_SHARE * sigma)
     if most > SMALL_DEPARTURE:
         return [
             f"with a hundredth of all errors and noise a sample still departs from linear analysis by {most:.2g} of "
             f"its sigma in {name}: something bends, jumps or rounds at the nominal"
         ]
-    name, most = _largest(setup, whole, sigma)
+    name, most = _largest(setup, result, slice(SAMPLES), sigma)
     if most > DEPARTURE:
         return [
             f"a sample departs from linear analysis by {most:.2g} sigma in {name}, and with a hundredth of all errors "
@@ -60,13 +54,12 @@ def departures_from_twins(setup: Setup, batch: Batch, whole: SimulationResult, s
     return []
 
 
-def _largest(setup: Setup, result: SimulationResult, sigma: Array) -> tuple[str, float]:
+def _largest(setup: Setup, result: SimulationResult, rows: slice, sigma: Array) -> tuple[str, float]:
     """Return the output with the largest departure, and that in sigma; sizes of corrections have a law of their own."""
     outputs, linear = setup.readout.outputs, result.linear_values
-    if linear is None:
-        return "", 0.0
+    assert linear is not None
     usual = (sigma > setup.floor) & np.array([not output.size_of for output in outputs])
-    shares = np.abs(result.values - linear) / np.where(usual, sigma, np.inf)
+    shares = np.abs(result.values - linear)[rows] / np.where(usual, sigma, np.inf)
     most = np.nan_to_num(shares).max(axis=0)
     worst = int(np.argmax(most))
     return outputs[worst].name, float(most[worst])

@@ -6,7 +6,9 @@ The linear outcome of a sample is the plan's linear system with the same draws.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +25,11 @@ from mcnav.systems.closed_loop.passage import Step, find_passages, meet, pass_th
 from mcnav.systems.closed_loop.plan import Transition
 from mcnav.systems.closed_loop.records import Recorder
 from mcnav.systems.closed_loop.setup import Setup
+from mcnav.systems.closed_loop.structure import Part
 from mcnav.systems.closed_loop.timeline import Instant
+
+NOTHING: Final = np.zeros(0, dtype=bool)
+"""What samples meet where there are no events."""
 
 
 def late_failure(event: Event, time: float) -> Failure:
@@ -45,6 +51,9 @@ class OwnMap:
         Believed sizes of what enters.
     share : ndarray, shape (..., n), optional
         Fractions of a step for each sample.
+    parts : mapping of str to callable
+        The same of the truth and of the navigator alone, with the rows of X that are theirs; none where these depend
+        on each other.
     """
 
     function: Callable[..., Array]
@@ -52,11 +61,13 @@ class OwnMap:
     entering: Array
     believed: Array
     share: Array | None = None
+    parts: Mapping[Part, Callable[..., Array]] = field(default_factory=dict)
 
     def some(self, chosen: NDArray[np.bool_]) -> OwnMap:
         """Return the map of some samples."""
         share = None if self.share is None else self.share[..., chosen]
-        return OwnMap(self.function, self.x[:, chosen], self.entering[:, chosen], self.believed, share)
+        x, entering = self.x[:, chosen], self.entering[:, chosen]
+        return replace(self, x=x, entering=entering, share=share)
 
 
 @dataclass
@@ -119,8 +130,14 @@ class Flight:
             self.final_covariance[:, :, self.rows[ended]] = self.covariance[:, :, ended]
         self.keep(~ended)
 
+    def of_flight(self, drawn: Array) -> Array:
+        """Return what was drawn for all samples, shape (k, n), for those in flight."""
+        return drawn if len(self.rows) == drawn.shape[1] else drawn[:, self.rows]
+
     def drop_failed(self, time: float) -> None:
         """Drop samples that are not finite."""
+        if np.isfinite(self.x.sum()):
+            return
         lost = ~np.isfinite(self.x.sum(axis=0))
         if lost.any():
             for row in self.rows[lost].tolist():
@@ -159,11 +176,34 @@ class Flight:
     def own_derivatives(self, map_: OwnMap, states: FilterStates) -> tuple[Array, Array]:
         """Compute F, shape (states, states, n), and what enters in believed sizes, shape (states, inputs, n)."""
         seen, space = self.seen(map_.x, states), self.setup.maps.structure.space
+        if map_.parts:
+            return self.derivatives_apart(map_, states, seen)
         directions = self.directions(states)
         changes = differentiate_own(map_.function, seen, directions, map_.believed, space, space, map_.share)
         moved = changes[states.estimates] - changes[states.counterparts]
         moved = np.concatenate([moved, -changes[states.considered]])
         return moved[:, : states.count] / self.scale(states)[:, None], moved[:, states.count :]
+
+    def derivatives_apart(self, map_: OwnMap, states: FilterStates, seen: Array) -> tuple[Array, Array]:
+        """Compute `own_derivatives` of a map whose truth and navigator ignore each other.
+
+        Estimates move the navigator alone; what is considered, and what enters, move the truth alone.
+        """
+        structure, count, estimated = self.setup.maps.structure, states.count, states.estimated
+        directions, scale = self.directions(states), self.scale(states)[:, None]
+        of = {"navigator": (directions[:, :estimated], 0.0 * map_.believed),
+              "truth": (directions[:, estimated:], map_.believed)}  # fmt: skip
+        navigator, truth = (
+            differentiate_own(map_.parts[part], seen, *of[part], structure.space, structure.spaces[part])
+            for part in ("navigator", "truth")
+        )
+        considered = count - estimated
+        f = np.zeros((count, count, seen.shape[1]))
+        f[:estimated, :estimated] = navigator[states.estimates - structure.rows("navigator").start]
+        moved = 0.0 - truth[[*states.counterparts, *states.considered]]
+        f[:, estimated:] = moved[:, :considered]
+        f /= scale
+        return f, moved[:, considered:]
 
     def scale(self, states: FilterStates) -> Array:
         """Return the steps of differences of the filter's states, shape (count,)."""
@@ -187,7 +227,7 @@ class Flight:
         """Propagate by a step; samples whose trigger happens end within it."""
         setup, maps = self.setup, self.setup.maps
         inputs = maps.structure.white.size + maps.structure.markov.size
-        drawn = self.noise.draw(PROCESSES, 2 * inputs) * np.tile(setup.true.inputs, 2)[:, None]
+        drawn = self.noise.draw(PROCESSES, 2 * inputs) * setup.true.modes[:, None]
         plan, length = setup.plan, instant.length
         planned = None
         if self.number <= plan.end and number < len(plan.instants[self.number].steps):
@@ -196,15 +236,20 @@ class Flight:
         if not len(self.rows):
             return
 
-        def function(x: Array, entering: Array) -> Array:
+        def function(x: Array, entering: Array, part: Part = "both") -> Array:
             white = entering.reshape(2, inputs, x.shape[1])
-            return maps.step(x, np.full(x.shape[1], time), length, white)
+            return maps.step(x, np.full(x.shape[1], time), length, white, part=part)
 
-        white = drawn[:, self.rows]
+        white = self.of_flight(drawn)
         after = function(self.x, white)
-        pending, signs = self.pending, self.signs
-        met = np.any(meet(maps, after, np.full(len(self.rows), time + length), signs, pending), axis=0)
-        own = OwnMap(function, self.x, white, np.tile(setup.believed.inputs, 2))
+        met = NOTHING
+        if maps.events:
+            times = np.full(len(self.rows), time + length)
+            met = np.any(meet(maps, after, times, self.signs, self.pending), axis=0)
+        parts: dict[Part, Callable[..., Array]] = {}
+        if maps.apart:
+            parts = {"truth": partial(function, part="truth"), "navigator": partial(function, part="navigator")}
+        own = OwnMap(function, self.x, white, setup.believed.modes, parts=parts)
         if not met.any():
             self.covariance = self.propagated_own(own, self.covariance, planned, after)
             self.x = after
@@ -240,7 +285,7 @@ class Flight:
             function = self._passing(step, events)
             after[:, here] = function(self.x[:, here], entering, fractions)
             if self.own:
-                believed = np.concatenate([np.tile(setup.believed.inputs, 2), *own])
+                believed = np.concatenate([setup.believed.modes, *own])
                 passing = OwnMap(function, self.x[:, here], entering, believed, fractions)
                 self.covariance[:, :, here] = self.propagated_own(passing, self.covariance[:, :, here])
             self.pending[np.array(events, dtype=np.intp)[:, None], here] = False
@@ -320,18 +365,17 @@ class Flight:
         if not len(self.rows):
             return
         if states is None:
-            self.x = updated(maps, number, self.x, np.full(len(self.rows), time), drawn[:, self.rows])
+            self.x = updated(maps, number, self.x, np.full(len(self.rows), time), self.of_flight(drawn))
             return
 
         def function(x: Array, entering: Array) -> Array:
             return maps.innovation(number, x, np.full(x.shape[1], time))
 
         exact = function(self.x, drawn)
-        innovation = exact + drawn[:, self.rows]
+        noise = self.of_flight(drawn)
+        innovation = exact + noise
         if self.own:
-            gain, factor, self.covariance = self.own_update(
-                OwnMap(function, self.x, drawn[:, self.rows], sigma), exact, planned
-            )
+            gain, factor, self.covariance = self.own_update(OwnMap(function, self.x, noise, sigma), exact, planned)
             added = combine(gain, innovation)
         else:
             last = self.gains[number]
@@ -386,8 +430,9 @@ class Flight:
         def function(x: Array, entering: Array) -> Array:
             return maps.corrected(number, x, np.full(x.shape[1], time), entering)
 
-        after = function(self.x, drawn[:, self.rows])
-        own = OwnMap(function, self.x, drawn[:, self.rows], setup.believed.corrections[number])
+        noise = self.of_flight(drawn)
+        after = function(self.x, noise)
+        own = OwnMap(function, self.x, noise, setup.believed.corrections[number])
         self.covariance = self.propagated_own(own, self.covariance, planned, after)
         self.x = after
 

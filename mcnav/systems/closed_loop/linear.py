@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.contract.linear import Update
 from mcnav.systems.closed_loop.maps import Maps
-from mcnav.systems.closed_loop.plan import Plan, Transition
+from mcnav.systems.closed_loop.plan import Begin, Plan, Transition
 from mcnav.systems.closed_loop.readout import Readout
 from mcnav.systems.closed_loop.sizes import Sizes
 
@@ -51,7 +51,7 @@ def _entering(maps: Maps, true: Sizes, transition: Transition) -> Iterator[tuple
     structure = maps.structure
     if transition.kind == "step":
         inputs = structure.white.size + structure.markov.size
-        sized = transition.inputs * np.tile(true.inputs, 2)
+        sized = transition.inputs * true.modes
         begin = 0
         for quantity in (*structure.white.quantities, *structure.markov.quantities):
             columns = np.arange(begin, begin + quantity.size)
@@ -75,8 +75,8 @@ class LinearState:
     present: dict[str, bool]
 
     @classmethod
-    def at_start(cls, maps: Maps, true: Sizes) -> LinearState:
-        """Return those at the start."""
+    def at_start(cls, maps: Maps, true: Sizes, waits: bool = False) -> LinearState:
+        """Return those at the start, without errors of a navigator that waits."""
         structure = maps.structure
         covariances = {name: np.zeros((structure.size, structure.size)) for name in process_names(maps)}
         begin = structure.markov.begin
@@ -84,7 +84,10 @@ class LinearState:
             local = slice(place.start - begin, place.stop - begin)
             covariances[quantity.name][place, place] = np.diag(true.markov[local] ** 2)
         present = {name: bool(matrix.any()) for name, matrix in covariances.items()}
-        return cls(structure.start_partials.copy(), covariances, present)
+        partials = structure.start_partials.copy()
+        if waits:
+            partials[structure.navigator] = 0.0
+        return cls(partials, covariances, present)
 
     def after(self, maps: Maps, true: Sizes, transition: Transition) -> LinearState:
         """Return those after a transition."""
@@ -97,6 +100,16 @@ class LinearState:
                 present[name] = True
                 covariances[name] = covariances[name] + entering @ entering.T
         return LinearState(state @ self.partials, covariances, present)
+
+    def begun(self, begin: Begin) -> LinearState:
+        """Return those after the start of a navigator that has waited."""
+        covariances = {name: begin.state @ each @ begin.state.T for name, each in self.covariances.items()}
+        return LinearState(begin.state @ self.partials + begin.errors, covariances, self.present)
+
+    def covariance(self, start: Array) -> Array:
+        """Return the covariance of X, shape (size, size), for sources of a covariance."""
+        total = self.partials @ start @ self.partials.T
+        return np.asarray(total + sum(self.covariances[name] for name, there in self.present.items() if there))
 
 
 Row = tuple[float, Array, Array, dict[str, Array]]
@@ -113,7 +126,7 @@ def read_plan(
     around : bool
         Whether to read out before and after updates at the epochs, and before and after all corrections.
     """
-    linear, wanted = LinearState.at_start(maps, true), set(epochs)
+    linear, wanted = LinearState.at_start(maps, true, plan.begin is not None), set(epochs)
     rows: list[Row] = []
     labels: list[Update] = []
     seen: list[tuple[Array, Array]] = []
@@ -132,6 +145,8 @@ def read_plan(
                     moment.time, moment.x, linear.after(maps, true, moment.transition), moment.label, moment.covariance
                 )
             linear = linear.after(maps, true, transition)
+        if plan.begin is not None and number == plan.begin.number:
+            linear = linear.begun(plan.begin)
         corrects = around and any(each.kind == "correct" for each in planned.updates)
         changes = around and (number in wanted or corrects) and planned.changed
         time = plan.end_time if number == plan.end else planned.instant.time

@@ -16,7 +16,7 @@ from mcnav.systems.closed_loop.methods import Frame, Method
 from mcnav.systems.closed_loop.own_outputs import OwnOutputs
 from mcnav.systems.closed_loop.quantities import Block, Quantity, Values, as_kept, as_seen, attitude_kept, spread
 from mcnav.systems.closed_loop.rotations import turn_between
-from mcnav.systems.closed_loop.structure import Structure
+from mcnav.systems.closed_loop.structure import Part, Structure
 
 _ROOT_3: Final = float(np.sqrt(3.0))
 
@@ -128,16 +128,14 @@ class Maps:
         structure = self.structure
 
         def noise() -> Values:
-            values = named(structure.markov, x)
-            if white is not None:
-                values |= named(structure.white, white)
-            return Values("noise", values)
+            entering = () if white is None else ((structure.white.views, white),)
+            return Values("noise", (structure.markov.views, x), *entering)
 
         return {
             "time": lambda: time,
-            "truth": lambda: Values("truth", named(structure.truth, x)),
-            "parameters": lambda: Values("parameters", named(structure.parameters, x)),
-            "estimate": lambda: Values("estimate", named(structure.estimate, x)),
+            "truth": lambda: Values("truth", (structure.truth.views, x)),
+            "parameters": lambda: Values("parameters", (structure.parameters.views, x)),
+            "estimate": lambda: Values("estimate", (structure.estimate.views, x)),
             "command": lambda: self._seen_command(x if command is None else command, command is None),
             "noise": noise,
             "memory": lambda: self._seen_memory(x),
@@ -146,39 +144,33 @@ class Maps:
 
     def navigator_frame(self, x: Array, time: Array, sensed: Any, with_white: bool = False) -> Frame:
         """Return what methods may name when the navigator uses them: its estimates in place of truth and errors."""
-        structure = self.structure
-
-        def estimated(block: Block) -> dict[str, Array]:
-            values = {}
-            for quantity in block.quantities:
-                at = structure.estimate.of(quantity.name)
-                numbers = np.zeros((quantity.size, x.shape[1])) if at is None else x[at]
-                values[quantity.name] = as_seen(numbers, bool(quantity.axes))
-            return values
-
-        def noise() -> Values:
-            white = np.zeros((structure.white.size, x.shape[1]))
-            return Values("noise", estimated(structure.markov) | (named(structure.white, white) if with_white else {}))
+        estimate = self.structure.estimate.views
 
         return {
             "time": lambda: time,
-            "truth": lambda: Values("the estimate", named(structure.estimate, x)),
-            "estimate": lambda: Values("estimate", named(structure.estimate, x)),
-            "parameters": lambda: Values("parameters", estimated(structure.parameters)),
+            "truth": lambda: Values("the estimate", (estimate, x)),
+            "estimate": lambda: Values("estimate", (estimate, x)),
+            "parameters": lambda: Values("parameters", (self.structure.known_parameters, x)),
             "command": lambda: sensed,
             "sensed": lambda: sensed,
-            "noise": noise,
+            "noise": lambda: Values("noise", (self.structure.known_noise(with_white), x)),
             "memory": lambda: self._seen_memory(x),
             "phase": lambda: self.phase_of(x),
         }
 
+    @property
+    def apart(self) -> bool:
+        """Whether truth and navigator ignore each other within a step: commands rest, and nothing is sensed."""
+        return self.sense is None and not (self.continuous and self.guide is not None)
+
     def step(
         self, x: Array, time: Array, length: float, white: Array, fraction: Array | float = 1.0,
-        since: Array | float = 0.0,
+        since: Array | float = 0.0, part: Part = "both",
     ) -> Array:  # fmt: skip
         """Propagate by a step of Runge-Kutta's classical method, or from one fraction of it to another, shape (n,).
 
-        Attitudes are integrated as rotation vectors from the begin of the step (Munthe-Kaas).
+        Attitudes are integrated as rotation vectors from the begin of the step (Munthe-Kaas). Of a loop whose truth
+        and navigator are `apart` one part can be propagated alone; its rows are returned.
 
         Parameters
         ----------
@@ -194,12 +186,17 @@ class Maps:
         covered, time = (fraction - since) * length, time + since * length
         begin, end = mean + slope * (2.0 * since - 1.0), mean + slope * (2.0 * fraction - 1.0)
         middle = mean + slope * (since + fraction - 1.0)
-        space = self.structure.space
+        space, rows, alone = self.structure.spaces[part], self.structure.rows(part), part != "both"
+        origin = x[rows]
 
         def rates(change: Array, after: Array | float, white: Array) -> Array:
-            return space.rates_at(change, self.derivative(space.advanced(x, change), time + after, white))
+            there = space.advanced(origin, change)
+            if alone:
+                moved, there = there, x.copy()
+                there[rows] = moved
+            return space.rates_at(change, self.derivative(there, time + after, white, part))
 
-        first = self.derivative(x, time, begin)
+        first = self.derivative(x, time, begin, part)
         second = rates(0.5 * covered * first, 0.5 * covered, middle)
         third = rates(0.5 * covered * second, 0.5 * covered, middle)
         fourth = rates(covered * third, covered, end)
@@ -209,50 +206,53 @@ class Maps:
         total += first
         total += fourth
         total *= covered / 6.0
-        return space.advanced(x, total)
+        return space.advanced(origin, total)
 
-    def derivative(self, x: Array, time: Array, white: Array) -> Array:
-        """Compute dX/dt, shape (size, n), of samples in any phase."""
-        return self.by_phase(self._derivative, x, time, white)
+    def derivative(self, x: Array, time: Array, white: Array, part: Part = "both") -> Array:
+        """Compute dX/dt of the rows of a part, shape (size, n) for both, of samples in any phase."""
+        return self.by_phase(partial(self._derivative, part), x, time, white)
 
-    def _derivative(self, x: Array, time: Array, white: Array) -> Array:
+    def _derivative(self, part: Part, x: Array, time: Array, white: Array) -> Array:
         """Compute dX/dt, shape (size, n), an attitude's its angular rate in body axes; commands and the like rest."""
-        structure, count = self.structure, x.shape[1]
+        structure, count, rows = self.structure, x.shape[1], self.structure.rows(part)
         command = (
             self._guided(x, time)[: structure.command.size] if self.continuous and self.guide is not None else None
         )
         frame = self.truth_frame(x, time, white, command)
-        result = np.zeros_like(x)
-        spread(structure.truth, self.rates(frame), count, "rates", into=result[structure.truth.whole])
-        markov = structure.markov.whole
-        if structure.markov.size:
-            result[markov] = -self.decay * x[markov] + white[structure.white.size :]
-        sensed = frame["command"]() if self.sense is None else self._sensed(self.sense(frame))
-        self._navigate(x, time, sensed, result)
+        result = np.zeros((rows.stop - rows.start, count))
+        if part != "navigator":
+            spread(structure.truth, self.rates(frame), count, "rates", into=result[structure.truth.whole])
+            markov = structure.markov.whole
+            if structure.markov.size:
+                result[markov] = -self.decay * x[markov] + white[structure.white.size :]
+        if part != "truth":
+            sensed = frame["command"]() if self.sense is None else self._sensed(self.sense(frame))
+            self._navigate(x, time, sensed, result, rows.start)
         return result
 
-    def _navigate(self, x: Array, time: Array, sensed: Any, result: Array) -> None:
-        """Set the derivatives of the estimate and of what is remembered in that of X, where they are zero before."""
+    def _navigate(self, x: Array, time: Array, sensed: Any, result: Array, begin: int) -> None:
+        """Set the derivatives of the estimate and of what is remembered in a result of zeros, of X from a row on."""
         structure = self.structure
         estimate, memory = structure.estimate, structure.memory
         method = self.rates if self.navigate is None else self.navigate
         returned = method(self.navigator_frame(x, time, sensed, with_white=self.navigate is None))
-        if self.navigate is None and isinstance(returned, Mapping):  # rates of the truth, of which some are estimated
+        named = isinstance(returned, Mapping)
+        if self.navigate is None and named and not returned.keys() <= estimate.name_set:  # some are not estimated
             returned = {name: each for name, each in returned.items() if name in estimate.names}
-        if structure.remembers and isinstance(returned, Mapping):
+        if structure.remembers and named:
             remembered = {name: each for name, each in returned.items() if name in memory.names}
             returned = {name: each for name, each in returned.items() if name not in remembered}
-            spread(memory, remembered, x.shape[1], "navigate", into=result[memory.whole])
-        spread(estimate, returned, x.shape[1], "navigate", into=result[estimate.whole])
+            spread(memory, remembered, x.shape[1], "navigate", into=_from(result, memory.whole, begin))
+        spread(estimate, returned, x.shape[1], "navigate", into=_from(result, estimate.whole, begin))
         for quantity, place in structure.markov.places():
             at = estimate.of(quantity.name)
             if at is not None and quantity.name not in returned:
                 local = slice(place.start - structure.markov.begin, place.stop - structure.markov.begin)
-                result[at] = -self.believed_decay[local] * x[at]
+                _from(result, at, begin)[:] = -self.believed_decay[local] * x[at]
 
     def _sensed(self, returned: Any) -> Any:
         if isinstance(returned, Mapping):
-            return Values("sensed", {name: np.asarray(each, dtype=float) for name, each in returned.items()})
+            return Values.given("sensed", {name: np.asarray(each, dtype=float) for name, each in returned.items()})
         return np.asarray(returned, dtype=float)
 
     def _seen_command(self, values: Array, within_x: bool) -> Array:
@@ -265,7 +265,7 @@ class Maps:
         assert self.guide is not None
         frame = {
             "time": lambda: time,
-            "estimate": lambda: Values("estimate", named(structure.estimate, x)),
+            "estimate": lambda: Values("estimate", (structure.estimate.views, x)),
             "memory": lambda: self._seen_memory(x),
             "phase": lambda: self.phase_of(x),
         }
@@ -286,7 +286,7 @@ class Maps:
     def _seen_memory(self, x: Array) -> Any:
         memory = self.structure.memory
         if self.structure.remembers:
-            return Values("memory", named(memory, x))
+            return Values("memory", (memory.views, x))
         return as_seen(x[memory.whole], len(memory.quantities[0].axes) > 1) if memory.size else np.zeros(x.shape[1])
 
     def after_guidance(self, x: Array, time: Array) -> Array:
@@ -325,7 +325,7 @@ class Maps:
         structure, impulse, count = self.structure, self.impulses[number], x.shape[1]
         quantity, place = list(structure.corrections.places())[number]
         where = f"target of {quantity.name}"
-        estimate = Values("estimate", named(structure.estimate, x))
+        estimate = Values("estimate", (structure.estimate.views, x))
         target = impulse.target({"time": lambda: time, "estimate": lambda: estimate, "phase": lambda: self.phase_of(x)})
         commanded = np.broadcast_to(as_kept(target, quantity, count, where), (quantity.size, count))
         executed = commanded + noise
@@ -337,7 +337,7 @@ class Maps:
         return result
 
     def _pushed(self, impulse: Impulse, block: Block, x: Array, time: Array, given: Array) -> Array:
-        states = Values(block.what, named(block, x))
+        states = Values(block.what, (block.views, x))
         if impulse.apply is None:
             name = str(impulse.declared.apply)
             changed: Any = {name: getattr(states, name) + given} if name in block.names else {}
@@ -375,13 +375,10 @@ class Maps:
         return np.broadcast_to(value[0], (x.shape[1],))
 
 
+def _from(rows: Array, place: slice, begin: int) -> Array:
+    """Return a place in X of its rows from one on."""
+    return rows[place.start - begin : place.stop - begin]
+
+
 def _component(name: str, size: int) -> Quantity:
     return Quantity(name, "1", tuple(map(str, range(size))) if size > 1 else ())
-
-
-def named(block: Block, x: Array) -> dict[str, Array]:
-    """Return the values of a block in X by name, as users' methods see them."""
-    return {
-        quantity.name: as_seen(x[place], bool(quantity.axes), quantity.turns is not None)
-        for quantity, place in block.places()
-    }

@@ -9,8 +9,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
+from mcnav.systems.closed_loop.normals import draw_normals
 
 PROCESSES: Final = 0x636C_0000
 """Stream of the processes: the highest word of the counter, apart from the streams of other systems."""
@@ -23,32 +25,22 @@ BLOCK: Final = 256
 
 
 class Noise:
-    """Standard normal variates of some samples, each stream in its own order."""
+    """Standard normal variates of some samples, each stream in its own order; or shares of them, shape (n,)."""
 
-    def __init__(self, seed: int, index: IndexArray) -> None:
-        self._keys = [np.array([seed, int(each)], dtype=np.uint64) for each in index]
-        self._generators: dict[int, list[np.random.Generator]] = {}
+    def __init__(self, seed: int, index: IndexArray, shares: Array | None = None) -> None:
+        self._shares, self._seed, self._samples = shares, seed, np.asarray(index).astype(np.uint64)
+        self._used: dict[int, NDArray[np.int64]] = {}
         self._drawn: dict[int, Array] = {}
 
     def draw(self, stream: int, count: int) -> Array:
-        """Draw the next numbers of a stream for every sample, shape (count, n)."""
+        """Draw the next numbers of a stream for every sample, shape (count, n); they must not be changed."""
         left = self._drawn.get(stream)
-        if left is None or left.shape[1] < count:
-            fresh = self._fresh(stream, max(count, BLOCK))
-            left = fresh if left is None else np.concatenate([left, fresh], axis=1)
-        self._drawn[stream] = left[:, count:]
-        return np.ascontiguousarray(left[:, :count].T)
-
-    def _fresh(self, stream: int, count: int) -> Array:
-        generators = self._generators.get(stream)
-        if generators is None:
-            words = np.array([0, 0, 0, stream], dtype=np.uint64)
-            generators = [np.random.Generator(np.random.Philox(counter=words, key=key)) for key in self._keys]
-            self._generators[stream] = generators
-        fresh = np.empty((len(generators), count))
-        for row, generator in zip(fresh, generators, strict=True):
-            generator.standard_normal(out=row)
-        return fresh
+        if left is None or len(left) < count:
+            used = self._used.setdefault(stream, np.zeros(len(self._samples), dtype=np.int64))
+            fresh = draw_normals(self._seed, self._samples, stream, used, max(count, BLOCK))
+            left = fresh if left is None or not len(left) else np.concatenate([left, fresh])
+        self._drawn[stream] = left[count:]
+        return left[:count] if self._shares is None else left[:count] * self._shares
 
 
 class NoNoise:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Final
@@ -179,6 +179,27 @@ class PlannedInstant:
         return any(each.kind in ("measure", "correct") for each in self.updates)
 
 
+@dataclass(frozen=True)
+class Begin:
+    """Start of a navigator that has waited: ``X+ = A X + U e`` before the updates of an instant.
+
+    Attributes
+    ----------
+    number : int
+        Of the instant.
+    state : ndarray, shape (size, size)
+    errors : ndarray, shape (size, sources)
+        U, how the sources move X there.
+    covariance : ndarray, shape (k, k)
+        What the filter begins with.
+    """
+
+    number: int
+    state: Array
+    errors: Array
+    covariance: Array
+
+
 @dataclass
 class Plan:
     """The linear system at all instants.
@@ -199,6 +220,8 @@ class Plan:
         Largest nominal innovation of each sensor as a share of its believed sigma.
     kinks : set of str
         Maps that have a kink at the nominal.
+    begin : Begin, optional
+        Where the navigator starts, if not with the flight.
     """
 
     instants: list[PlannedInstant] = field(default_factory=list)
@@ -209,11 +232,14 @@ class Plan:
     steps: Array = field(default_factory=lambda: np.zeros(0))
     innovations: dict[str, float] = field(default_factory=dict)
     kinks: set[str] = field(default_factory=set)
+    begin: Begin | None = None
     _written: bytes | None = field(default=None, init=False, repr=False, compare=False)
 
     def scaled(self, multiple: float) -> Plan:
         """Return the plan of a filter that believes a multiple of all errors."""
-        return replace(self, instants=[each.scaled(multiple) for each in self.instants])
+        begin = self.begin
+        begun = None if begin is None else replace(begin, covariance=multiple**2 * begin.covariance)
+        return replace(self, instants=[each.scaled(multiple) for each in self.instants], begin=begun)
 
     def __reduce__(self) -> tuple[Callable[[bytes], Plan], tuple[bytes]]:
         """Return the plan as a text of bytes, which is written once, and read once in a worker: chunks share it."""
@@ -245,7 +271,13 @@ def filled(sizes: Array) -> Array:
 
 @dataclass
 class Planner:
-    """Linearization along the nominal, map by map."""
+    """Linearization along the nominal, map by map.
+
+    Attributes
+    ----------
+    known : dict, optional
+        Derivatives by map and time, which are looked up before they are computed: those of one nominal.
+    """
 
     maps: Maps
     states: FilterStates | None
@@ -257,6 +289,7 @@ class Planner:
     plan: Plan
     signs: Array
     pending: NDArray[np.bool_]
+    known: dict[Hashable, Derivatives] | None = None
 
     def check_pending(self, time: float, over: bool = False) -> None:
         """Raise `ScenarioError` when an event should have happened by a time, or by the end of the flight."""
@@ -265,14 +298,29 @@ class Planner:
                 told = f"its flight without any error meets no trigger by {min(event.latest, time):g} s"
                 raise ScenarioError("type", f"{event.name}: {told}")
 
-    def derivatives(self, function: Map, inputs: Array, where: str, to_x: bool = True) -> Derivatives:
-        """Differentiate a map about the nominal, to X or to innovations; its kinks are noted."""
+    def derivatives(
+        self, function: Map, inputs: Array, where: str, at: tuple[float, ...], to_x: bool = True
+    ) -> Derivatives:
+        """Differentiate a map about the nominal, to X or to innovations; its kinks are noted.
+
+        Parameters
+        ----------
+        where : str
+            Its name, for people.
+        at : tuple of float
+            Time, s, and the like: what tells it from others of its name.
+        """
+        key = (where, at)
+        if self.known is not None and key in self.known:
+            return self.known[key]
         space = self.maps.structure.space
         result = differentiate_map(function, self.x, self.steps, inputs, space, space if to_x else None)
         if not (np.isfinite(result.value).all() and np.isfinite(result.state).all()):
             raise ScenarioError("type", f"its flight without any error is not finite: {where}")
         if result.kinked.any():
             self.plan.kinks.add(where.split(" at ")[0])
+        if self.known is not None:
+            self.known[key] = result
         return result
 
     def step(self, time: float, length: float) -> tuple[Transition, tuple[float, Transition] | None]:
@@ -306,7 +354,7 @@ class Planner:
 
     def _propagate_composed(self, composed: Composed) -> None:
         """Propagate the filter's covariance by a step with events."""
-        self.propagate(composed.fixed, composed.inputs_fixed, np.tile(self.believed.inputs, 2))
+        self.propagate(composed.fixed, composed.inputs_fixed, self.believed.modes)
         for number, inputs in composed.corrections.items():
             self.propagate(np.eye(len(self.x)), inputs, self.believed.corrections[number])
 
@@ -326,7 +374,7 @@ class Planner:
             return self.maps.step(x, np.full(x.shape[1], time), length, white, fraction, since)
 
         sizes = np.tile(filled(np.maximum(self.true.inputs, self.believed.inputs)), 2)
-        return self.derivatives(function, sizes, f"rates at {time:g} s")
+        return self.derivatives(function, sizes, f"rates at {time:g} s", (time, since, fraction))
 
     def _meet(self, time: float, length: float, since: float) -> tuple[int, float] | None:
         """Find the next event of a step: its number, and the fraction of the step at which it happens."""
@@ -380,7 +428,8 @@ class Planner:
             return self.maps.innovation(number, x, np.full(x.shape[1], time)) + entering
 
         sigma = self.believed.measurements[number]
-        result = self.derivatives(function, filled(sigma), f"measurement {sensor.declared.name} at {time:g} s", False)
+        where = f"measurement {sensor.declared.name} at {time:g} s"
+        result = self.derivatives(function, filled(sigma), where, (time,), to_x=False)
         name = sensor.declared.name
         if not sigma.all():
             raise ScenarioError("type", f"measurement {name} needs a size in [measurements], or a believed one")
@@ -407,7 +456,7 @@ class Planner:
         sizes, name = filled(self.true.measurements[number]), self.maps.sensors[number].declared.name
         expected = self.maps.innovation(number, self.x[:, None], np.array([time]))[:, 0]
         self.plan.innovations[name] = max(float(np.abs(expected / sizes).max()), self.plan.innovations.get(name, 0.0))
-        result = self.derivatives(function, sizes, f"update at {time:g} s")
+        result = self.derivatives(function, sizes, f"update at {time:g} s", (time, number))
         self.x = result.value
         return Transition(result.state, result.inputs, "measure", number)
 
@@ -420,7 +469,7 @@ class Planner:
 
         sizes = filled(np.maximum(self.true.corrections[number], believed))
         name = self.maps.impulses[number].declared.name
-        result = self.derivatives(function, sizes, f"correction {name} at {time:g} s")
+        result = self.derivatives(function, sizes, f"correction {name} at {time:g} s", (time,))
         self.x = self._without_rounding(number, result.value)
         self.propagate(result.state, result.inputs, believed)
         return Transition(result.state, result.inputs, "correct", number, straight=result.straight)
@@ -441,7 +490,7 @@ class Planner:
         def function(x: Array, entering: Array) -> Array:
             return self.maps.after_guidance(x, np.full(x.shape[1], time))
 
-        result = self.derivatives(function, np.zeros(0), f"guide at {time:g} s")
+        result = self.derivatives(function, np.zeros(0), f"guide at {time:g} s", (time,))
         self.x = result.value
         return Transition(result.state, result.inputs, "guide")
 
@@ -460,21 +509,39 @@ class Planner:
 
 
 def make_plan(
-    maps: Maps, start: Array, timeline: tuple[Instant, ...], states: FilterStates | None, true: Sizes, believed: Sizes
-) -> Plan:
+    maps: Maps, start: Array, timeline: tuple[Instant, ...], states: FilterStates | None, true: Sizes, believed: Sizes,
+    known: dict[Hashable, Derivatives] | None = None,
+) -> Plan:  # fmt: skip
     """Linearize along the nominal, to the latest time where that is possible.
+
+    Parameters
+    ----------
+    known : dict, optional
+        As that of `Planner`.
 
     Raises `ScenarioError` when the nominal flight is not finite, or its trigger never happens.
     """
     covariance = np.zeros((0, 0)) if states is None else states.start_covariance(maps.structure, believed)
+    planner = planner_at(maps, start, states, true, believed, covariance)
+    planner.known = known
+    return fly(planner, timeline)
+
+
+def planner_at(
+    maps: Maps, start: Array, states: FilterStates | None, true: Sizes, believed: Sizes, covariance: Array
+) -> Planner:
+    """Return a planner at the start of the flight, with the filter's covariance there."""
     steps = difference_steps(maps, start, true)
     signs = np.zeros(len(maps.events))
     set_signs(maps, signs, start, 0.0, None)
-    pending = np.ones(len(signs), dtype=bool)
-    plan = Plan(steps=steps, signs=signs)
-    planner = Planner(maps, states, true, believed, start, steps, covariance, plan, signs, pending)
-    plan, last = planner.plan, len(timeline) - 1
-    for number, instant in enumerate(timeline):
+    pending, plan = np.ones(len(signs), dtype=bool), Plan(steps=steps, signs=signs)
+    return Planner(maps, states, true, believed, start, steps, covariance, plan, signs, pending)
+
+
+def fly(planner: Planner, timeline: tuple[Instant, ...], first: int = 0) -> Plan:
+    """Linearize from an instant, by number, to the end."""
+    maps, plan, last = planner.maps, planner.plan, len(timeline) - 1
+    for number, instant in enumerate(timeline[first:], start=first):
         before: list[Array] = [planner.x]
         done: list[Transition] = []
         for time in instant.step_times().tolist():

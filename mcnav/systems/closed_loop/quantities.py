@@ -134,18 +134,73 @@ class Block:
         """Names of the quantities."""
         return tuple(quantity.name for quantity in self.quantities)
 
+    @cached_property
+    def name_set(self) -> frozenset[str]:
+        """The same as a set."""
+        return frozenset(self.names)
+
+    @cached_property
+    def rows(self) -> tuple[tuple[str, Quantity, slice], ...]:
+        """Names and quantities with their places in the block."""
+        return tuple(
+            (quantity.name, quantity, slice(place.start - self.begin, place.stop - self.begin))
+            for quantity, place in self._places
+        )
+
+    @cached_property
+    def views(self) -> dict[str, View]:
+        """How users' methods see the quantities, by name."""
+        return {
+            quantity.name: View(place, bool(quantity.axes), quantity.turns is not None)
+            for quantity, place in self._places
+        }
+
+
+@dataclass(frozen=True)
+class View:
+    """How a user's method sees a quantity: its place in an array, or zeros of so many numbers; see `as_seen`."""
+
+    place: slice | int
+    vector: bool
+    attitude: bool = False
+
+    def of(self, array: Array) -> Array:
+        """Return the quantity in an array, shape (size, n)."""
+        place = self.place
+        numbers = np.zeros((place, array.shape[1])) if isinstance(place, int) else array[place]
+        return as_seen(numbers, self.vector, self.attitude)
+
 
 class Values:
-    """Values of quantities by name, for users' methods; a name that there is not is refused."""
+    """Values of quantities by name, for users' methods; a name that there is not is refused.
 
-    def __init__(self, what: str, values: Mapping[str, Array]) -> None:
-        self.__dict__.update(values)
-        self.__dict__["_what"] = what
+    Parameters
+    ----------
+    parts : tuple of mapping of str to View, and ndarray
+        Quantities of arrays, shape (size, n), each made when it is first asked for.
+    """
+
+    def __init__(self, what: str, *parts: tuple[Mapping[str, View], Array]) -> None:
+        own = self.__dict__
+        own["_what"], own["_parts"] = what, parts
+
+    @classmethod
+    def given(cls, what: str, values: Mapping[str, Array]) -> Values:
+        """Return values that are there already."""
+        result = cls(what)
+        result.__dict__.update(values)
+        return result
 
     def __getattr__(self, name: str) -> Array:
-        if name.startswith("__"):
+        if name.startswith("__") or "_parts" not in self.__dict__:
             raise AttributeError(name)
-        known = [key for key in self.__dict__ if key != "_what"]
+        for views, array in self._parts:
+            if name in views:
+                value: Array = views[name].of(array)
+                self.__dict__[name] = value
+                return value
+        known = [key for key in self.__dict__ if key not in ("_what", "_parts")]
+        known += [key for views, _ in self._parts for key in views if key not in known]
         raise AttributeError(f"{self._what} has no {name!r}{suggestion(name, known)}")
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -155,7 +210,7 @@ class Values:
 def as_seen(numbers: Array, vector: bool, attitude: bool = False) -> Array:
     """Return numbers of X, shape (size, n), as users' methods see them: (n,), (n, axes) or (n, 3, 3); not writable."""
     seen = to_matrix(numbers) if attitude else numbers.T if vector else numbers[0]
-    seen.flags.writeable = False
+    seen.setflags(write=False)
     return seen
 
 
@@ -165,15 +220,18 @@ def as_kept(returned: Any, quantity: Quantity, count: int, where: str) -> Array:
     Raises `ValueError` when the shape is wrong.
     """
     values = np.asarray(returned, dtype=float)
-    if quantity.axes:
-        if values.shape in ((count, quantity.size), (quantity.size,)):
-            return values.T if values.ndim == 2 else values[:, None]
-        wanted = f"({count}, {quantity.size})"
+    shape, size = values.shape, len(quantity.axes)
+    if size:
+        if shape == (count, size):
+            return values.T
+        if shape == (size,):
+            return values[:, None]
+        wanted = f"({count}, {size})"
     else:
-        if values.shape in ((count,), ()):
+        if shape in ((count,), ()):
             return values.reshape(1, -1)
         wanted = f"({count},)"
-    raise ValueError(f"{where} must have shape {wanted}, for {count} samples; got {values.shape}")
+    raise ValueError(f"{where} must have shape {wanted}, for {count} samples; got {shape}")
 
 
 def attitude_kept(returned: Any, count: int, where: str) -> Array:
@@ -207,13 +265,12 @@ def spread(
     if not isinstance(returned, Mapping):
         raise ValueError(f"{where} must return a mapping of names to values; got {type(returned).__name__}")
     taken = 0
-    for quantity, place in block.places():
-        if quantity.name in returned:
+    for name, quantity, place in block.rows:
+        if name in returned:
             taken += 1
-            place = slice(place.start - block.begin, place.stop - block.begin)
-            value, told = returned[quantity.name], f"{quantity.name} of {where}"
             is_attitude = quantity.turns is not None and before is not None
-            result[place] = attitude_kept(value, count, told) if is_attitude else as_kept(value, quantity, count, told)
+            kept = attitude_kept(returned[name], count, f"{name} of {where}") if is_attitude else None
+            result[place] = as_kept(returned[name], quantity, count, f"{name} of {where}") if kept is None else kept
     if taken < len(returned):
         unknown = next(name for name in returned if name not in block.names)
         raise ValueError(

@@ -11,7 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.declarations import Trigger
-from mcnav.systems.closed_loop.maps import Event, Impulse, Maps, Sensor, named
+from mcnav.systems.closed_loop.maps import Event, Impulse, Maps, Sensor
 from mcnav.systems.closed_loop.methods import Frame, Method, read_method
 from mcnav.systems.closed_loop.own_outputs import ARGUMENTS, read_own_outputs
 from mcnav.systems.closed_loop.own_update import COVARIANCE, UPDATE
@@ -131,7 +131,7 @@ def _sized(maps: Maps, start: Array) -> Maps:
     count, time = TRIED, np.zeros(TRIED)
     x = np.repeat(start[:, None], count, axis=1)
     structure = maps.structure
-    estimate = Values("estimate", named(structure.estimate, x))
+    estimate = Values("estimate", (structure.estimate.views, x))
 
     def size_of(returned: Any, where: str, attitude: bool = False) -> int:
         shape = np.shape(returned)

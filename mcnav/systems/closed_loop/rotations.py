@@ -114,6 +114,11 @@ class Space:
 
     attitudes: tuple[tuple[slice, Side], ...] = ()
 
+    def within(self, rows: slice) -> Space:
+        """Return the arithmetic of some rows of X."""
+        kept = ((place, side) for place, side in self.attitudes if rows.start <= place.start < rows.stop)
+        return Space(tuple((slice(at.start - rows.start, at.stop - rows.start), side) for at, side in kept))
+
     def plus(self, x: Array, change: Array) -> Array:
         """Add deviations; shapes (size, n) that broadcast, as all below."""
         result = x + change

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from typing import Final
@@ -11,10 +13,10 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
-from mcnav.contract.history import Epochs, History, Panel
+from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import LinearSystem
-from mcnav.contract.quantities import Output, Source
-from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.quantities import TRUE_DISPERSION, Output, Source
+from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.systems.closed_loop.beliefs import believed_shares
 from mcnav.systems.closed_loop.departures import (
@@ -34,6 +36,7 @@ from mcnav.systems.closed_loop.records import schema_of
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.closed_loop.soundness import check_repeatable, remarks_on
+from mcnav.systems.closed_loop.start_times import Starts, check_starts, plan_starts
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.strapdown.shown import instrument_sources, shown_units
 from mcnav.systems.closed_loop.timeline import read_timeline
@@ -62,7 +65,20 @@ EARLY: Final = 0.8
 """Share of the nominal flight up to which epochs lie in any case."""
 
 ROUNDING: Final = 1e-9
-"""Share of a quantity's size below which its nominal values are rounding."""
+"""Share of a quantity's size below which its nominal values are rounding, and of the flight that tells instants apart.
+"""
+
+MOST_STARTS: Final = 61
+"""Start times of a study: each has a filter, and linear covariance, of its own."""
+
+START_CLOCK: Final = StartClock(
+    "min of the flight",
+    meaning="Until its navigator starts the vehicle flies by what is commanded without errors, dispersed by its errors "
+    "at the start of the flight and by its processes; nothing is measured. Then the navigator has its stated errors.",
+    compared="Starts at instants of the loop are compared, up to the first event by trigger.",
+    weighs=TRUE_DISPERSION,
+    instants=True,
+)
 
 
 class ClosedLoopScenario:
@@ -73,6 +89,8 @@ class ClosedLoopScenario:
     spec : UserScenarioSpec
     sizes : LoopSizes
         Of the errors, and as the filter believes them.
+    begun : Plan, optional
+        Of a navigator that starts within the flight.
 
     Raises
     ------
@@ -84,9 +102,13 @@ class ClosedLoopScenario:
     revision = REVISION
     outages: tuple[tuple[float, float], ...] = ()
 
-    def __init__(self, spec: UserScenarioSpec, sizes: LoopSizes) -> None:
+    start_clock = START_CLOCK
+
+    def __init__(self, spec: UserScenarioSpec, sizes: LoopSizes, begun: Plan | None = None) -> None:
         self.spec = spec
         self.sizes = sizes
+        self._begun = begun
+        self._ends: dict[float, tuple[Array, Array]] = {}
         self._object = spec.build_current()
         self._instance = with_navigator(self._object.value)
         self.maps = maps_of(self._instance, spec.name, sizes)
@@ -126,7 +148,7 @@ class ClosedLoopScenario:
     @property
     def can(self) -> frozenset[Capability]:
         """What the scenario can do."""
-        over_time = {Capability.LINEAR_OVER_TIME, Capability.EPOCHS, Capability.UPDATES}
+        over_time = {Capability.LINEAR_OVER_TIME, Capability.EPOCHS, Capability.UPDATES, Capability.START_TIMES}
         always = {Capability.USER_CODE, Capability.REMARKS, *over_time}
         noise = {Capability.NOISE} if self.noisy else set()
         return frozenset(always | noise | ({Capability.FILTER} if self.judged is not None else set()))
@@ -157,13 +179,19 @@ class ClosedLoopScenario:
     @cached_property
     def plan(self) -> Plan:
         """The linear system along the nominal; `ScenarioError` when the flight without errors fails."""
+        if self._begun is not None:
+            return self._begun
+        with self._running():
+            if self.maps.covariance is not None:
+                stated_covariance(self.maps, np.repeat(self._start[:, None], 3, axis=1), np.zeros(3))
+            return make_plan(self.maps, self._start, self.timeline, self.states, self.sizes.true, self.sizes.believed)
+
+    @contextmanager
+    def _running(self) -> Iterator[None]:
+        """Run code of the user's without errors; what fails is a `ScenarioError`."""
         with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
             try:
-                if self.maps.covariance is not None:
-                    stated_covariance(self.maps, np.repeat(self._start[:, None], 3, axis=1), np.zeros(3))
-                return make_plan(
-                    self.maps, self._start, self.timeline, self.states, self.sizes.true, self.sizes.believed
-                )
+                yield
             except ScenarioError:
                 raise
             except (Exception, SystemExit) as failure:
@@ -175,6 +203,8 @@ class ClosedLoopScenario:
         """Instants that are epochs, by number: cycle instants, evenly thinned, and the end."""
         triggered = self.maps.ends
         end = self.plan.end if triggered else len(self.timeline) - 1
+        if self._begun is not None:
+            return (end,)
         end_time = self.plan.end_time
         latest = max(EARLY * end_time, end_time - SURE * self._sigmas_of_times.get("end", 0.0)) if triggered else np.inf
         possible = [
@@ -300,21 +330,21 @@ class ClosedLoopScenario:
         setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
         with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
             try:
-                batch, result = check_repeatable(setup)
-                return (*remarks_on(setup, self._sigmas_of_times), *self._departures(setup, batch, result))
+                result = check_repeatable(setup)
+                return (*remarks_on(setup, self._sigmas_of_times), *self._departures(setup, result))
             except ScenarioError:
                 raise
             except (Exception, SystemExit) as failure:
                 message = f"flights with small errors failed: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
 
-    def _departures(self, setup: Setup, batch: Batch, result: SimulationResult) -> tuple[str, ...]:
+    def _departures(self, setup: Setup, result: SimulationResult) -> tuple[str, ...]:
         """Say what linear analysis says of the loop itself, and how a few samples depart from it."""
         names = tuple(output.name for output in self.outputs)
         start = self.sizes.true.start
         said = [*growth_of(self.readings, names, start), *singular_corrections(setup, self.readings, names)]
         sigma = sigmas_of(self.readings, start)[-1]
-        return tuple(said or departures_from_twins(setup, batch, result, sigma))
+        return tuple(said or departures_from_twins(setup, result, sigma))
 
     @cached_property
     def _sigmas_of_times(self) -> dict[str, float]:
@@ -332,8 +362,9 @@ class ClosedLoopScenario:
 
         Raises `ScenarioError` when the nominal flight fails, or samples depend on more than their errors and noise.
         """
-        self.remarks  # noqa: B018  fails where samples are not repeatable
-        schema, epochs = self.filter_schema, self.epochs
+        if self._begun is None:
+            self.remarks  # noqa: B018  fails where samples are not repeatable
+        schema, epochs = self.filter_schema if self._begun is None else None, self.epochs
         width = len(self.outputs) + (0 if schema is None else schema.width)
         chunk = int(np.clip(CHUNK_NUMBERS // (width * len(epochs.times)), 32, MOST_SAMPLES))
         instants = {number: epoch for epoch, number in enumerate(self._chosen)}
@@ -341,6 +372,53 @@ class ClosedLoopScenario:
             self.spec.pinned(self._object), self.sizes, self.plan, instants, len(self.outputs), chunk, self.accuracy,
             epochs, self.noisy, schema,
         )  # fmt: skip
+
+    def check_start_axes(self, axes: str) -> None:
+        """Refuse axes of another instant, and loops whose navigator has no other start."""
+        if axes != "start":
+            raise ScenarioError("axes", f"got {axes!r}; a closed loop has axes of its own: leave it out")
+        check_starts(self.maps)
+
+    @cached_property
+    def _starts(self) -> Starts:
+        with self._running():
+            return plan_starts(self.maps, self._start, self.timeline, self.states, self.sizes)
+
+    def start_times(self, count: int) -> Array:
+        """Choose evenly spaced instants of the loop up to the first event by trigger, and those of corrections, s."""
+        times = self._starts.times
+        wanted = np.linspace(times[0], times[-1], min(count, MOST_STARTS))
+        corrections = [instant.time for instant in self.timeline if instant.corrections and instant.time <= times[-1]]
+        return times[self._starts.nearest(np.concatenate([wanted, corrections]))]
+
+    def started_at(self, time: float, axes: str) -> ClosedLoopScenario:
+        """Start the navigator at an instant of the loop, s; see `mcnav.systems.closed_loop.start_times`."""
+        self.check_start_axes(axes)
+        times = self._starts.times
+        (number,) = self._starts.nearest(np.array([time]))
+        if abs(times[number] - time) > ROUNDING * self.plan.end_time:
+            message = (
+                f"got {time:g} s; the navigator starts at instants of the loop, the nearest is {times[number]:g} s"
+            )
+            raise ScenarioError("start", message)
+        with self._running():
+            return type(self)(self.spec, self.sizes, self._starts.plan_of(self._starts.begins[number]))
+
+    def partials_at(self, times: Array, axes: str = "start") -> Array:
+        """Compute the partial derivatives at the end for a navigator started at each time, (n, outputs, sources)."""
+        return np.array([partials for partials, _ in map(self._started_end, times.tolist())])
+
+    def noise_at(self, times: Array, axes: str = "start") -> Array:
+        """Compute the covariance by noise at the end for a navigator started at each time, (n, outputs, outputs)."""
+        return np.array([noise for _, noise in map(self._started_end, times.tolist())])
+
+    def _started_end(self, time: float) -> tuple[Array, Array]:
+        """Return partial derivatives and covariance by noise at the end."""
+        if time not in self._ends:
+            model = self.started_at(time, "start").linear().end
+            none = np.zeros((len(self.outputs),) * 2)
+            self._ends[time] = model.partials, sum(model.processes.values(), none)
+        return self._ends[time]
 
     def nominal(self) -> History:
         """Return the nominal truth and commands at all instants."""

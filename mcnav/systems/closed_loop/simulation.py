@@ -4,23 +4,37 @@ from __future__ import annotations
 
 import numpy as np
 
+from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.closed_loop.flight import Flight
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, Noise, NoNoise
 from mcnav.systems.closed_loop.records import Recorder
 from mcnav.systems.closed_loop.setup import Setup
+from mcnav.systems.closed_loop.waiting import begin, wait
 
 
-def simulate(setup: Setup, batch: Batch, noise: bool, over_time: bool = True) -> SimulationResult:
-    """Simulate samples; without ``over_time`` their final outputs alone, without linear outcomes."""
-    flight = _begin(setup, batch, noise, over_time)
+def simulate(
+    setup: Setup, batch: Batch, noise: bool, over_time: bool = True, shares: Array | None = None
+) -> SimulationResult:
+    """Simulate samples; without ``over_time`` their final outputs alone.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n,), optional
+        Multiple of each sample's noise.
+    """
+    flight = _begin(setup, batch, noise, over_time, shares)
     plan, last = setup.plan, len(setup.timeline) - 1
     with np.errstate(all="ignore"):
+        if plan.begin is not None:
+            wait(flight)
         for number, instant in enumerate(setup.timeline):
             flight.number = number
             for place, time in enumerate(instant.step_times().tolist()):
                 flight.step(instant, place, time)
+            if plan.begin is not None and number == plan.begin.number:
+                begin(flight, setup, batch.errors)
             if number <= plan.end:
                 flight.reach(plan.instants[number].covariance)
             flight.update(instant)
@@ -52,13 +66,13 @@ def simulate(setup: Setup, batch: Batch, noise: bool, over_time: bool = True) ->
     )
 
 
-def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool) -> Flight:
+def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool, shares: Array | None) -> Flight:
     """Start samples with their errors, and with their processes' values where there is noise."""
     maps, structure, count = setup.maps, setup.maps.structure, len(batch.errors)
     deviation = np.zeros((structure.size, count))
     for column, source in enumerate(structure.sources):
         deviation[list(source.moves)] += batch.errors[:, column]
-    draws = Noise(batch.seed, batch.index) if noise else NoNoise(count)
+    draws = Noise(batch.seed, batch.index, shares) if noise else NoNoise(count)
     if structure.markov.size:
         deviation[structure.markov.whole] = draws.draw(PROCESSES, structure.markov.size) * setup.true.markov[:, None]
     x = structure.started(setup.start, batch.errors, deviation)

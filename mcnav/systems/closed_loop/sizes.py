@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -62,10 +63,15 @@ class Sizes:
             corrections=tuple(share * each for each in self.corrections),
         )  # fmt: skip
 
-    @property
+    @cached_property
     def inputs(self) -> Array:
         """Densities of what enters a step: white noise, and what drives Gauss-Markov processes."""
         return np.concatenate([self.white, self.markov * np.sqrt(2.0 * self.decay)])
+
+    @cached_property
+    def modes(self) -> Array:
+        """The same for the two Legendre modes of a step, one after the other."""
+        return np.tile(self.inputs, 2)
 
 
 @dataclass(frozen=True)

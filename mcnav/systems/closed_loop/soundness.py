@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
 from typing import Final
 
 import numpy as np
@@ -10,12 +12,18 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
+from mcnav.systems.closed_loop.differences import COLUMNS
 from mcnav.systems.closed_loop.maps import Event
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.simulation import simulate
+from mcnav.systems.closed_loop.structure import Structure
 from mcnav.systems.closed_loop.timeline import Instant
 
 SAMPLES: Final = 3
+
+SMALL_SHARE: Final = 0.01
+"""Share of all errors and noise with which samples must follow their twins."""
+
 SEED: Final = 1966
 
 SAME: Final = 1e-9
@@ -27,12 +35,17 @@ LARGEST_INNOVATION: Final = 1e-3
 LARGEST_STEP_ERROR: Final = 1e-3
 """Change of X by halved steps, as a share of the quantity's size, over the whole flight."""
 
+NEARLY: Final = 1e-6
+"""Share of a quantity's size by which steps that are taken together may differ from those of the plan."""
+
 GRAZING: Final = 0.1
 """Sigma of the final time as a share of the flight from which on a trigger grazes."""
 
 
-def check_repeatable(setup: Setup) -> tuple[Batch, SimulationResult]:
-    """Simulate a few samples twice, with one call of each method between, and one alone; return them.
+def check_repeatable(setup: Setup) -> SimulationResult:
+    """Simulate a few samples, call each method once, and simulate one of them again, alone.
+
+    Return the samples; after them the same with `SMALL_SHARE` of all errors and noise.
 
     Raises
     ------
@@ -40,26 +53,38 @@ def check_repeatable(setup: Setup) -> tuple[Batch, SimulationResult]:
         When identical calls have other outcomes, or a sample depends on others.
     """
     errors = np.random.default_rng(SEED).standard_normal((SAMPLES, len(setup.maps.structure.sources)))
-    batch = Batch(np.arange(SAMPLES), errors * np.sqrt(np.maximum(np.diag(setup.true.start), 0.0)), SEED)
-    result = simulate(setup, batch, noise=True, over_time=False)
+    errors = np.tile(errors * np.sqrt(np.maximum(np.diag(setup.true.start), 0.0)), (2, 1))
+    shares = np.repeat([1.0, SMALL_SHARE], SAMPLES)
+    batch = Batch(np.tile(np.arange(SAMPLES), 2), errors * shares[:, None], SEED)
+    result = simulate(setup, batch, noise=True, over_time=False, shares=shares)
     _call_once(setup)
-    first, second = result.values, simulate(setup, batch, noise=True, over_time=False).values
-    if not np.array_equal(first, second, equal_nan=True):
-        raise ScenarioError(
-            "type",
-            "answers identical calls differently: is something random, or kept in self from one call to the next?",
-        )
-    alone = simulate(setup, batch[1:2], noise=True, over_time=False).values
+    first = result.values
+    try:
+        alone = simulate(setup, batch[1:2], noise=True, over_time=False).values
+    except Exception:
+        _repeat(setup, batch, shares, first)
+        raise
     scale = np.nan_to_num(np.abs(first)).max(axis=0) + np.abs(setup.floor) / SAME
     gaps = np.abs(first[1] - alone[0])
     if np.isnan(first[1]).any() != np.isnan(alone[0]).any() or np.any(gaps > SAME * scale):
+        _repeat(setup, batch, shares, first)
         output = setup.readout.outputs[int(np.nanargmax(gaps / np.where(scale > 0.0, scale, 1.0)))].name
         raise ScenarioError(
             "type",
             f"{output} of a sample changes with the samples beside it: is a mean or a sum taken over samples? "
             "A method must treat each by itself",
         )
-    return batch, result
+    return result
+
+
+def _repeat(setup: Setup, batch: Batch, shares: Array, first: Array) -> None:
+    """Raise `ScenarioError` when samples have other outcomes than before, shape (n, outputs)."""
+    again = simulate(setup, batch, noise=True, over_time=False, shares=shares).values
+    if not np.array_equal(first, again, equal_nan=True):
+        raise ScenarioError(
+            "type",
+            "answers identical calls differently: is something random, or kept in self from one call to the next?",
+        )
 
 
 def _call_once(setup: Setup) -> None:
@@ -141,14 +166,17 @@ def _near_updates(setup: Setup, event: Event, sigma: float) -> list[str]:
     time = setup.plan.event_times[event.name]
     near = max(sigma, SAME * setup.plan.end_time)
     after = next(number for number, instant in enumerate(setup.timeline) if instant.time >= time - near)
-    instants = [setup.timeline[max(after - 1, 0)], *setup.timeline[after : after + 2]]
+    instants = setup.timeline[max(after - 1, 0) : after + 2]
     told = "samples end before or after it" if event.kind == "end" else "it comes before or after it"
     changes = [(instant, _change_at(setup, instant)) for instant in instants if abs(instant.time - time) <= near]
+    at: dict[tuple[str, str], list[str]] = {}
+    for instant, change in changes:
+        if change is not None:
+            at.setdefault(change, []).append(f"{instant.time:.6g}")
     return [
-        f"{_trigger_of(event)} is met at {time:.6g} s, within one sigma of the {change[0]} at {instant.time:.6g} s: "
-        f"{told}, and {change[1]}"
-        for instant, change in changes
-        if change is not None
+        f"{_trigger_of(event)} is met at {time:.6g} s, within one sigma of the {what}{'s' * (len(times) > 1)} at "
+        f"{' and '.join(times)} s: {told}, and {meaning}"
+        for (what, meaning), times in at.items()
     ]
 
 
@@ -169,27 +197,22 @@ def _step_error(setup: Setup) -> list[str]:
 
     The difference of a step goes on as the linear system has it, so that what decays does not add up.
     """
-    maps, structure = setup.maps, setup.maps.structure
-    inputs, space = structure.white.size + structure.markov.size, structure.space
-    sides = np.concatenate([np.zeros((structure.size, 1)), np.diag(setup.steps), -np.diag(setup.steps)], axis=1)
-    white = np.zeros((2, inputs, sides.shape[1]))
-    fractions = np.repeat([1.0, 0.5], sides.shape[1])
+    structure, sizes = setup.maps.structure, _sizes(setup)
+    sides = _sides(structure, sizes)
     error, whole_error = np.zeros_like(sides), np.zeros(structure.size)
     largest, at = np.zeros(structure.size), np.zeros(structure.size)
+    halved = _halved(setup, sides)
     for planned in setup.plan.instants:
-        length, times = planned.instant.length, planned.instant.step_times()
-        for time, before, step in zip(times, planned.before, planned.steps, strict=False):
-            x, begin = space.plus(before[:, None], sides), np.full(sides.shape[1], time)
-            both = maps.step(np.tile(x, 2), np.tile(begin, 2), length, np.tile(white, 2), fractions)
-            whole, half = both[:, : x.shape[1]], both[:, x.shape[1] :]
-            added = space.minus(maps.step(half, begin + 0.5 * length, 0.5 * length, white), whole)
+        times = planned.instant.step_times()
+        for time, step in zip(times, planned.steps, strict=False):
+            added = next(halved)
             error = step.state @ error + added
             at = np.where(_largest(added) > largest, time, at)
             largest = np.maximum(_largest(added), largest)
             whole_error = np.maximum(whole_error, _largest(error))
         for update in planned.updates:
             error = update.state @ error
-    shares = whole_error / setup.steps
+    shares = whole_error / sizes
     worst = int(np.argmax(shares))
     if not shares[worst] > LARGEST_STEP_ERROR:
         return []
@@ -199,6 +222,77 @@ def _step_error(setup: Setup) -> list[str]:
         f"halved steps change {name} by {shares[worst]:.2g} of its size, most at {at[worst]:.4g} s: shorten step, or "
         "let the instants of measurements, commands or corrections be those at which rates jump"
     ]
+
+
+def _sizes(setup: Setup) -> Array:
+    """Return the sizes of X: of an estimate without errors of its own that of the truth, which it comes to follow."""
+    sizes, (places, counterparts) = setup.steps.copy(), setup.maps.structure.pairs
+    sizes[places] = np.maximum(sizes[places], sizes[counterparts])
+    return sizes
+
+
+def _sides(structure: Structure, sizes: Array) -> Array:
+    """Return the deviations at which steps are compared: none, and one size of what rates may depend on, both ways."""
+    moving = np.arange(structure.corrections.begin)
+    change = np.diag(sizes)[:, moving]
+    return np.concatenate([np.zeros((structure.size, 1)), change, -change], axis=1)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A step of the nominal: begin and length, s, and X there and after it, shape (size,); none after an event."""
+
+    time: float
+    length: float
+    before: Array
+    after: Array | None
+
+
+def _steps(setup: Setup) -> list[_Step]:
+    steps = []
+    for planned in setup.plan.instants:
+        times = planned.instant.step_times().tolist()
+        for place, (time, done) in enumerate(zip(times, planned.steps, strict=False)):
+            smooth = not done.moments and place + 1 < len(planned.before)
+            after = planned.before[place + 1] if smooth else None
+            steps.append(_Step(time, planned.instant.length, planned.before[place], after))
+    return steps
+
+
+def _halved(setup: Setup, sides: Array) -> Iterator[Array]:
+    """Return what two halves of each step add to X more than the whole step, at the sides, shape (size, sides).
+
+    Many steps of a length are taken at once; each by itself where that changes the nominal, as a method does that
+    takes all its times for the same.
+    """
+    space, steps, begin = setup.maps.structure.space, _steps(setup), 0
+    together = max(COLUMNS // sides.shape[1], 1)
+    while begin < len(steps):
+        length = steps[begin].length
+        possible = steps[begin : begin + together]
+        some = list(takewhile(lambda step: abs(step.length - length) <= SAME * length, possible))  # noqa: B023
+        added, reached = _compare(setup, some, sides)
+        gaps = [
+            np.abs(space.minus(one[:, None], step.after[:, None])[:, 0])
+            for one, step in zip(reached, some, strict=True)
+            if step.after is not None
+        ]
+        if len(some) > 1 and np.any(np.array(gaps) > NEARLY * setup.steps):
+            added = [_compare(setup, [step], sides)[0][0] for step in some]
+        yield from added
+        begin += len(some)
+
+
+def _compare(setup: Setup, steps: Sequence[_Step], sides: Array) -> tuple[list[Array], list[Array]]:
+    """Take steps of a length whole and in halves; return the differences at the sides, and X after whole ones."""
+    maps, count, length = setup.maps, len(steps), steps[0].length
+    space, inputs = maps.structure.space, maps.structure.white.size + maps.structure.markov.size
+    before = np.repeat(np.column_stack([step.before for step in steps]), sides.shape[1], axis=1)
+    x, begin = space.plus(before, np.tile(sides, count)), np.repeat([step.time for step in steps], sides.shape[1])
+    white = np.zeros((2, inputs, x.shape[1]))
+    whole, half = maps.step(x, begin, length, white), maps.step(x, begin, 0.5 * length, white)
+    added = space.minus(maps.step(half, begin + 0.5 * length, 0.5 * length, white), whole)
+    return np.split(added, count, axis=1), list(whole[:, :: sides.shape[1]].T)
 
 
 def _largest(change: Array) -> Array:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,14 @@ from mcnav.contract.quantities import Of
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
 from mcnav.systems.closed_loop.declarations import Correction, GaussMarkov, Measurement, Phase, Trigger, White
-from mcnav.systems.closed_loop.quantities import Block, Quantity, read_axes, read_quantities
+from mcnav.systems.closed_loop.quantities import Block, Quantity, View, read_axes, read_quantities
 from mcnav.systems.closed_loop.rotations import Space
 from mcnav.systems.user.settings import NAME, check_unit
+
+Part = Literal["both", "truth", "navigator"]
+"""What of a loop moves within a step: truth with its processes, navigator with what it remembers, or both."""
+
+PARTS: Final[tuple[Part, ...]] = ("both", "truth", "navigator")
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,21 @@ class Structure:
         """Sums and differences of X."""
         return Space(tuple(each for block in self.blocks for each in block.attitudes))
 
+    def rows(self, part: Part) -> slice:
+        """Return the rows of X that move within a step, with others between them; all of X for both."""
+        return self._rows[part]
+
+    @cached_property
+    def _rows(self) -> dict[Part, slice]:
+        truth = slice(self.truth.begin, self.markov.whole.stop)
+        navigator = slice(self.estimate.begin, self.memory.whole.stop)
+        return {"both": slice(0, self.size), "truth": truth, "navigator": navigator}
+
+    @cached_property
+    def spaces(self) -> dict[Part, Space]:
+        """Sums and differences of the rows of each part."""
+        return {part: self.space.within(self.rows(part)) for part in PARTS}
+
     @cached_property
     def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Places in X of what is estimated, and of its counterparts, each of shape (estimate.size,)."""
@@ -85,12 +105,41 @@ class Structure:
             counterparts += range(place.start, place.stop)
         return np.arange(self.estimate.begin, self.estimate.whole.stop), np.array(counterparts, dtype=np.intp)
 
+    @cached_property
+    def navigator(self) -> NDArray[np.intp]:
+        """Places in X of what a navigator keeps: estimate and memory."""
+        estimate, memory = self.estimate.whole, self.memory.whole
+        return np.concatenate([np.arange(each.start, each.stop) for each in (estimate, memory)])
+
     def navigation_errors(self, x: Array) -> Array:
         """Return ``x_hat - x``, shape (estimate.size, n), of attitudes as rotation vectors."""
         places, counterparts = self.pairs
         aligned = x.copy()
         aligned[places] = x[counterparts]
         return self.space.minus(x, aligned)[self.estimate.whole]
+
+    @cached_property
+    def known_parameters(self) -> dict[str, View]:
+        """How the navigator sees parameters: as it estimates them, else zero."""
+        return self._known(self.parameters)
+
+    def known_noise(self, with_white: bool) -> dict[str, View]:
+        """Return how the navigator sees processes: as it estimates them, else zero; white noise is zero."""
+        return self._known_processes if with_white else self._known_markov
+
+    @cached_property
+    def _known_markov(self) -> dict[str, View]:
+        return self._known(self.markov)
+
+    @cached_property
+    def _known_processes(self) -> dict[str, View]:
+        return self._known_markov | self._known(self.white)
+
+    def _known(self, block: Block) -> dict[str, View]:
+        return {
+            quantity.name: View(self.estimate.of(quantity.name) or quantity.size, bool(quantity.axes))
+            for quantity in block.quantities
+        }
 
     @property
     def remembers(self) -> bool:

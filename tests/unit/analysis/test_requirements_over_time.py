@@ -9,9 +9,12 @@ import pytest
 from scipy import stats
 
 from mcnav._types import Array
+from mcnav.analysis.accuracy_measures import requirement_measures
 from mcnav.analysis.requirements import Finding, Requirement, requirements_from
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time, largest_linear_quantile
 from mcnav.analysis.samples_needed import Counting, samples_needed
+from mcnav.contract.linear import CovarianceReadings
+from mcnav.contract.quantities import Output
 
 SIGMAS = np.array([1.0, 2.0, 3.0, 2.0])
 """Of each of three outputs at four epochs."""
@@ -129,3 +132,29 @@ def test_epochs_come_from_the_manifest() -> None:
     entry = {"kind": "sep", "outputs": ["a"], "limits": [3], "probability": 0.5, "when": "at 5 s", "epochs": [1, 2]}
     (found,) = requirements_from([entry], [{"name": "a"}])
     assert (found.when, found.epochs) == ("at 5 s", (1, 2))
+
+
+def test_a_size_over_time_has_its_exact_law() -> None:
+    """|N| of three axes at its largest, by scipy's chi; the output's own linear variance says nothing of it."""
+    given = histories(500)
+    sized = np.concatenate([given.errors, np.linalg.norm(given.errors, axis=2, keepdims=True)], axis=2)
+    assert given.covariance is not None
+    covariance = np.zeros((len(SIGMAS), 4, 4))
+    covariance[:, :3, :3] = given.covariance
+    known = replace(given, errors=sized, mean=np.zeros((len(SIGMAS), 4)), covariance=covariance, sizes={3: (0, 1, 2)})
+    found = judge_over_time(Requirement("quantile", (3,), (100.0,), 0.9973, "always", (0, 1, 2, 3)), known, 0.95)
+    assert found.linear == pytest.approx(3.0 * stats.chi(3).ppf(0.9973), rel=1e-6)
+    assert found.estimate == pytest.approx(found.linear, rel=0.2)
+
+
+def test_sweeps_of_a_size_have_its_exact_law() -> None:
+    """Rice's distribution, of a nominal of 3 and four axes of sigma 1: more axes than a radius has."""
+    outputs = [Output(f"n_{axis}", "m/s", "m/s", of="control") for axis in range(4)]
+    size = Output("n_size", "m/s", "m/s", of="control", size_of=tuple(output.name for output in outputs))
+    requirement = Requirement("quantile", (4,), (9.0,), 0.99, "", ())
+    (measure,) = requirement_measures([requirement], [*outputs, size])
+    covariance = np.diag([1.0, 1.0, 1.0, 1.0, 0.0])
+    readings = CovarianceReadings(np.zeros(1), np.array([[3.0, 0.0, 0.0, 0.0, 3.0]]), covariance[None], None)
+    exact = np.sqrt(stats.ncx2(4, 9.0).ppf(0.99))
+    assert replace(measure, readings=(0,)).value(readings) == pytest.approx(exact, rel=1e-6)
+    assert np.isnan(measure.own_value(replace(readings, own=np.full((1, 5, 5), np.nan))))  # no filter states it

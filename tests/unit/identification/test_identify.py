@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.fft import dct
 from scipy.linalg import toeplitz
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 from scipy.stats import binom
 
 from mcnav import identify_noise
@@ -127,7 +127,7 @@ def test_a_quantized_angle_is_found() -> None:
     ("disturbance", "told"),
     [
         (lambda time: 6.0 * N * time / time[-1], "trend"),
-        (lambda time: 0.15 * N * np.sin(2.0 * np.pi * 0.1 * time), "line"),
+        (lambda time: 0.15 * N * np.sin(2.0 * np.pi * 0.002 * time), "line"),
         (lambda time: N * (np.abs(time - 9_000.0) < 900.0) * np.random.default_rng(1).standard_normal(len(time)),
          "steadiness"),
     ],
@@ -139,6 +139,22 @@ def test_what_no_noise_model_has_is_told(disturbance: object, told: str) -> None
     assert noise.goodness.rejected
     assert noise.goodness.worst.name == told
     assert told in str(noise)
+
+
+def test_an_instrument_that_filters_its_readings() -> None:
+    """A low-pass filter at a fifth of half the rate, and a line above it: white noise is that of the lower spectrum."""
+    rng, count = np.random.default_rng(11), 40_000
+    white = N * np.sqrt(100.0) * rng.standard_normal(count)
+    line = 5.0 * N * np.sin(2.0 * np.pi * 37.0 * np.arange(count) / 100.0)
+    readings = lfilter(*butter(2, 0.2), white) + line
+    noise = identify_noise(readings, 0.01)
+    (estimate,) = noise.estimates
+    assert noise.part
+    assert 1.0 < noise.below < 10.0
+    assert estimate.low < N < estimate.high
+    assert not noise.goodness.rejected
+    assert "line at 37 Hz" in str(noise)
+    assert identify_noise(readings, 0.01, below=50.0).goodness.rejected
 
 
 @pytest.mark.parametrize(

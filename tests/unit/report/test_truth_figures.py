@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from rich.console import Console
+from scipy import stats
 
 from mcnav.analysis.envelopes import Envelopes
+from mcnav.analysis.multivariate import CorrelationDifference
 from mcnav.contract.quantities import KINDS, Output, kind_of, kinds_of
 from mcnav.report.document import Column, Table
 from mcnav.report.figures.marks import Line
@@ -20,6 +22,7 @@ from mcnav.report.html import parts_html
 from mcnav.report.kinds import planes, quantities
 from mcnav.report.sections.truth import correlation_rows, truth_section
 from mcnav.report.terminal_parts import fitted
+from mcnav.statistics.estimates import Estimate
 
 OUTPUTS = [
     Output("x", "m", "km"), Output("y", "m", "km"), Output("true_x", "m", "km", of="truth"),
@@ -59,7 +62,11 @@ def content(outputs: list[Output] = OUTPUTS, filtered: bool = True) -> Any:
         comparison=SimpleNamespace(
             covariance_linear=linear, covariance_paired=1.21 * linear, covariance_sample=1.21 * linear,
             mean_sample=np.arange(count) * 110.0,
+            joint=SimpleNamespace(correlations=[
+                CorrelationDifference((1, 3), 0.0, 0.0, Estimate(0.0, 0.05, 400.0)),
+            ]),
         ),
+        criterion=SimpleNamespace(confidence=0.95),
     )  # fmt: skip
 
 
@@ -153,6 +160,11 @@ def test_correlations_of_truth_and_navigation_error() -> None:
     assert list(rows) == ["x", "y"]
     assert (rows["x"].linear, rows["x"].flown) == pytest.approx((-1.0, -1.0))
     assert (rows["y"].linear, rows["y"].sigma_true, rows["y"].sigma_error) == pytest.approx((0.0, 0.5, 0.04))
+    half = np.tanh(0.05 * stats.t(400).ppf(0.9875))  # of two rows jointly
+    assert rows["y"].ends == pytest.approx((-half, half))
+    assert [rows[name].verdict for name in "xy"] == ["not tested", "inside"]
+    assert replace(rows["y"], linear=0.2).verdict == "outside"
+    assert replace(rows["y"], linear=-1.0, ends=(-1.0, -1.0 + 1e-15)).verdict == "inside"
 
 
 def test_without_outputs_of_truth_there_is_no_section() -> None:

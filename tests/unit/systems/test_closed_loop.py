@@ -11,6 +11,7 @@ import pytest
 from mcnav._types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.noise import Noise
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from tests.closed_loops import campaign
@@ -177,3 +178,33 @@ def test_noise_is_drawn_by_sample_and_stream() -> None:
     first = [whole.draw(1, 300), whole.draw(1, 7)]
     one.draw(2, 11)  # another stream
     np.testing.assert_array_equal(np.concatenate(first)[:, 1], one.draw(1, 307)[:, 0])
+
+
+def test_noise_is_that_of_numpys_generators_bit_for_bit() -> None:
+    samples, stream = np.array([0, 7, 2**40]), 0x636C_1000
+    noise = Noise(1966, samples)
+    drawn = np.concatenate([noise.draw(stream, count) for count in (1, 255, 300, 7, 60_000)])
+    counter = np.array([0, 0, 0, stream], dtype=np.uint64)
+    for sample, numbers in zip(samples, drawn.T, strict=True):
+        key = np.array([1966, sample], dtype=np.uint64)
+        numpys = np.random.Generator(np.random.Philox(counter=counter, key=key)).standard_normal(len(drawn))
+        np.testing.assert_array_equal(numbers, numpys)
+    assert np.abs(drawn).max() > 3.6542  # some in the tail of the lowest layer
+
+
+@pytest.mark.parametrize("name", ["Pendulum", "Braking"])
+def test_derivatives_of_truth_and_navigator_apart_are_those_of_both(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    described = campaign(name)
+    scenario: Any = described.scenario
+    assert scenario.maps.apart
+    errors = described.errors.draw("random", 5, 20, 0, 20)
+
+    def outcome() -> SimulationResult:
+        result: SimulationResult = scenario.engine("vectorised", errors).simulate(Batch(np.arange(20), errors, 5))
+        return result
+
+    apart = outcome()
+    monkeypatch.setattr(Maps, "apart", False)
+    both = outcome()
+    np.testing.assert_array_equal(apart.values, both.values)
+    np.testing.assert_array_equal(apart.filter_values, both.filter_values)

@@ -11,6 +11,8 @@ import pytest
 from mcnav.config.read import parse_campaign
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError
+from mcnav.systems.closed_loop.scenario import ClosedLoopScenario
+from tests.closed_loops import campaign
 
 HEAD = """
 import numpy as np
@@ -31,6 +33,8 @@ class Loop(ClosedLoop):
 """
 
 PUSH = "    corrections = (Correction('push', {}, lambda estimate: -0.1 * estimate.v, 'v'),)\n"
+
+RANGING = "    measurements = (Measurement('ranging', 'm', lambda truth: truth.x, interval=1.0, phases=({})),)\n"
 
 OUTPUTS = "    def outputs(self, {}):\n        return {}\n"
 PHASES = "    phases = (Phase('a'), {})\n"
@@ -133,6 +137,9 @@ def test_a_sound_loop_has_no_remarks(tmp_path: Path) -> None:
         (OWN + "    measurements = ()\n    def covariance(self):\n        return np.eye(2)\n", "no update of its own"),
         (PHASES.format("Phase('b')"), "b needs a time or a Trigger at which it begins"),
         (PHASES.format("Phase('a', 5.0)"), "a is there twice"),
+        (PHASES.format("Phase('b', 5.0)") + RANGING.format("'bb',"), "'bb', which is no phase; did you mean"),
+        (PHASES.format("Phase('b', Trigger(lambda time: time - 3.5, 9))") + RANGING.format("'a',"),
+         "ranging: a begins or ends by a trigger, at another time in each sample"),
         (PHASES.format("Phase('b', 'noon')"), "b must begin at a time after 0 s"),
         (PHASES.format("Phase('b', 5.0), Phase('c', 4.0)"), "c must begin at a time after 5 s"),
         (PHASES.format("Phase('b', Trigger(lambda time: time - 3.5, 9)), Phase('c', 8.0)"), "b may begin as late as"),
@@ -193,7 +200,7 @@ def test_mistakes_get_one_line(tmp_path: Path, changes: str, told: str) -> None:
         ("    measurements = (Measurement('ranging', 'm', lambda truth: truth.x, instants=[100.0]),)\n",
          "the filter has no measurement within the flight"),
         (PUSH.format("Trigger(lambda time, truth: time - 4.5 + 0.5 * truth.x, latest=9.0)"),
-         "the trigger of push is met at 4.5 s, within one sigma of the measurement at 4 s"),
+         "the trigger of push is met at 4.5 s, within one sigma of the measurements at 4 and 5 s: it comes before or"),
         (PUSH.format("Trigger(lambda time, truth: 1e-2 * (time - 4.5) + truth.x, latest=9.0)"),
          "the trigger of push grazes: one sigma of its time is"),
         ("    end = Trigger(lambda time: time - 8.0, latest=50.0)\n", "within one sigma of the measurement at 8 s"),
@@ -224,6 +231,29 @@ def test_errors_of_steps_that_decay_do_not_add_up(tmp_path: Path) -> None:
         return {"x": estimate.v, "v": sensed}
 """
     assert scenario(tmp_path, lag).remarks == ()
+
+
+def test_a_measurement_of_some_phases_is_made_from_their_begin_to_that_of_the_next(tmp_path: Path) -> None:
+    phases = PHASES.format("Phase('b', 3.0), Phase('c', 6.5), Phase('d', 8.0)")
+    limited = scenario(tmp_path, phases + RANGING.format("'b', 'd'"))
+    assert [each.time for each in limited.timeline if each.measurements] == [3.0, 4.0, 5.0, 6.0, 8.0, 9.0, 10.0]
+
+
+def test_steps_are_compared_one_by_one_where_a_method_takes_all_times_for_the_same(tmp_path: Path) -> None:
+    """Taken together, steps would have the force of the first one."""
+    swaying = """
+    step = 0.05
+    def rates(self, truth, time, command, noise):
+        return {"x": truth.v, "v": command + noise.gusts + np.sin(time[0])}
+"""
+    assert not any("halved steps" in remark for remark in scenario(tmp_path, swaying).remarks)
+
+
+def test_an_estimate_without_errors_of_its_own_has_the_size_of_its_truth() -> None:
+    """The navigator of a satellite 500 m from its place is told that it is there; steps of 20 s will do."""
+    loop = campaign("OrbitCorrection").scenario
+    assert isinstance(loop, ClosedLoopScenario)
+    assert not any("halved steps" in remark for remark in loop.remarks)
 
 
 @pytest.mark.parametrize(

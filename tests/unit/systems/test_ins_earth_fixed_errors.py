@@ -74,12 +74,16 @@ def test_responses_are_derivatives_of_the_innovation(name: str, platform: Platfo
     estimates = np.random.default_rng(2).standard_normal(len(sizes)) * sizes
     none = (np.zeros(sensor.size), np.zeros(sensor.size), np.zeros(3))
     reading = true_reading(aided, sensor, row)
-    innovation, response = sensor.innovation(row, deviated(true, np.zeros(9), reading), estimates, *none)
+    innovation, response = sensor.innovation(
+        sensor.true_at(row), deviated(true, np.zeros(9), reading), estimates, *none
+    )
     for column, size in enumerate(np.concatenate([DEVIATIONS, sizes])):
         step = np.zeros(9 + len(sizes))
         step[column] = size
         found = [
-            sensor.innovation(row, deviated(true, sign * step[:9], reading), estimates - sign * step[9:], *none)[0]
+            sensor.innovation(
+                sensor.true_at(row), deviated(true, sign * step[:9], reading), estimates - sign * step[9:], *none
+            )[0]
             for sign in (1.0, -1.0)
         ]
         expected = response @ step
@@ -117,11 +121,11 @@ def test_errors_of_a_measurement_are_those_of_its_states(name: str) -> None:
         size = size_of(state.name)
         constants = size * (np.array(names) == state.name)
         offsets, factors, arm = sensor.measurement_errors(constants, noise)
-        found, response = sensor.innovation(0, indicated, zero, offsets[0], factors, arm)
+        found, response = sensor.innovation(sensor.true_at(0), indicated, zero, offsets[0], factors, arm)
         assert np.any(found != 0.0)
         np.testing.assert_allclose(found, response[:, 9 + number] * size, rtol=1e-9, atol=1e-12)
         compensated, _ = sensor.innovation(
-            0, indicated, constants_of(model, state.name, size), offsets[0], factors, arm
+            sensor.true_at(0), indicated, constants_of(model, state.name, size), offsets[0], factors, arm
         )
         np.testing.assert_allclose(compensated, 0.0, atol=1e-9)
 

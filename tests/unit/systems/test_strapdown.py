@@ -61,7 +61,7 @@ def samples(random: np.random.Generator, count: int, scale: float) -> tuple[Valu
         assert names[place : place + len(axes)] == [f"{kind}_{axis}" for axis in axes]
         values[kind] = drawn[:, place : place + len(axes)]
         place += len(axes)
-    return Values("parameters", values), drawn
+    return Values.given("parameters", values), drawn
 
 
 def test_instruments_read_each_sample_with_its_own_errors() -> None:
@@ -70,7 +70,7 @@ def test_instruments_read_each_sample_with_its_own_errors() -> None:
     parameters, drawn = samples(random, 7, 1e-2)
     force, rate = random.standard_normal((2, 7, 3))
     noise = {name: random.standard_normal((7, 3)) for name in PROCESSES}
-    sensed = Strapdown().sense(force, rate, parameters, Values("noise", noise))
+    sensed = Strapdown().sense(force, rate, parameters, Values.given("noise", noise))
     for n in range(7):
         for name, own, law, errors in (
             ("rate", rate[n], force[n], drawn[n, :15]), ("force", force[n], force[n] ** 2, drawn[n, 15:]),
@@ -94,11 +94,13 @@ def test_what_is_estimated_rightly_is_compensated() -> None:
     force, rate = random.standard_normal((2, 5, 3))
     instability = {name: each for name, each in noise.items() if "instability" in name}
     navigator = Strapdown("moon", estimates=(*ERRORS, *instability))
-    sensed = navigator.sense(force, rate, Values("parameters", errors), Values("noise", noise))
+    sensed = navigator.sense(force, rate, Values.given("parameters", errors), Values.given("noise", noise))
     state = {"position": 2e6 * np.eye(3)[[0, 1, 2, 0, 1]], "velocity": random.standard_normal((5, 3)),
              "attitude": np.broadcast_to(np.eye(3), (5, 3, 3))}  # fmt: skip
-    moved = navigator.navigate(Values("estimate", {**state, **errors, **instability}), Values("sensed", sensed))
-    true = navigator.rates(Values("truth", state), force, rate)
+    moved = navigator.navigate(
+        Values.given("estimate", {**state, **errors, **instability}), Values.given("sensed", sensed)
+    )
+    true = navigator.rates(Values.given("truth", state), force, rate)
     for name, expected in true.items():
         np.testing.assert_allclose(moved[name], expected, rtol=1e-12, atol=1e-13)
 
@@ -113,7 +115,7 @@ def test_what_rests_stays_at_rest(site: tuple[float, ...] | None) -> None:
     pull = -MOON.gravitational_parameter * away / np.linalg.norm(away) ** 3
     spin = MOON.rotation_rate * navigator.frame.to_planet[2]
     state = {"position": position, "velocity": np.zeros((1, 3)), "attitude": np.eye(3)[None]}
-    moved = navigator.rates(Values("truth", state), np.cross(spin, np.cross(spin, away)) - pull, spin[None])
+    moved = navigator.rates(Values.given("truth", state), np.cross(spin, np.cross(spin, away)) - pull, spin[None])
     for change in moved.values():
         np.testing.assert_allclose(change, 0.0, atol=1e-14)
     above = float(navigator.altitude(position)[0])

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -31,15 +31,12 @@ from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
 from mcnav.systems.ins.imu.sample_noise import SampleNoise, draw_sample_noise
 from mcnav.systems.ins.linear.covariance import map_covariances
-from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY
-from mcnav.systems.ins.reference.collocation import AT_END, NODES, REASONS, STATE, WEIGHTS, WENT_ON, advance
-from mcnav.systems.ins.reference.compensation import Compensation, measure
-from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, gravitation_gradients
+from mcnav.systems.ins.reference.compensation import measure
+from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps
 from mcnav.systems.ins.reference.earth_fixed_sensors import SensorModel, SensorTruth
-from mcnav.systems.ins.reference.local_frame import LocalFrame
+from mcnav.systems.ins.reference.filtered_navigator import FilteredNavigator
 from mcnav.systems.ins.reference.mechanization import (
     LONGEST_STEP,
-    LOWEST_SHARE,
     NEAREST_POLE,
     SAME_INSTANT,
     Diverged,
@@ -48,7 +45,6 @@ from mcnav.systems.ins.reference.mechanization import (
 )
 from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, navigation_errors
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
-from mcnav.systems.ins.sensors.comparison import Indicated
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 LONGEST_FILTER_STEP: Final = 0.2
@@ -116,7 +112,7 @@ class AidedMechanization:
     @cached_property
     def stop_times(self) -> Array:
         """Instants of measurements and epochs after the start, s."""
-        instants = np.sort(np.concatenate([self.times, *(self._measured(sensor) for sensor in self.sensors)]))
+        instants = np.sort(np.concatenate([self.times, *(self.measured(sensor) for sensor in self.sensors)]))
         instants = instants[instants > self.start + SAME_INSTANT]
         return np.asarray(instants[np.diff(instants, prepend=-np.inf) > SAME_INSTANT])
 
@@ -147,7 +143,7 @@ class AidedMechanization:
         """Sensors with the truth at their instants."""
         models = []
         for sensor, believed in zip(self.sensors, self.model.beliefs.sensors, strict=True):
-            times = self.step_times[self._boundaries(self._measured(sensor))]
+            times = self.step_times[self._boundaries(self.measured(sensor))]
             rate = None
             if self.platform != "strapdown":
                 rate = self.truth.states(times, self.platform, self.start).rate
@@ -165,7 +161,7 @@ class AidedMechanization:
         longest = min([self.longest_filter_step, *(SHARE_OF_CORRELATION / rates[rates > 0.0])])
         updates: dict[int, list[tuple[int, int]]] = {}
         for number, sensor in enumerate(self.sensors):
-            for row, boundary in enumerate(self._boundaries(self._measured(sensor))):
+            for row, boundary in enumerate(self._boundaries(self.measured(sensor))):
                 updates.setdefault(int(boundary), []).append((number, row))
         epochs = np.searchsorted(self.epoch_steps, boundaries), np.searchsorted(self.epoch_steps, boundaries, "right")
         result = []
@@ -187,7 +183,7 @@ class AidedMechanization:
 
     def updated(self, sensor: int) -> IndexArray:
         """Return the steps at whose ends a sensor has its measurements, by its number."""
-        return self._boundaries(self._measured(self.sensors[sensor])) - 1
+        return self._boundaries(self.measured(self.sensors[sensor])) - 1
 
     def quiet(self) -> SampleNoise:
         """Return the noise of a sample without any."""
@@ -220,9 +216,9 @@ class AidedMechanization:
             raise ValueError(f"errors must have shape ({expected},), one for each constant; got {errors.shape}")
         if not np.all(np.isfinite(errors)):
             raise Diverged("the sample has errors that are not finite")
-        return _Flight(self, errors, self.quiet() if noise is None else noise).fly()
+        return AidedFlight(self, errors, self.quiet() if noise is None else noise).fly()
 
-    def _measured(self, sensor: Sensor) -> Array:
+    def measured(self, sensor: Sensor) -> Array:
         """Return the instants of a sensor within navigation."""
         return np.asarray(sensor.times[(sensor.times > self.start) & (sensor.times <= self.end + SAME_INSTANT)])
 
@@ -233,12 +229,10 @@ class AidedMechanization:
         return np.asarray(after - nearer, dtype=np.int64)
 
 
-class _Flight:
+class AidedFlight:
     """One sample on its way."""
 
     def __init__(self, engine: AidedMechanization, errors: Array, noise: SampleNoise) -> None:
-        from filterpy.kalman import KalmanFilter
-
         self.engine, self.noise, self.errors = engine, noise, errors
         self.earth, self.model = engine.truth.earth, engine.errors
         navigator = engine.navigator
@@ -253,11 +247,8 @@ class _Flight:
             navigator.readings.values[:steps], self.gyro, self.accelerometer, noise.gyro, noise.accelerometer
         )
         self.durations = np.diff(engine.step_times)
-        self.compensation = Compensation(self.model)
-        self.estimates, self.estimated_at = np.zeros(len(self.model.states)), engine.start
-        self.state = navigator.indicated_start(errors[: len(OUTPUTS)])
-        self.filter: Any = KalmanFilter(dim_x=self.model.size, dim_z=1)
-        self.filter.P = self.model.initial_covariance(self._frame().to_outputs(self.state[4:7]))
+        state = navigator.indicated_start(errors[: len(OUTPUTS)])
+        self.navigator = FilteredNavigator(self.earth, navigator.gravitation, self.model, state, engine.start)
         self.counts = [SensorCounts() for _ in engine.sensors]
         self.offsets = list(self._measurement_errors())
 
@@ -285,93 +276,55 @@ class _Flight:
         first = len(CONSTANTS)
         for model in self.engine.sensor_models:
             last = first + sum(1 for _ in model.sensor.constants())
-            shape = (len(model.truth.altitude), model.size)
+            shape = (len(self.engine.measured(model.sensor)), model.size)
             noise = self.noise.measurements.get(model.sensor.name, np.zeros(shape))
             yield model.measurement_errors(self.errors[first:last], noise)
             first = last
 
-    def _frame(self) -> LocalFrame:
-        return LocalFrame.at(self.earth, self.state[7:])
-
     def _advance(self, stop: Stop, steps: FilterSteps) -> None:
         """Integrate the indicated state and the filter's covariance to a stop."""
-        engine, navigator = self.engine, self.engine.navigator
         here = slice(stop.first, stop.last)
-        begins, durations = engine.step_times[here], self.durations[here]
-        elapsed = (begins - self.estimated_at)[:, None] + durations[:, None] * NODES
-        readings = self.compensation.compensate(self.measured[here], self.estimates, elapsed)
-        states = np.empty((len(durations) + 1, STATE))
-        states[0] = self.state
-        outcome, step = advance(
-            navigator.gravitation, self.earth.rotation_rate, LOWEST_SHARE * self.earth.radius, durations, readings,
-            self.state, states[1:],
-        )  # fmt: skip
-        if outcome != WENT_ON:
-            raise Diverged(f"{REASONS[outcome]} at {begins[step]:.1f} s")
-        middles = matrices(states[1:, :4] + states[:-1, :4])
-        means = np.einsum("p,npi->ni", WEIGHTS, readings)
-        gradients = gravitation_gradients(navigator.gravitation, states[steps.middles + 1, 7:])
-        transitions, noises = self.model.transitions(
-            self.earth.rotation_rate, steps, middles, means[:, :3], means[:, 3:], gradients
-        )
-        for transition, noise in zip(transitions, noises, strict=True):
-            self.filter.predict(F=transition, Q=noise)
-        self.state = states[-1]
-        self.estimates = self.estimates * np.exp(-self.model.decay_rates * (stop.time - self.estimated_at))
-        self.estimated_at = stop.time
+        begins, durations = self.engine.step_times[here], self.durations[here]
+        self.navigator.advance(self.measured[here], begins, durations, steps, stop.time)
 
     def _update(self, stop: Stop, sensor: int, row: int) -> None:
         """Update the filter by a measurement and correct the navigator."""
-        model = self.engine.sensor_models[sensor]
-        frame = self._frame()
-        axes = matrices(self.state[None, :4])[0]
-        indicated = Indicated(self.state[7:], self.state[4:7], axes, frame, self._reading(stop.last - 1))
+        model, navigator = self.engine.sensor_models[sensor], self.navigator
+        indicated = navigator.indicated(self._reading(stop.last - 1))
         offsets, factors, arm = self.offsets[sensor]
-        innovation, response = model.innovation(row, indicated, self.estimates, offsets[row], factors, arm)
+        true = model.true_at(row)
+        innovation, response = model.innovation(true, indicated, navigator.estimates, offsets[row], factors, arm)
         if not np.all(np.isfinite(innovation)):
             raise Diverged(f"an innovation of {model.sensor.name} ceased to be finite at {stop.time:.1f} s")
-        variances = np.diag(model.variances)
-        covariance = response @ self.filter.P @ response.T + variances
-        whitened = np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), innovation))
-        accepted = bool(whitened @ whitened <= model.threshold)
-        self.counts[sensor].add(whitened, accepted)
-        if not accepted:
-            return
-        _correct(self.filter, innovation, response, variances, covariance, self.model.considered)
-        change = self.filter.x[:, 0]
-        self.filter.x = np.zeros_like(self.filter.x)
-        self.state = self.state.copy()
-        self.state[:4] = _turned_back(self.state[:4], change[ATTITUDE])
-        self.state[4:7] -= change[VELOCITY]
-        self.state[7:] -= change[POSITION]
-        self.estimates = self.estimates + change[NAVIGATION:]
+        update = navigator.update(innovation, response, model.variances[row], model.threshold)
+        self.counts[sensor].add(update.whitened, update.accepted)
 
     def _reading(self, step: int) -> Array:
         """Compute what instruments read at the end of a step, compensated and without the noise of readings: (6,)."""
         here, nothing = slice(step, step + 1), np.zeros((1, 3))
         values = self.engine.navigator.readings.values[here]
         measured = measure(values, self.gyro, self.accelerometer, self.drifts[here], nothing)
-        return np.asarray(AT_END @ self.compensation.compensate(measured, self.estimates, np.zeros((1, 3)))[0])
+        return self.navigator.extrapolated(measured)
 
     def _read(self, epoch: int) -> tuple[Array, Array]:
         """Compute the navigation errors and the record at an epoch."""
         from scipy.spatial.transform import Rotation
 
-        engine = self.engine
-        if not np.hypot(self.state[7], self.state[8]) >= NEAREST_POLE * self.earth.radius:
+        engine, state = self.engine, self.navigator.state
+        if not np.hypot(state[7], state[8]) >= NEAREST_POLE * self.earth.radius:
             raise Diverged(f"the indicated position came near a pole at {engine.times[epoch]:.1f} s")
         here = slice(epoch, epoch + 1)
         all_true = engine.true_states
         true = EarthFixedStates(all_true.position[here], all_true.velocity[here], all_true.axes[here])
-        fixed_states = EarthFixedStates(self.state[None, 7:], self.state[None, 4:7], matrices(self.state[None, :4]))
+        fixed_states = EarthFixedStates(state[None, 7:], state[None, 4:7], matrices(state[None, :4]))
         errors = navigation_errors(self.earth, true, fixed_states)[0]
         turn = Rotation.from_matrix(fixed_states.axes[0] @ true.axes[0].T).as_rotvec()
-        states = self._true_values(epoch) - self.estimates
+        states = self._true_values(epoch) - self.navigator.estimates
         deviation = np.concatenate(
             [turn, fixed_states.velocity[0] - true.velocity[0], fixed_states.position[0] - true.position[0], states]
         )
-        to_outputs = self._frame().to_outputs(self.state[4:7])
-        own = self.filter.P
+        to_outputs = self.navigator.frame().to_outputs(state[4:7])
+        own = self.navigator.filter.P
         covariance = map_covariances(to_outputs, own[:NAVIGATION, :NAVIGATION])
         counts = [each.read() for each in self.counts]
         nees = normalized_errors(self.model, deviation, own, to_outputs)
@@ -387,30 +340,3 @@ class _Flight:
                 if name in self.noise.processes:
                     true_values[place] += self.noise.processes[name][epoch]
         return true_values
-
-
-def _correct(
-    kalman: Any, innovation: Array, response: Array, variances: Array, covariance: Array, considered: IndexArray
-) -> None:
-    """Update filterpy's filter; it has no method for considered states, whose gains are zero."""
-    if not len(considered):
-        kalman.update(innovation[:, None], R=variances, H=response)
-    else:
-        gain = np.linalg.solve(covariance, response @ kalman.P).T
-        gain[considered] = 0.0
-        left = np.eye(len(gain)) - gain @ response
-        kalman.x = kalman.x + gain @ innovation[:, None]
-        kalman.P = left @ kalman.P @ left.T + gain @ variances @ gain.T
-    kalman.P = 0.5 * (kalman.P + kalman.P.T)
-
-
-def _turned_back(quaternion: Array, vector: Array) -> Array:
-    """Rotate a quaternion, scalar first, back by a rotation vector of its outer axes."""
-    size = float(np.linalg.norm(vector))
-    scalar, part = np.cos(0.5 * size), -0.5 * np.sinc(size / (2.0 * np.pi)) * vector
-    w, u = quaternion[0], quaternion[1:]
-    a, b, c = part
-    x, y, z = u
-    across = np.array([b * z - c * y, c * x - a * z, a * y - b * x])  # np.cross takes ten times as long
-    back = np.concatenate([[scalar * w - part @ u], scalar * u + w * part + across])
-    return np.asarray(back / np.linalg.norm(back))

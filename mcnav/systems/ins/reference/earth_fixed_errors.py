@@ -95,6 +95,23 @@ def _reading(number: int, gyro: bool) -> tuple[int, int]:
 
 
 @dataclass(frozen=True)
+class Driving:
+    """White noise that drives an error model.
+
+    Attributes
+    ----------
+    gyro, accelerometer : ndarray, shape (3,)
+        N of the readings: rad/sqrt(s), m/s/sqrt(s).
+    states : ndarray, shape (q,)
+        Share of the own density of each of the other states, 0 or 1.
+    """
+
+    gyro: Array
+    accelerometer: Array
+    states: Array
+
+
+@dataclass(frozen=True)
 class ErrorModel:
     """System of the filter's states: psi, dv, dr and q others."""
 
@@ -163,27 +180,40 @@ class ErrorModel:
         -------
         tuple of ndarray, shape (K, 9 + q, 9 + q)
         """
-        count, size = len(steps.durations), self.size
-        system, coupling = self._system(spin, steps, axes, rates, forces, gradients)
-        white = np.zeros((count, size, size))
         imu: Imu = self.model.beliefs.imu
-        for place, noise in ((ATTITUDE, imu.gyro), (VELOCITY, imu.accelerometer)):
-            density = axes * noise.random_walk**2 @ np.swapaxes(axes, -1, -2)
-            white[:, place, place] = steps.mean(density)
-        others = np.arange(NAVIGATION, size)
-        white[:, others, others] = self._driven
+        everything = Driving(imu.gyro.random_walk, imu.accelerometer.random_walk, np.ones(len(self.states)))
+        whole, (noise,) = self.transitions_by_cause(spin, steps, axes, rates, forces, gradients, (everything,))
+        return whole, noise
+
+    def transitions_by_cause(
+        self, spin: float, steps: FilterSteps, axes: Array, rates: Array, forces: Array, gradients: Array,
+        causes: Sequence[Driving],
+    ) -> tuple[Array, list[Array]]:  # fmt: skip
+        """Compute the transitions as `transitions` does, and the noise that each of several causes adds."""
+        system, coupling = self._system(spin, steps, axes, rates, forces, gradients)
         square = system @ system
         cube, first, second = square @ system, system @ coupling, square @ coupling
         half, whole = (
             self._transition(each, (system, square, cube), (coupling, first, second)) for each in steps.integrals
         )
-        noise_ = white + 4.0 * (half @ white @ np.swapaxes(half, -1, -2)) + whole @ white @ np.swapaxes(whole, -1, -2)
-        noise_ *= (steps.durations / 6.0)[:, None, None]
+        return whole, [self._accumulated(steps, axes, half, whole, cause) for cause in causes]
+
+    def _accumulated(self, steps: FilterSteps, axes: Array, half: Array, whole: Array, cause: Driving) -> Array:
+        """Integrate the noise of a cause over the steps of the filter by Simpson's rule, shape (K, 9 + q, 9 + q)."""
+        size = self.size
+        white = np.zeros((len(steps.durations), size, size))
+        for place, random_walk in ((ATTITUDE, cause.gyro), (VELOCITY, cause.accelerometer)):
+            density = axes * random_walk**2 @ np.swapaxes(axes, -1, -2)
+            white[:, place, place] = steps.mean(density)
+        others = np.arange(NAVIGATION, size)
+        white[:, others, others] = self._driven * cause.states
+        noise = white + 4.0 * (half @ white @ np.swapaxes(half, -1, -2)) + whole @ white @ np.swapaxes(whole, -1, -2)
+        noise *= (steps.durations / 6.0)[:, None, None]
         # correlated errors of sensors drive no other state, and may be shorter than a step
         alone, variances = self._alone
         remaining = np.exp(-2.0 * np.outer(steps.durations, self.decay_rates[alone]))
-        noise_[:, NAVIGATION + alone, NAVIGATION + alone] = variances * (1.0 - remaining)
-        return whole, noise_
+        noise[:, NAVIGATION + alone, NAVIGATION + alone] = variances * cause.states[alone] * (1.0 - remaining)
+        return np.asarray(noise)
 
     def _system(
         self, spin: float, steps: FilterSteps, axes: Array, rates: Array, forces: Array, gradients: Array

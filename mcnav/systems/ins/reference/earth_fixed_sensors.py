@@ -97,8 +97,8 @@ class SensorModel:
     Attributes
     ----------
     sensor, believed : Sensor
-    truth : SensorTruth
-        At its instants.
+    truth : SensorTruth or None
+        At its instants; none for a sensor whose measurements are recorded.
     states : sequence of FilterState
         Of the filter, besides those of navigation.
     rotation_rate : float
@@ -107,7 +107,7 @@ class SensorModel:
 
     sensor: Sensor
     believed: Sensor
-    truth: SensorTruth
+    truth: SensorTruth | None
     states: Sequence[FilterState]
     rotation_rate: float
 
@@ -118,8 +118,9 @@ class SensorModel:
 
     @cached_property
     def variances(self) -> Array:
-        """Believed variances of the white noise, shape (c,)."""
-        return np.array([component.noise**2 for component in self.believed.components])
+        """Believed variances of the white noise, shape (u, c)."""
+        count = len(self.believed.times)
+        return np.stack([component.white_variances(count) for component in self.believed.components], axis=1)
 
     @cached_property
     def threshold(self) -> float:
@@ -172,6 +173,12 @@ class SensorModel:
         """The filter's states that are errors of the gyros."""
         return tuple(each for each in instrument_states(self.states) if each.gyro)
 
+    def true_at(self, row: int) -> TrueState:
+        """Return the truth at a measurement by its number."""
+        if self.truth is None:
+            raise ValueError(f"measurements of {self.sensor.name} are recorded, and have no truth")
+        return self.truth.at_row(row, self.sensor.lever_arm)
+
     def measurement_errors(self, constants: Array, noise: Array) -> tuple[Array, Array, Array]:
         """Split a sample's constant errors, in the order of `Sensor.constants`, and add the noise.
 
@@ -191,14 +198,14 @@ class SensorModel:
         return bias + noise, np.array(factors), np.array(arm)
 
     def innovation(
-        self, row: int, indicated: Indicated, estimates: Array, offset: Array, factors: Array, arm: Array
+        self, true: TrueState, indicated: Indicated, estimates: Array, offset: Array, factors: Array, arm: Array
     ) -> tuple[Array, Array]:
         """Compute an innovation and its response to the filter's states.
 
         Parameters
         ----------
-        row : int
-            Number of the measurement.
+        true : TrueState
+            At the measurement.
         estimates : ndarray, shape (q,)
             Of the filter's other states; zero for considered ones.
         offset, factors, arm : ndarray
@@ -211,10 +218,7 @@ class SensorModel:
         """
         innovation, response = np.empty(self.size), np.zeros((self.size, NAVIGATION + len(self.states)))
         used = self.believed.lever_arm + arm - self._arms @ estimates
-        at = Comparison(
-            self.truth.at_row(row, self.sensor.lever_arm), indicated, used, self._arms, self._gyros(indicated.reading),
-            self.rotation_rate,
-        )  # fmt: skip
+        at = Comparison(true, indicated, used, self._arms, self._gyros(indicated.reading), self.rotation_rate)
         added, scaled = self._added @ estimates, self._scaled @ estimates
         response[:, NAVIGATION:] = -self._added
         for quantity, (places, axes) in self._quantities.items():
@@ -226,9 +230,9 @@ class SensorModel:
             if QUANTITIES[quantity].scaled:
                 if difference.true is None:
                     raise ValueError(f"compare of {quantity} lacks the true value, which a scale factor needs")
-                true = difference.true[axes]
-                predicted = true + difference.value[axes]
-                innovation[places] += scaled[places] * predicted - factors[places] * true
+                true_value = difference.true[axes]
+                predicted = true_value + difference.value[axes]
+                innovation[places] += scaled[places] * predicted - factors[places] * true_value
                 response[places, :NAVIGATION] *= 1.0 + scaled[places, None]
                 response[places, NAVIGATION:] -= self._scaled[places] * predicted[:, None]
         return innovation, response

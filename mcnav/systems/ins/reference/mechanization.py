@@ -210,15 +210,15 @@ class Mechanization:
         inner = rows[(rows > self.start) & (rows < self.end)]
         knots = np.concatenate([[self.start], inner, [self.end]])
         if len(self.stops):
-            knots = _with_stops(knots, self.stops)
-        knots = _divide(knots, np.diff(knots) / (self.longest_step * (1.0 + 1e-9)))
+            knots = with_stops(knots, self.stops)
+        knots = divide(knots, np.diff(knots) / (self.longest_step * (1.0 + 1e-9)))
         widths = np.diff(knots)
         at = (knots[:-1, None] + widths[:, None] * NODES).ravel()
         blocks = [at[begin : begin + BLOCK] for begin in range(0, len(at), BLOCK)]
         rates = [self.truth.states(block, self.platform, self.start).rate for block in blocks]
         errors = _turn_error(np.concatenate(rates).reshape(-1, 3, 3), widths)
         # of n parts each errs by 1 / n^7 of it
-        return _divide(knots, (errors / LARGEST_TURN_ERROR) ** (1.0 / 7.0))
+        return divide(knots, (errors / LARGEST_TURN_ERROR) ** (1.0 / 7.0))
 
     def earth_fixed(self, times: Array) -> EarthFixedStates:
         """Evaluate the truth in earth-fixed axes."""
@@ -264,7 +264,7 @@ def _turn_error(rates: Array, widths: Array) -> Array:
     return np.asarray((even + odd) / 100_800.0)
 
 
-def _with_stops(knots: Array, stops: Array) -> Array:
+def with_stops(knots: Array, stops: Array) -> Array:
     """Merge stops into knots; a stop replaces a knot next to it."""
     at = np.searchsorted(stops, knots)
     before, after = stops[np.maximum(at - 1, 0)], stops[np.minimum(at, len(stops) - 1)]
@@ -272,7 +272,7 @@ def _with_stops(knots: Array, stops: Array) -> Array:
     return np.unique(np.concatenate([knots[distance > SAME_INSTANT], stops]))
 
 
-def _divide(knots: Array, shares: Array) -> Array:
+def divide(knots: Array, shares: Array) -> Array:
     """Divide each interval between knots into equal parts, at least as many as its share."""
     parts: IndexArray = np.maximum(np.ceil(shares), 1.0).astype(np.int64)
     number = np.repeat(np.arange(len(parts)), parts)

@@ -1,0 +1,1 @@
+"""Recorded data: tables of any format, records of inertial sensors, tracks."""

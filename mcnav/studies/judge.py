@@ -1,0 +1,92 @@
+"""A recorded flight judged by its campaign, and a table of errors of somebody else's filter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mcnav._threads import one_thread
+from mcnav.config.read import Campaign, campaign_from
+from mcnav.contract.recorded import FilteredRecord, RecordingError
+from mcnav.contract.scenario import ScenarioError
+from mcnav.errors import CampaignError, Problem
+from mcnav.files import indented_json, to_json, write_texts
+from mcnav.judgement.error_table import ErrorVerdict, judge_errors
+from mcnav.judgement.verdict import SIMULATED, TRIALS, Judgement, judge
+from mcnav.logs.log_error import LogError
+from mcnav.report import judged
+from mcnav.report import judged_errors as errors_report
+from mcnav.report.html import page_html
+from mcnav.report.judge_page import page
+from mcnav.studies.error_tables import read_error_table
+from mcnav.studies.recordings import RecordingFiles, read_recording, recordable
+
+JSON, PAGE = "judge.json", "judge.html"
+
+
+def judge_recording(
+    campaign: str | Path | Campaign | Mapping[str, Any], files: RecordingFiles, simulated: int = SIMULATED,
+    seed: int = 0,
+) -> Judgement:  # fmt: skip
+    """Take the filter of a campaign through a recorded flight, and judge the record.
+
+    Parameters
+    ----------
+    campaign : path, Campaign or mapping
+        Campaign file, `Campaign`, or a dictionary shaped like a file.
+    files : RecordingFiles
+        Of the recorded flight.
+    simulated : int
+        Simulated records that it is compared with.
+    seed : int
+        Of these.
+
+    Raises
+    ------
+    CampaignError
+        When a file cannot be read, or the filter cannot go through the record.
+    """
+    return _judged(campaign_from(campaign), files, simulated, seed)[1]
+
+
+def _judged(campaign: Campaign, files: RecordingFiles, simulated: int, seed: int) -> tuple[FilteredRecord, Judgement]:
+    recording, notes = read_recording(campaign, files)
+    scenario = recordable(campaign)
+    try:
+        with one_thread():
+            mean = np.asarray(campaign.errors.mean)
+            record = scenario.filter_recording(recording, mean, campaign.errors.covariance)
+            judgement = judge(record, simulated, min(TRIALS, simulated), seed)
+    except RecordingError as problem:
+        raise LogError(files.imu, str(problem)) from None
+    except ScenarioError as problem:
+        raise CampaignError([Problem(campaign.file, problem.key, str(problem))]) from None
+    return record, replace(judgement, notes=(*notes, *judgement.notes))
+
+
+def write_judgement(
+    campaign: Campaign, files: RecordingFiles, folder: Path, simulated: int = SIMULATED, seed: int = 0
+) -> tuple[Judgement, list[Path]]:
+    """Judge a recorded flight; write its page and ``judge.json``."""
+    record, judgement = _judged(campaign, files, simulated, seed)
+    texts = {
+        JSON: indented_json(to_json({"campaign": campaign.name, **judged.content(judgement)})),
+        PAGE: page_html(page(campaign.name, record, judgement)),
+    }
+    return judgement, write_texts(folder, texts)
+
+
+def write_error_judgement(table: Path, folder: Path) -> tuple[Sequence[ErrorVerdict], list[Path]]:
+    """Judge a table of errors, sigmas and innovations; write its page and ``judge.json``."""
+    errors = read_error_table(table)
+    with one_thread():
+        verdicts = judge_errors(errors)
+    texts = {
+        JSON: indented_json(to_json({"table": table.name, **errors_report.content(verdicts)})),
+        PAGE: page_html(errors_report.page(table.name, errors, verdicts)),
+    }
+    return verdicts, write_texts(folder, texts)

@@ -1,0 +1,249 @@
+"""Recorded flights: read from files, and written as such from a simulated sample."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.config.read import Campaign
+from mcnav.contract.recorded import RecordedMeasurements, RecordedTrack, Recording
+from mcnav.contract.scenario import RecordingScenario, can_be_recorded
+from mcnav.errors import CampaignError, Problem
+from mcnav.execution.chunks import DrawPlan
+from mcnav.files import write_texts
+from mcnav.logs.imu_log import read_imu_log
+from mcnav.logs.log_error import LogError
+from mcnav.logs.tables import read_table
+from mcnav.logs.track import Track, read_track
+from mcnav.units import UnitError, conversion
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+IMU, REFERENCE, START = "imu.csv", "reference.csv", "start.csv"
+
+ANGLES: Final = ("roll", "pitch", "heading")
+POSITION: Final = ("latitude", "longitude", "altitude")
+LEVEL: Final = ("north", "east", "down")
+
+COLUMNS: Final[Mapping[str, tuple[tuple[str, str], ...]]] = {
+    "position": (("latitude", "rad"), ("longitude", "rad"), ("altitude", "m")),
+    "velocity": tuple((f"velocity_{axis}", "m/s") for axis in LEVEL),
+    "altitude": (("altitude", "m"),),
+    "attitude": tuple((name, "rad") for name in ANGLES),
+    "body_velocity": tuple((f"velocity_{axis}", "m/s") for axis in "xyz"),
+    "heading": (("heading", "rad"),),
+}
+"""Columns of a recorded quantity and their SI units."""
+
+
+@dataclass(frozen=True)
+class RecordingFiles:
+    """Files of a recorded flight.
+
+    Attributes
+    ----------
+    measurements : mapping of str to Path
+        By the names of the sensors.
+    columns, units : mapping of str to str
+        Of the readings, as `read_imu_log` takes them.
+    """
+
+    imu: Path
+    measurements: Mapping[str, Path]
+    reference: Path | None = None
+    start: Path | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+def recordable(campaign: Campaign) -> RecordingScenario:
+    """Return the scenario of a campaign whose filter can be taken through recorded flights."""
+    scenario = campaign.scenario
+    if not can_be_recorded(scenario):
+        message = 'its flights cannot be recorded; expected type = "ins" with [[aiding]] and [filter]'
+        raise CampaignError([Problem(campaign.file, "scenario.type", message)])
+    return scenario
+
+
+def read_recording(campaign: Campaign, files: RecordingFiles) -> tuple[Recording, tuple[str, ...]]:
+    """Read a recorded flight; return it and what was noticed in its files, a line each."""
+    scenario = recordable(campaign)
+    names = list(scenario.filter_schema.sensors) if scenario.filter_schema is not None else []
+    if unknown := [name for name in files.measurements if name not in names]:
+        known = ", ".join(names) or "none"
+        raise LogError(
+            files.measurements[unknown[0]], f"is of {unknown[0]!r}, and the campaign has no such sensor; it has {known}"
+        )
+    log = read_imu_log(files.imu, files.columns, files.units)
+    if log.gyro is None or log.accelerometer is None:
+        raise LogError(files.imu, "lacks gyros or accelerometers; a navigator needs both")
+    notes = [f"{files.imu.name}: {note}" for note in log.notes]
+    zero = log.start - log.interval
+    ends = log.time + log.interval
+    measurements = {}
+    for name, path in files.measurements.items():
+        measured, noticed = _read_measurements(path, zero)
+        _check_overlap(path, measured.times, ends, files.imu)
+        measurements[name] = measured
+        notes += noticed
+    reference = start = None
+    if files.reference is not None:
+        track = read_track(files.reference)
+        reference = _recorded_track(track, zero)
+        _check_overlap(files.reference, reference.times, ends, files.imu)
+        notes += [f"{files.reference.name}: {note}" for note in track.notes]
+    if files.start is not None:
+        start = _start(files.start, zero)
+    else:
+        notes.append("navigation starts where the campaign's trajectory does; --start FILE gives another state")
+    return Recording(ends, log.gyro, log.accelerometer, measurements, start, reference), tuple(notes)
+
+
+def _recorded_track(track: Track, zero: float) -> RecordedTrack:
+    position = np.stack([track.latitude, track.longitude, track.altitude], axis=1)
+    return RecordedTrack(
+        track.time + (track.start - zero), position, track.velocity, track.attitude, track.position_sigma,
+        track.velocity_sigma,
+    )  # fmt: skip
+
+
+def _check_overlap(path: Path, times: Array, ends: Array, imu: Path) -> None:
+    """Refuse a file whose times are not those of the readings."""
+    if times[-1] < ends[0] or times[0] > ends[-1]:
+        between = f"{times[0]:.6g} to {times[-1]:.6g} s after the first reading of {imu.name}"
+        message = f"lasts from {between}, which has {ends[-1]:.6g} s; both must have the same clock"
+        raise LogError(path, message, "time")
+
+
+def _read_measurements(path: Path, zero: float) -> tuple[RecordedMeasurements, list[str]]:
+    """Read the measurements of a sensor: a track, or a table with the columns of `COLUMNS`."""
+    table = read_table(path)
+    named = _by_plain_name(table)
+    if not ("latitude" in named or _is_track(path)):
+        return _tabulated(path, named, zero), []
+    track = read_track(path)
+    recorded = _recorded_track(track, zero)
+    values = {"position": recorded.position, "altitude": recorded.position[:, 2:]}
+    if track.velocity is not None:
+        values["velocity"] = track.velocity
+    if track.attitude is not None:
+        values |= {"attitude": track.attitude, "heading": track.attitude[:, 2:]}
+    return RecordedMeasurements(recorded.times, values), [f"{path.name}: {note}" for note in track.notes]
+
+
+def _is_track(path: Path) -> bool:
+    try:
+        read_track(path)
+    except LogError:
+        return False
+    return True
+
+
+def _by_plain_name(table: pd.DataFrame) -> dict[str, tuple[Array, str]]:
+    """Return columns and their units by names without units."""
+    result = {}
+    for name in table.columns:
+        plain, _, unit = str(name).partition("[")
+        result[plain.strip().lower().replace(" ", "_")] = (table[name].to_numpy(), unit.strip(" ]"))
+    return result
+
+
+def _tabulated(path: Path, named: Mapping[str, tuple[Array, str]], zero: float) -> RecordedMeasurements:
+    """Read quantities from columns with the names of `COLUMNS`."""
+    if "time" not in named:
+        raise LogError(path, "has no column time")
+    values = {}
+    for quantity, columns in COLUMNS.items():
+        if all(name in named for name, _ in columns):
+            values[quantity] = np.stack([_in_si(path, name, *named[name], unit) for name, unit in columns], axis=1)
+    if not values:
+        known = "; ".join(", ".join(name for name, _ in columns) for columns in COLUMNS.values())
+        raise LogError(path, f"has no measurements; expected the columns {known}")
+    times = _in_si(path, "time", *named["time"], "s")
+    rising = np.diff(times) > 0.0
+    if not np.all(rising):
+        raise LogError(path, f"falls or repeats in row {int(np.argmin(rising)) + 2}; expected rising times", "time")
+    return RecordedMeasurements(times - zero, values)
+
+
+def _in_si(path: Path, name: str, values: Array, unit: str, wanted: str) -> Array:
+    try:
+        factor = conversion(unit, wanted) if unit else 1.0
+        numbers = np.asarray(values, dtype=float)
+    except (UnitError, ValueError) as problem:
+        raise LogError(path, str(problem), name) from None
+    if not np.all(np.isfinite(numbers)):
+        raise LogError(path, f"has no number in row {int(np.argmin(np.isfinite(numbers))) + 1}", name)
+    return factor * numbers
+
+
+def _start(path: Path, zero: float) -> RecordedTrack:
+    """Read the state at the start: of the row nearest to it."""
+    named = _by_plain_name(read_table(path))
+    names = [*COLUMNS["position"], *COLUMNS["velocity"], *COLUMNS["attitude"]]
+    if absent := [name for name, _ in names if name not in named]:
+        raise LogError(path, f"lacks {absent[0]}; the state at the start needs {', '.join(name for name, _ in names)}")
+    columns = [_in_si(path, name, *named[name], unit) for name, unit in names]
+    row = 0
+    if "time" in named:
+        row = int(np.argmin(np.abs(_in_si(path, "time", *named["time"], "s") - zero)))
+    state = np.array([column[row] for column in columns])
+    return RecordedTrack(np.zeros(1), state[None, :3], state[None, 3:6], state[None, 6:])
+
+
+def record_sample(campaign: Campaign, index: int, interval: float) -> Recording:
+    """Record one sample of a campaign, with readings over intervals, s."""
+    scenario = recordable(campaign)
+    if not 0 <= index < campaign.samples:
+        message = f"got sample {index}; they run from 0 to {campaign.samples - 1}"
+        raise CampaignError([Problem(campaign.file, "samples", message)])
+    draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
+    errors = draws.batch(index, index + 1).errors[0]
+    return scenario.simulate_recording(errors, campaign.seed, index, interval)
+
+
+def write_recording(campaign: Campaign, index: int, interval: float, folder: Path) -> list[Path]:
+    """Write a recorded sample: readings, measurements of each sensor, the truth as reference, the indicated start.
+
+    Stamps are those of the ends of the readings' intervals, s after the start of navigation.
+    """
+    recording = record_sample(campaign, index, interval)
+    axes = [f"{name}_{axis}" for name in ("gyro", "accelerometer") for axis in "xyz"]
+    units = ["rad/s"] * 3 + ["m/s^2"] * 3
+    readings = np.column_stack([recording.ends, recording.gyro, recording.accelerometer])
+    texts = {IMU: _csv(["time [s]", *(f"{a} [{u}]" for a, u in zip(axes, units, strict=True))], readings)}
+    for name, measured in recording.measurements.items():
+        columns, values = ["time [s]"], [measured.times[:, None]]
+        for quantity, each in measured.values.items():
+            columns += [f"{column} [{unit}]" for column, unit in COLUMNS[quantity]]
+            values.append(each)
+        texts[f"{name}.csv"] = _csv(columns, np.concatenate(values, axis=1))
+    for file, track in ((REFERENCE, recording.reference), (START, recording.start)):
+        if track is not None:
+            texts[file] = _csv(*_columns_of(track))
+    return write_texts(folder, texts)
+
+
+def _columns_of(track: RecordedTrack) -> tuple[list[str], Array]:
+    names, values = ["time [s]"], [track.times[:, None]]
+    for quantity, each in (("position", track.position), ("velocity", track.velocity), ("attitude", track.attitude)):
+        if each is not None:
+            names += [f"{name} [{unit}]" for name, unit in COLUMNS[quantity]]
+            values.append(each)
+    return names, np.concatenate(values, axis=1)
+
+
+def _csv(names: Sequence[str], values: Array) -> str:
+    return "\n".join(_rows(names, values)) + "\n"
+
+
+def _rows(names: Sequence[str], values: Array) -> Iterator[str]:
+    yield ",".join(names)
+    for row in values:
+        yield ",".join(f"{value:.15g}" for value in row)

@@ -1,0 +1,1 @@
+"""The aided navigator on recorded readings and measurements, and recordings made of simulated samples."""

@@ -1,0 +1,185 @@
+"""An inertial navigator with its error-state filter, in earth-fixed axes: it takes readings and measurements.
+
+The indicated state is integrated from compensated readings (`mcnav.systems.ins.reference.collocation`,
+`mcnav.systems.ins.reference.compensation`); the filter is filterpy's `KalmanFilter` with an error model along the
+indicated trajectory (`mcnav.systems.ins.reference.earth_fixed_errors`). Where readings and measurements come from is
+the matter of others: of a sample along a truth (`mcnav.systems.ins.reference.aided`), or of a recording
+(`mcnav.systems.ins.recorded`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.systems.ins.earth import Earth
+from mcnav.systems.ins.filter.model import NAVIGATION
+from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY
+from mcnav.systems.ins.reference.collocation import AT_END, NODES, REASONS, STATE, WEIGHTS, WENT_ON, advance
+from mcnav.systems.ins.reference.compensation import Compensation
+from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, gravitation_gradients
+from mcnav.systems.ins.reference.local_frame import LocalFrame
+from mcnav.systems.ins.reference.mechanization import LOWEST_SHARE, Diverged, matrices
+from mcnav.systems.ins.sensors.comparison import Indicated
+
+
+class Passage(NamedTuple):
+    """Steps that were navigated, n of them: the arguments of an error model, and the filter's transitions over K steps.
+
+    Attributes
+    ----------
+    axes : ndarray, shape (n, 3, 3)
+    rates, forces : ndarray, shape (n, 3)
+    gradients : ndarray, shape (K, 3, 3)
+    transitions : ndarray, shape (K, 9 + q, 9 + q)
+    """
+
+    axes: Array
+    rates: Array
+    forces: Array
+    gradients: Array
+    transitions: Array
+
+
+@dataclass(frozen=True)
+class Update:
+    """What a filter made of a measurement.
+
+    Attributes
+    ----------
+    whitened : ndarray, shape (c,)
+        The innovation divided by the Cholesky factor of its covariance.
+    covariance : ndarray, shape (c, c)
+        Of the innovation, as the filter believes.
+    gain : ndarray, shape (9 + q, c)
+        Zero where it was rejected.
+    accepted : bool
+    """
+
+    whitened: Array
+    covariance: Array
+    gain: Array
+    accepted: bool
+
+
+class FilteredNavigator:
+    """A navigator and its filter on their way.
+
+    Parameters
+    ----------
+    gravitation : ndarray
+        Constants of the gravitation.
+    state : ndarray, shape (10,)
+        Indicated quaternion, velocity and position at the start.
+    start : float
+        s.
+    """
+
+    def __init__(self, earth: Earth, gravitation: Array, model: ErrorModel, state: Array, start: float) -> None:
+        from filterpy.kalman import KalmanFilter
+
+        self.earth, self.gravitation, self.model = earth, gravitation, model
+        self.compensation = Compensation(model)
+        self.estimates, self.estimated_at = np.zeros(len(model.states)), start
+        self.state = state
+        self.filter: Any = KalmanFilter(dim_x=model.size, dim_z=1)
+        self.filter.P = model.initial_covariance(self.frame().to_outputs(state[4:7]))
+
+    def frame(self) -> LocalFrame:
+        """Return the local axes at the indicated position."""
+        return LocalFrame.at(self.earth, self.state[7:])
+
+    def advance(self, measured: Array, begins: Array, durations: Array, steps: FilterSteps, until: float) -> Passage:
+        """Integrate the indicated state and the filter's covariance over n steps, to an instant.
+
+        Parameters
+        ----------
+        measured : ndarray, shape (n, 3, 6)
+            Readings at the Gauss points of the steps.
+        begins, durations : ndarray, shape (n,)
+            Of the steps, s.
+
+        Raises
+        ------
+        Diverged
+            When the indicated state breaks down.
+        """
+        elapsed = (begins - self.estimated_at)[:, None] + durations[:, None] * NODES
+        readings = self.compensation.compensate(measured, self.estimates, elapsed)
+        states = np.empty((len(durations) + 1, STATE))
+        states[0] = self.state
+        outcome, step = advance(
+            self.gravitation, self.earth.rotation_rate, LOWEST_SHARE * self.earth.radius, durations, readings,
+            self.state, states[1:],
+        )  # fmt: skip
+        if outcome != WENT_ON:
+            raise Diverged(f"{REASONS[outcome]} at {begins[step]:.1f} s")
+        middles = matrices(states[1:, :4] + states[:-1, :4])
+        means = np.einsum("p,npi->ni", WEIGHTS, readings)
+        gradients = gravitation_gradients(self.gravitation, states[steps.middles + 1, 7:])
+        passed = (middles, means[:, :3], means[:, 3:], gradients)
+        transitions, noises = self.model.transitions(self.earth.rotation_rate, steps, *passed)
+        for transition, noise in zip(transitions, noises, strict=True):
+            self.filter.predict(F=transition, Q=noise)
+        self.state = states[-1]
+        self.estimates = self.estimates * np.exp(-self.model.decay_rates * (until - self.estimated_at))
+        self.estimated_at = until
+        return Passage(*passed, transitions)
+
+    def indicated(self, reading: Array) -> Indicated:
+        """Return the indicated state, with a compensated reading, shape (6,), at the same instant."""
+        axes = matrices(self.state[None, :4])[0]
+        return Indicated(self.state[7:], self.state[4:7], axes, self.frame(), reading)
+
+    def extrapolated(self, measured: Array) -> Array:
+        """Compensate the readings of one step, shape (1, 3, 6), and extrapolate them to its end: shape (6,)."""
+        return np.asarray(AT_END @ self.compensation.compensate(measured, self.estimates, np.zeros((1, 3)))[0])
+
+    def update(self, innovation: Array, response: Array, variances: Array, threshold: float) -> Update:
+        """Update the filter by an innovation, if its normalized square is within a threshold; correct the navigator."""
+        noise = np.diag(variances)
+        covariance = response @ self.filter.P @ response.T + noise
+        whitened = np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), innovation))
+        if not whitened @ whitened <= threshold:
+            return Update(whitened, covariance, np.zeros((self.model.size, len(innovation))), False)
+        gain = _correct(self.filter, innovation, response, noise, covariance, self.model.considered)
+        change = self.filter.x[:, 0]
+        self.filter.x = np.zeros_like(self.filter.x)
+        self.state = self.state.copy()
+        self.state[:4] = _turned_back(self.state[:4], change[ATTITUDE])
+        self.state[4:7] -= change[VELOCITY]
+        self.state[7:] -= change[POSITION]
+        self.estimates = self.estimates + change[NAVIGATION:]
+        return Update(whitened, covariance, gain, True)
+
+
+def _correct(
+    kalman: Any, innovation: Array, response: Array, variances: Array, covariance: Array, considered: IndexArray
+) -> Array:
+    """Update filterpy's filter and return the gain; it has no method for considered states, whose gains are zero."""
+    if not len(considered):
+        kalman.update(innovation[:, None], R=variances, H=response)
+        gain = np.asarray(kalman.K)
+    else:
+        gain = np.linalg.solve(covariance, response @ kalman.P).T
+        gain[considered] = 0.0
+        left = np.eye(len(gain)) - gain @ response
+        kalman.x = kalman.x + gain @ innovation[:, None]
+        kalman.P = left @ kalman.P @ left.T + gain @ variances @ gain.T
+    kalman.P = 0.5 * (kalman.P + kalman.P.T)
+    return np.asarray(gain)
+
+
+def _turned_back(quaternion: Array, vector: Array) -> Array:
+    """Rotate a quaternion, scalar first, back by a rotation vector of its outer axes."""
+    size = float(np.linalg.norm(vector))
+    scalar, part = np.cos(0.5 * size), -0.5 * np.sinc(size / (2.0 * np.pi)) * vector
+    w, u = quaternion[0], quaternion[1:]
+    a, b, c = part
+    x, y, z = u
+    across = np.array([b * z - c * y, c * x - a * z, a * y - b * x])  # np.cross takes ten times as long
+    back = np.concatenate([[scalar * w - part @ u], scalar * u + w * part + across])
+    return np.asarray(back / np.linalg.norm(back))

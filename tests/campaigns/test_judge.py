@@ -1,0 +1,138 @@
+"""``mcnav record`` and ``mcnav judge``: files of a recorded flight, the verdict on it, one line for each mistake."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mcnav.cli import app
+from tests.recorded_flights import SHORT
+
+RUNNER = CliRunner()
+
+
+@cache
+def place() -> Path:
+    return Path(mkdtemp(prefix="mcnav-judge-"))
+
+
+@cache
+def recorded(wrong: bool) -> Path:
+    """Write a campaign, and the record of a flight that is its own, or one of three times the noise of the velocity."""
+    folder = place() / ("wrong" if wrong else "right")
+    folder.mkdir()
+    (folder / "flight.toml").write_text(SHORT)
+    (folder / "flown.toml").write_text(SHORT.replace('"5 cm/s"', '"15 cm/s"') if wrong else SHORT)
+    run("record", folder / "flown.toml", "--sample", 1, "--rate", 20, "--out", folder)
+    return folder
+
+
+def run(*arguments: object) -> str:
+    result = RUNNER.invoke(app, [str(each) for each in arguments])
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def refused(*arguments: object) -> str:
+    result = RUNNER.invoke(app, [str(each) for each in arguments])
+    assert result.exit_code == 2
+    assert len(result.output.strip().splitlines()) == 1
+    return result.output
+
+
+@cache
+def judged(wrong: bool) -> tuple[str, dict[str, Any], str]:
+    """Return what the terminal shows, ``judge.json`` and the page."""
+    folder = recorded(wrong)
+    shown = run(
+        "judge", folder / "flight.toml", "--imu", folder / "imu.csv", "--measurements", f"gnss={folder / 'gnss.csv'}",
+        "--reference", folder / "reference.csv", "--start", folder / "start.csv", "--records", 300,
+        "--out", folder / "judge",
+    )  # fmt: skip
+    content = json.loads((folder / "judge" / "judge.json").read_text())
+    return shown, content, (folder / "judge" / "judge.html").read_text()
+
+
+def test_a_flight_of_the_campaign_raises_no_alarm() -> None:
+    shown, content, page = judged(False)
+    assert not content["alarm"]
+    assert shown.startswith("Nothing in this record is at odds with the campaign.")
+    assert content["findings"] == []
+    assert "What to change" not in page
+
+
+def test_noise_three_times_as_large_is_named_with_its_interval() -> None:
+    shown, content, page = judged(True)
+    assert content["alarm"]
+    assert content["findings"][0]["number"] == "gnss_velocity_noise"
+    (noise,) = (each for each in content["causes"] if each["name"] == "gnss_velocity_noise")
+    assert noise["factor"]["low"] < 3.0 < noise["factor"]["high"]
+    assert shown.startswith("The gnss velocity noise of 0.0500 m/s is ")
+    assert "[[aiding]]  # gnss\nvelocity = " in shown
+    assert "What to change" in page
+
+
+def test_statistics_of_the_record_are_in_the_file() -> None:
+    _, content, _ = judged(True)
+    (sensor,) = content["sensors"]
+    assert sensor["nis"]["value"] > sensor["nis"]["high"]
+    assert {each["group"] for each in content["nees"]} == {"position", "velocity", "attitude"}
+    assert len(content["factors"]) == len(content["causes"][0]["found"])
+
+
+def test_mistakes_are_one_line_each(tmp_path: Path) -> None:
+    folder = recorded(False)
+    campaign, imu, gnss = folder / "flight.toml", folder / "imu.csv", folder / "gnss.csv"
+    assert "expected CAMPAIGN, --imu FILE and --measurements NAME=FILE" in refused("judge", campaign)
+    named = ("judge", campaign, "--imu", imu, "--measurements")
+    assert "has no such sensor; it has gnss" in refused(*named, f"gps={gnss}")
+    assert "expected NAME=VALUE" in refused(*named, "gnss")
+    late = tmp_path / "late.csv"
+    rows = gnss.read_text().splitlines()
+    later = [",".join([f"{float(row.split(',')[0]) + 1e6:.3f}", *row.split(",")[1:]]) for row in rows[1:]]
+    late.write_text("\n".join([rows[0], *later]))
+    assert "both must have the same clock" in refused(*named, f"gnss={late}")
+    unaided = tmp_path / "unaided.toml"
+    unaided.write_text(SHORT[: SHORT.index("[[aiding]]")])
+    assert "there is no filter to be judged" in refused("record", unaided)
+    assert "they run from 0 to 49" in refused("record", campaign, "--sample", 50, "--out", tmp_path)
+
+
+def test_a_table_of_errors_is_judged_alone(tmp_path: Path) -> None:
+    """Errors of 1.5 times the stated sigma, and others as stated; false alarm of this test 1e-4 at most."""
+    rng, count = np.random.default_rng(0), 2000
+    table = np.column_stack([
+        np.arange(count), 3.0 * rng.standard_normal(count), np.full(count, 2.0), rng.standard_normal(count),
+        np.ones(count),
+    ])  # fmt: skip
+    path = tmp_path / "errors.csv"
+    header = "time,error_north,sigma_north,innovation_range,innovation_sigma_range"
+    np.savetxt(path, table, delimiter=",", header=header, comments="")
+    shown = run("judge", "--errors", path, "--out", tmp_path / "judge")
+    assert shown.startswith("The sigma of north is 1.")
+    content = json.loads((tmp_path / "judge" / "judge.json").read_text())
+    north, innovation = (each["size"] for each in content["tests"])
+    assert np.sqrt(north["low"]) < 1.5 < np.sqrt(north["high"])
+    assert innovation["p_value"] > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("header", "values", "message"),
+    [
+        ("time,north", "0,1\n1,1", "expected time, error_NAME with sigma_NAME"),
+        ("time,error_north", "0,1\n1,1", "has no column sigma_north"),
+        ("time,error_north,sigma_north", "0,1,0\n1,1,1", "got 0 in row 1; expected sigmas above zero"),
+        ("time,error_north,sigma_north", "1,1,1\n0,1,1", "falls or repeats after row 1"),
+    ],
+)
+def test_a_wrong_table_of_errors_is_refused(tmp_path: Path, header: str, values: str, message: str) -> None:
+    path = tmp_path / "errors.csv"
+    path.write_text(f"{header}\n{values}\n")
+    assert message in refused("judge", "--errors", path)
