@@ -70,7 +70,8 @@ def weigh(
 ) -> RequirementResult:  # fmt: skip
     """Add an exceedance to the result on a requirement: compare it with the samples counted, and decide by it.
 
-    A finding by counting stands, without an exceedance. The interval is two-sided, so that each of its ends holds at more than ``confidence``.
+    A finding by counting stands, without an exceedance. The interval is two-sided, so that each of its ends holds at
+    more than ``confidence``.
     """
     if result.finding != Finding.UNDECIDED:
         return result
