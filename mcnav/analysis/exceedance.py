@@ -70,8 +70,11 @@ def weigh(
 ) -> RequirementResult:  # fmt: skip
     """Add an exceedance to the result on a requirement: compare it with the samples counted, and decide by it.
 
-    A finding by counting stands. The interval is two-sided, so that each of its ends holds at more than ``confidence``.
+    A finding by counting stands, without an exceedance. The interval is two-sided, so that each of its ends holds at
+    more than ``confidence``.
     """
+    if result.finding != Finding.UNDECIDED:
+        return result
     independent, remark = independent_samples(blocks)
     margin = event.margin(outcomes[independent])
     count, beyond = len(margin), int(np.count_nonzero(margin > 0.0))
@@ -80,7 +83,7 @@ def weigh(
         if low > exceedance.high or high < exceedance.low:
             reason = f"{beyond:,} of {count:,} samples lie beyond the limit, which contradicts the flights chosen"
             exceedance = replace(exceedance, estimate=math.nan, low=math.nan, high=math.nan, refusal=reason)
-    if exceedance.refusal or result.finding != Finding.UNDECIDED:
+    if exceedance.refusal:
         return replace(result, exceedance=exceedance)
     allowed = allowed_share(result.requirement)
     if exceedance.high <= allowed or exceedance.low > allowed:
