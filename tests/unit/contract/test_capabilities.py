@@ -37,6 +37,7 @@ EXAMPLES: Final = [
     "12_hover",
     "14_polar",
     "19_flight_with_gnss",
+    "24_rendezvous",
     "26_reentry_to_a_landing_site",
 ]
 
