@@ -26,6 +26,7 @@ PROTOCOLS: Final[dict[Capability, type]] = {
     Capability.UPDATES: contract.ScenarioWithUpdates,
     Capability.REPLAY: contract.Replayable,
     Capability.REMARKS: contract.RemarkingScenario,
+    Capability.RECORDING: contract.RecordingScenario,
     Capability.TRAJECTORY: Scenario,
     Capability.USER_CODE: Scenario,
     Capability.DIFFERENCED: Scenario,
@@ -37,6 +38,7 @@ EXAMPLES: Final = [
     "12_hover",
     "14_polar",
     "19_flight_with_gnss",
+    "24_rendezvous",
     "26_reentry_to_a_landing_site",
 ]
 
