@@ -16,6 +16,7 @@ from mcnav.lincov.partials import SimulationFailed
 from mcnav.lincov.polynomial_engine import engine_names
 from mcnav.progress import COMPILATION, SILENT, Phase, Progress
 from mcnav.studies.lincov import linear_covariance
+from mcnav.studies.start_times import write_start_times
 from mcnav.workflow.run import run_campaign
 
 SAMPLES: Final = 40
@@ -29,7 +30,7 @@ REFUSALS: Final = (CampaignError, ScenarioError, SimulationFailed)
 
 
 def compile_kernels(names: Sequence[str] = (), progress: Progress = SILENT) -> int:
-    """Compile what examples, all unless they are named, need in each engine and in linear analysis.
+    """Compile what examples, all unless they are named, need in each engine, in linear analysis and its start times.
 
     Returns
     -------
@@ -50,4 +51,6 @@ def compile_kernels(names: Sequence[str] = (), progress: Progress = SILENT) -> i
                     run_campaign(asked, Path(folder, name, engine), engine, 1, report=False, force=True)
             with suppress(*REFUSALS):
                 linear_covariance(campaign)
+                if "start_times" in campaign.resolved:
+                    write_start_times(campaign, Path(folder, name, "start_times"), None, None, False, SILENT)
     return COMPILATION.functions - before

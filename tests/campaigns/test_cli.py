@@ -398,3 +398,13 @@ def test_failed_samples_give_status_3(workplace: Path) -> None:
     finished = invoke("run", "failing.toml", "--samples", 40, "--jobs", 1, cwd=workplace)
     assert finished.returncode == 3
     assert "samples failed and are excluded from all results" in finished.stdout.replace("\n", " ")
+
+
+def test_compiling_beforehand_leaves_nothing_to_compile(tmp_path: Path) -> None:
+    """A level belongs to objects, which are not asked for."""
+    for _ in range(2):
+        done = invoke("compile", "--only", "11", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    assert done.stdout == "0 functions compiled, all others were stored\n"
+    refused = invoke("compile", "--level", "x86-64-v3", cwd=tmp_path)
+    assert (refused.returncode, refused.stderr) == (2, "error: --level: is for objects; give --into FOLDER\n")
