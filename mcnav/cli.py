@@ -869,12 +869,14 @@ def check_scenario(campaign: CampaignFile) -> None:
         raise typer.Exit(CHECK_FAILED)
 
 
-def _named_columns(named: Sequence[str] | None) -> dict[str, str]:
+def _named_columns(
+    named: Sequence[str] | None, option: str = "--column", expected: str = "NAME=COLUMN such as 'lat=latitude [rad]'"
+) -> dict[str, str]:
     columns = dict[str, str]()
     for each in named or []:
         name, equals, written = each.partition("=")
         if not equals:
-            raise _fail(f"--column: got {each!r}; expected NAME=COLUMN such as 'lat=latitude [rad]'", BAD_INPUT)
+            raise _fail(f"{option}: got {each!r}; expected {expected}", BAD_INPUT)
         columns[name.strip()] = written.strip()
     return columns
 
@@ -885,7 +887,7 @@ def trajectory(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="Trajectory file (CSV or parquet), or a campaign of type ins (TOML).",
+            help="Trajectory file or track (CSV, parquet, .pos, …), or a campaign of type ins (TOML).",
             autocompletion=completion.campaigns_and_trajectories,
         ),
     ],
@@ -914,6 +916,70 @@ def trajectory(
         out.print(printed(described.terminal(result)))
     if page is not None:
         _print_written(write_texts(page.parent, {page.name: page_html(described.page(result))}))
+
+
+@_command()
+def identify(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG...", help="Records of a unit at rest.", autocompletion=completion.logs),
+    ],
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--column", "--columns", metavar="NAME=COLUMN", help="Column of a log, such as gyro_x=wx; repeat."
+        ),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option("--unit", "--units", metavar="NAME=UNIT", help="Unit of a column, such as gyro=deg/s; repeat."),
+    ] = None,
+    interval: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Interval between readings, such as '0.01 s', in place of a column of time."),
+    ] = None,
+    begin: Annotated[
+        str | None, typer.Option("--from", metavar="TIME", help="Begin of what is used, from the first reading.")
+    ] = None,
+    end: Annotated[
+        str | None, typer.Option("--to", metavar="TIME", help="End of what is used, from the first reading.")
+    ] = None,
+    below: Annotated[
+        str | None,
+        typer.Option(metavar="FREQUENCY", help="Upper end of the frequencies that are used, such as '10 Hz'."),
+    ] = None,
+    campaign: Annotated[
+        Path | None,
+        typer.Option(
+            help="Campaign of type ins whose errors are computed with the result.", autocompletion=completion.campaigns
+        ),
+    ] = None,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Also write a page, identify.json and imu.toml into a folder.")
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Identify the noise of an inertial measurement unit from logs at rest, with intervals and a test of fit.
+
+    Several logs of one unit give its noise in common, and the bias from one turn-on to the next.
+
+    Example: mcnav identify static.csv --unit gyro=deg/s --out reports/unit
+    """
+    from mcnav.files import write_texts
+    from mcnav.report.identify import terminal
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.identify import files_of, identification_table, identify_logs, read_plan
+
+    columns = _named_columns(column, "--column", "NAME=COLUMN such as gyro_x=wx")
+    units = _named_columns(unit, "--unit", "NAME=UNIT such as gyro=deg/s")
+    report = identify_logs(logs, read_plan(columns, units, interval, begin, end, below, campaign))
+    if form == "table":
+        out.print(printed(terminal(report)))
+    else:
+        _export(form, [vars(row) for row in report.parameters], identification_table(report))
+    if folder is not None:
+        out.print()
+        _print_written(write_texts(folder, files_of(report)))
 
 
 @_command()
@@ -1063,6 +1129,42 @@ def schema(
         sys.stdout.write(schema_text())
     else:
         _print_written(write_texts(file.parent, {file.name: schema_text()}))
+
+
+@_command("compile")
+def compile_all(
+    into: Annotated[
+        Path | None, typer.Option("--into", metavar="FOLDER", help="Write objects there, which a wheel may hold.")
+    ] = None,
+    level: Annotated[
+        Literal["x86-64-v3", "x86-64-v4"] | None,
+        typer.Option(help="Processor that objects are for [default: the highest level of this one]."),
+    ] = None,
+    only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="An example in place of all; repeat.")] = None,
+) -> None:
+    """Compile all kernels beforehand, so that no later command does: for images and clusters.
+
+    Every example is run with a few samples, by each engine.
+
+    Example: mcnav compile
+    """
+    if level is not None and into is None:
+        raise _fail("--level: is for objects; give --into FOLDER")
+    if into is not None:
+        from mcnav.compiled.target import choose_objects
+
+        try:
+            choose_objects(into, level)
+        except ValueError as wrong:
+            raise _fail(f"--level: {wrong}") from None
+    from mcnav.entries.examples import example
+    from mcnav.report import progress
+    from mcnav.studies.precompile import compile_kernels
+
+    names = [example(name).stem for name in only or ()]
+    with progress.shown(err) as shown:
+        count = compile_kernels(names, shown)
+    out.print(f"{count} functions compiled, all others were stored")
 
 
 @app.command(cls=_Command)

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,36 @@ def requirements_from(
     )  # fmt: skip
 
 
+METHOD: Final = "lines along the linear model"
+"""How an exceedance is estimated (`mcnav.rare`)."""
+
+
+@dataclass(frozen=True)
+class Exceedance:
+    """Probability beyond the limits of a requirement, by flights chosen with the linear model (`mcnav.rare`).
+
+    Attributes
+    ----------
+    estimate, low, high : float
+        Probability and its two-sided interval; NaN where it is refused.
+    flights : int
+    refusal : str
+        Why nothing is stated; empty where it is.
+    way : mapping of str to float
+        Departures of the sources from their means in the most likely way to fail, in sigmas, the largest first.
+    sides : int
+        Separate ways to fail that carry at least a hundredth of the probability.
+    """
+
+    estimate: float
+    low: float
+    high: float
+    flights: int
+    refusal: str = ""
+    way: Mapping[str, float] = field(default_factory=dict)
+    sides: int = 0
+
+
 @dataclass(frozen=True)
 class RequirementResult:
     """Requirement and the finding on it.
@@ -105,6 +135,8 @@ class RequirementResult:
         Samples with histories that it was judged by.
     causes : tuple of Cause
         Of the errors that it limits, by linear analysis, at ``time`` or at the end; empty where they are not known.
+    exceedance : Exceedance or None
+        Where counting could not be expected to decide.
     """
 
     requirement: Requirement
@@ -119,6 +151,7 @@ class RequirementResult:
     time: float | None = None
     samples: int | None = None
     causes: tuple[Cause, ...] = ()
+    exceedance: Exceedance | None = None
 
 
 def judge_requirement(

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field
 
 from mcnav.contract.quantities import Of
 from mcnav.files import to_json
@@ -235,6 +235,19 @@ class CauseEntry(_Entry):
     share: float
 
 
+class ExceedanceEntry(_Entry):
+    """See `mcnav.analysis.requirements.Exceedance`."""
+
+    estimate: float | None
+    low: Annotated[float | None, Field(alias="from")]
+    high: Annotated[float | None, Field(alias="to")]
+    flights: int
+    method: str
+    refusal: str = ""
+    way: Mapping[str, float] = {}
+    sides: int = 0
+
+
 class RequirementEntry(_Entry):
     """See `mcnav.analysis.requirements.RequirementResult`; outputs by name."""
 
@@ -255,6 +268,7 @@ class RequirementEntry(_Entry):
     time: float | None = None
     samples: int | None = None
     causes: Sequence[CauseEntry] = ()
+    exceedance: ExceedanceEntry | None = None
 
 
 class Tally(_Entry):

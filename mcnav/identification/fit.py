@@ -7,6 +7,7 @@ next is stated: a margin below 4 tells little.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -15,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.identification.likelihood import Maximum, maximize, profile_interval
+from mcnav.identification.likelihood import Maximum, information, maximize, profile_interval
 from mcnav.identification.processes import (
     GAUSS_MARKOV,
     QUANTIZATION,
@@ -40,6 +41,9 @@ WANTED: Final = 0.2
 
 LONGEST_RECORD: Final = 10 * 365.25 * 86_400.0
 """A record longer than this (s) is not advised."""
+
+ROUGHLY: Final = 1e-2
+"""Decrement of −2 log L at which a first maximum, from which others start, is near enough."""
 
 PENALTY: Final = 4.0
 """Price of a parameter, in −2 log L: one that is not there is taken in 2 of 100 records."""
@@ -86,20 +90,26 @@ class Candidate:
         """−2 log L with `PENALTY` for each parameter: the smaller, the better."""
         return self.best.deviance + PENALTY * len(self.best.logs)
 
-    def estimates(self) -> tuple[Estimate, ...]:
-        """Compute every parameter with its interval."""
+    def estimates(self, names: Collection[str] = ()) -> tuple[Estimate, ...]:
+        """Compute parameters with their intervals: those of some names, by default every one."""
         bounds = relative_deviations(self.model, self.bands.grid, self.bands.numbers, self.best.logs)
         rows = []
         for at, name in enumerate(self.model.parameters):
+            if names and name not in names:
+                continue
             low, high = np.exp(profile_interval(self.model, self.bands, self.best, at))
             logs = self.best.logs.copy()
             if low <= 0.0 and np.isfinite(high):  # as large as it may be
                 logs[at] = np.log(high)
-            grid = self.bands.grid
-            wanted = duration_wanted(self.model, logs, at, grid, float(self.bands.numbers.sum()) / (grid.count - 1))
+            wanted = duration_wanted(self.model, logs, at, self.bands.grid, self.bands.share)
             value = float(np.exp(self.best.logs[at]))
             rows.append(Estimate(name, value, float(low), float(high), float(bounds[at]), wanted))
         return tuple(rows)
+
+
+def relative_covariance(candidate: Candidate) -> Array:
+    """Compute the covariance of the logarithms by the likelihood's curvature, shape (parameters, parameters)."""
+    return np.asarray(np.linalg.pinv(information(candidate.model, candidate.bands, candidate.best.logs), rcond=1e-12))
 
 
 def relative_deviations(model: Model, grid: Grid, numbers: Array, logs: Array) -> Array:
@@ -189,7 +199,8 @@ def fit(record: Record) -> AxisFit:
 
 def _best(model: Model, bands: Bands) -> Maximum:
     """Find the largest of the maxima that several starts lead to."""
-    return min((maximize(model, bands, start) for start in _starts(model, bands)), key=lambda each: each.deviance)
+    maxima = (maximize(model, bands, start, converged=ROUGHLY) for start in _starts(model, bands))
+    return min(maxima, key=lambda each: each.deviance)
 
 
 def _starts(model: Model, bands: Bands) -> list[Array]:

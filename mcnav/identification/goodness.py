@@ -1,13 +1,14 @@
 """Test of fit: does a record look like its model?
 
 Four tests, each of what the model forbids, and one answer: the model is rejected at 5 % when the smallest of their
-p-values p is so small that ``1 − (1 − p)⁴ < 0.05`` (Šidák 1967).
+p-values p is so small that ``1 − (1 − p)³ < 0.05`` (Šidák 1967). They are as good as three independent ones, because
+the model is chosen from the same record: what might be a trend is often taken for a slow process. Of 4,171 simulated
+records of the catalogue's grades 5.1 % are rejected, with the exponent four 3.8 %.
 
     line       the largest ordinate over its variance, of n − 1 independent χ²₁: P = 1 − F(x)^(n−1)
     shape      sums of ordinates over their variances, in octaves, against their numbers; the estimates' own share by
                simulation of the bands with one step of scoring each
-    trend      −2 log L with and without a linear trend of the readings, by Student's t with as many degrees of
-               freedom as ordinates decide on the variance of the lowest one
+    trend      −2 log L with and without a linear trend of the readings (`mcnav.identification.trend`)
     steadiness mean squares of differences of readings over time, in segments, against their mean (Bartlett)
 """
 
@@ -18,23 +19,27 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.fft import dct
 from scipy.stats import chi2
-from scipy.stats import t as student
 
 from mcnav._types import Array
 from mcnav.identification.fit import Candidate
-from mcnav.identification.likelihood import maximize
 from mcnav.identification.processes import Grid
-from mcnav.identification.spectrum import ALONE, Bands, Record, in_bands
+from mcnav.identification.spectrum import Bands, Record, in_bands
+from mcnav.identification.trend import trend_p_value
 
-SIMULATIONS: Final = 4000
-"""Simulations of the test of shape."""
+SIMULATIONS: Final = (500, 3500)
+"""Simulations of the test of shape: the second ones only where a tenth or less of the first are as large."""
 
 SEGMENTS: Final = 50
 """Segments of the test of steadiness."""
 
 SIZE: Final = 0.05
+
+INDEPENDENT: Final = 3.0
+"""Number of independent tests that the four are as good as."""
+
+SINGLE: Final = float(-np.expm1(np.log1p(-SIZE) / INDEPENDENT))
+"""P-value of a single test below which the model is rejected."""
 
 WHERE: Final = {
     "line": "at {:.3g} Hz", "shape": "at {:.3g} Hz", "trend": "of {:.3g} per second", "steadiness": "at {:.3g} s",
@@ -73,7 +78,8 @@ class Goodness:
     def p(self) -> float:
         """P-value of all tests together."""
         smallest = min(finding.p for finding in self.findings)
-        return float(-np.expm1(len(self.findings) * np.log1p(-min(smallest, 1.0 - 1e-16))))
+        tests = min(float(len(self.findings)), INDEPENDENT)
+        return float(-np.expm1(tests * np.log1p(-min(smallest, 1.0 - 1e-16))))
 
     @property
     def rejected(self) -> bool:
@@ -96,7 +102,7 @@ def check_fit(candidate: Candidate, record: Record, readings: Array, whole: Reco
         (
             _check_line(candidate, record),
             _check_shape(candidate),
-            _check_trend(candidate, record, readings),
+            Finding("trend", *trend_p_value(candidate.model, candidate.bands, candidate.best, record)),
             _check_steadiness(candidate, record, readings, None if whole is None else in_bands(whole)),
         )
     )
@@ -129,7 +135,7 @@ def _check_shape(candidate: Candidate) -> Finding:
     groups = np.equal.outer(np.unique(octave), octave).astype(float)
     numbers = groups @ bands.numbers
     projection = np.linalg.pinv(0.5 * (relative.T * bands.numbers) @ relative, rcond=1e-10)
-    draws = np.random.default_rng(0).gamma(0.5 * bands.numbers, 2.0, (SIMULATIONS, len(bands.numbers)))
+    generator = np.random.default_rng(0)
 
     def statistic(sums: Array) -> Array:
         # after one step of scoring, so that what the estimates take away is taken away alike
@@ -139,47 +145,18 @@ def _check_shape(candidate: Candidate) -> Finding:
 
     sums = bands.sums / variances
     own = float(statistic(sums[None])[0])
-    p = (1.0 + np.count_nonzero(statistic(draws) >= own)) / (1.0 + SIMULATIONS)
+    as_large = total = 0
+    for simulations in SIMULATIONS:
+        draws = generator.gamma(0.5 * bands.numbers, 2.0, (simulations, len(bands.numbers)))
+        as_large += int(np.count_nonzero(statistic(draws) >= own))
+        total += simulations
+        if as_large > 0.1 * total:
+            break
+    p = (1.0 + as_large) / (1.0 + total)
     ratio = groups @ sums / numbers
     worst = int(np.argmax(numbers * (ratio - 1.0 - np.log(ratio))))
     middle = np.exp((groups[worst] @ np.log(bands.grid.frequency)) / groups[worst].sum())
     return Finding("shape", float(p), float(middle))
-
-
-def _check_trend(candidate: Candidate, record: Record, readings: Array) -> Finding:
-    """Compare the likelihood with that of a model with a linear trend, whose transform is known."""
-    count, kept = record.count, min(ALONE, len(record.ordinates))
-    order = np.arange(1.0, count)
-    half = 0.5 * np.pi * order[:kept] / count
-    # DCT-II of 0, 1, 2 ... (times the interval): -sqrt(2/n) cos(w/2) / (2 sin^2(w/2)) for odd j, zero for even j
-    ramp = np.where(order[:kept] % 2 == 1, -np.sqrt(2.0 / count) * np.cos(half) / (2.0 * np.sin(half) ** 2), 0.0)
-    ramp *= record.interval
-    coefficients = _low_coefficients(readings - record.mean, kept)
-    model, bands, best = candidate.model, candidate.bands, candidate.best
-    slope = 0.0
-    for _ in range(20):
-        weight = ramp / model.variances(bands.grid, best.logs)[0][:kept]
-        previous, slope = slope, float(weight @ coefficients / (weight @ ramp))
-        sums = bands.sums.copy()
-        sums[:kept] = (coefficients - slope * ramp) ** 2
-        best = maximize(model, Bands(bands.grid, bands.numbers, sums), best.logs)
-        if abs(slope - previous) <= 1e-6 * abs(slope):
-            break
-    ratio = max(candidate.best.deviance - best.deviance, 0.0)
-    # few ordinates decide on the variance of the lowest: with v of them a likelihood ratio (v + 1) log(1 + t^2 / v)
-    _, slopes = model.variances(bands.grid, candidate.best.logs)
-    relative = slopes / model.variances(bands.grid, candidate.best.logs)[0][:, None]
-    spread = float(
-        relative[0] @ np.linalg.pinv(0.5 * (relative.T * bands.numbers) @ relative, rcond=1e-10) @ relative[0]
-    )
-    freedom = max(2.0 / spread, 1.0)
-    statistic = np.sqrt(freedom * np.expm1(min(ratio / (freedom + 1.0), 500.0)))
-    return Finding("trend", float(2.0 * student.sf(statistic, freedom)), slope)
-
-
-def _low_coefficients(readings: Array, kept: int) -> Array:
-    """Compute the first coefficients of the cosine transform, with their signs."""
-    return np.asarray(dct(readings, type=2, norm="ortho"))[1 : kept + 1]
 
 
 def _check_steadiness(candidate: Candidate, record: Record, readings: Array, measured: Bands | None) -> Finding:

@@ -83,11 +83,15 @@ class IdentifiedNoise:
         worst = self.goodness.worst
         fits = "the model fits" if not self.goodness.rejected else f"the model does not fit: {worst}"
         lines.append(f"{fits} (p = {self.goodness.p:.2g}); margin over the next model {self.margin:.3g}")
-        if self.part:
-            lines.append(f"fitted below {self.below:.3g} Hz")
-        if self.of_all is not None:
-            lines[-1] += f"; no model fits the whole spectrum: {self.of_all.worst}"
-        return "\n".join(lines)
+        return "\n".join([*lines, *([self.limits] if self.part else [])])
+
+    @property
+    def limits(self) -> str:
+        """Frequencies that the model was fitted to, in words, where they are not all."""
+        if not self.part:
+            return ""
+        why = "" if self.of_all is None else f"; no model fits the whole spectrum: {self.of_all.worst}"
+        return f"fitted below {self.below:.3g} Hz{why}"
 
 
 def _line(estimate: Estimate) -> str:
@@ -133,7 +137,7 @@ def identify_noise(readings: ArrayLike, interval: float, below: float | None = N
     >>> [each.name for each in noise.estimates]
     ['random_walk']
     """
-    values = np.array(readings, dtype=float)
+    values = np.asarray(readings, dtype=float)
     if values.ndim != 1 or len(values) < FEWEST:
         raise ValueError(f"expected at least {FEWEST:,} readings of one axis; got an array of shape {values.shape}")
     if not (np.isfinite(interval) and interval > 0.0):
@@ -143,7 +147,7 @@ def identify_noise(readings: ArrayLike, interval: float, below: float | None = N
         raise ValueError(f"reading {int(np.argmin(known))} is not finite; fit a stretch without gaps")
     if np.ptp(values) == 0.0:
         raise ValueError(f"all readings are {values[0]:g}: the instrument is stuck, or switched off")
-    record = transform(values.copy(), interval)
+    record = transform(values, interval)
     if below is not None:
         kept = int(2.0 * below * record.duration)
         if kept < FEWEST_ORDINATES:

@@ -22,7 +22,7 @@ from mcnav.identification.processes import CORRELATION_TIME, Grid, Model
 from mcnav.identification.spectrum import Bands
 
 STEPS: Final = 60
-CONVERGED: Final = 1e-10
+CONVERGED: Final = 1e-7
 """Decrement of -2 log L below which the maximum is reached: far below the 3.84 of an interval."""
 
 LARGEST_STEP: Final = 1.5
@@ -36,6 +36,9 @@ LONGEST_TIME: Final = 50.0
 
 NEAR: Final = 1e-3
 """Tolerance of -2 log L about the end of an interval: its probability is right to 1e-4."""
+
+FLAT: Final = 2.0
+"""Standard deviation of a logarithm, at most, by which the search for the end of an interval begins and ends."""
 
 REACH: Final = 60.0
 """Distance from the estimate within which the end of an interval is looked for, in a logarithm."""
@@ -81,7 +84,9 @@ def limits(model: Model, grid: Grid) -> tuple[Array, Array]:
     return np.where(timed, shortest, -np.inf), np.where(timed, longest, np.inf)
 
 
-def maximize(model: Model, bands: Bands, start: Array, held: Iterable[int] = ()) -> Maximum:
+def maximize(
+    model: Model, bands: Bands, start: Array, held: Iterable[int] = (), converged: float = CONVERGED
+) -> Maximum:
     """Find the maximum near a start; ``held`` are parameters that stay as they are."""
     lowest, highest = limits(model, bands.grid)
     logs = np.clip(np.array(start, dtype=float), lowest, highest)
@@ -103,7 +108,7 @@ def maximize(model: Model, bands: Bands, start: Array, held: Iterable[int] = ())
         if after <= value:
             gained, damping = value - after, max(damping * 0.2, 1e-9)
             logs, value, variances, slopes = trial, after, new, new_slopes
-            if gained < CONVERGED and damping < 1e-2:
+            if gained < converged and damping < 1e-2:
                 break
         else:
             damping *= 8.0
@@ -117,7 +122,7 @@ def profile_interval(
 ) -> tuple[float, float]:
     """Find the interval of a parameter's logarithm; an end that the record does not show is infinite."""
     limit = float(chi2.ppf(confidence, 1))
-    sd = 1.0 / np.sqrt(max(information(model, bands, best.logs)[parameter, parameter], 1e-12))
+    sd = min(1.0 / np.sqrt(max(information(model, bands, best.logs)[parameter, parameter], 1e-12)), FLAT)
     lowest, highest = limits(model, bands.grid)
 
     def end(sign: float) -> float:

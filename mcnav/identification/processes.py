@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -35,20 +36,31 @@ class Grid:
     ----------
     interval : float
         Δ between readings, s.
-    count : int
-        n readings.
+    count : int or ndarray, shape (m,)
+        n readings; by angle where several records stand one behind the other.
     order : ndarray, shape (m,)
         j of each angle; a mean of several where ordinates are taken together.
     """
 
     interval: float
-    count: int
+    count: int | Array
     order: Array
 
-    @property
+    @cached_property
     def half(self) -> Array:
         """``ω / 2`` of each angle."""
         return np.asarray(0.5 * np.pi * self.order / self.count)
+
+    @cached_property
+    def sine_squared(self) -> Array:
+        """``sin²(ω / 2)`` of each angle."""
+        return np.asarray(np.sin(self.half) ** 2)
+
+    @cached_property
+    def alternating(self) -> Array:
+        """``(−1)^j`` of each angle; zero for a mean of several."""
+        whole = self.order == np.round(self.order)
+        return np.where(whole, 1.0 - 2.0 * (np.round(self.order) % 2.0), 0.0)
 
     @property
     def frequency(self) -> Array:
@@ -57,13 +69,8 @@ class Grid:
 
     @property
     def duration(self) -> float:
-        """Length of the record, s."""
-        return self.count * self.interval
-
-    def lasting(self, duration: float) -> Grid:
-        """Return a grid of the same interval with another number of readings, and the same frequencies."""
-        count = max(2, round(duration / self.interval))
-        return Grid(self.interval, count, self.order * (count / self.count))
+        """Length of the record, or of the longest, s."""
+        return float(np.max(self.count)) * self.interval
 
 
 def white_noise(grid: Grid) -> Array:
@@ -73,12 +80,12 @@ def white_noise(grid: Grid) -> Array:
 
 def random_walk(grid: Grid) -> Array:
     """Variance of c for K = 1."""
-    return np.asarray(grid.interval * (0.25 / np.sin(grid.half) ** 2 - 1.0 / 6.0))
+    return np.asarray(grid.interval * (0.25 / grid.sine_squared - 1.0 / 6.0))
 
 
 def quantization(grid: Grid) -> Array:
     """Variance of c for Q = 1: of differences of white errors of the accumulated angle or velocity."""
-    squared = np.sin(grid.half) ** 2
+    squared = grid.sine_squared
     return np.asarray(4.0 * (squared + (1.0 - squared) / grid.count) / grid.interval**2)
 
 
@@ -91,13 +98,13 @@ def gauss_markov(grid: Grid, correlation_time: float) -> Array:
     """
     ratio = grid.interval / correlation_time
     less, rho = -np.expm1(-ratio), np.exp(-ratio)  # 1 - rho without cancellation
-    squared = np.sin(grid.half) ** 2
+    squared = grid.sine_squared
     distance = less * less + 4.0 * rho * squared  # 1 - 2 rho cos w + rho^2
     at_lag = (less / ratio) ** 2 / rho  # gamma_k = at_lag rho^k
     # gamma_0 - at_lag, by a series where the difference cancels
     same = 2.0 * (ratio - less) / ratio**2 - at_lag if ratio > 1e-3 else -ratio * ratio / 12.0 - ratio / 3.0
     endless = same + at_lag * less * (1.0 + rho) / distance
-    parity = np.where(grid.order == np.round(grid.order), 1.0 - (-1.0) ** np.round(grid.order) * rho**grid.count, 1.0)
+    parity = 1.0 - grid.alternating * rho**grid.count
     beyond = 4.0 / grid.count * at_lag * rho * less * less * (1.0 - squared) / distance**2 * parity
     return np.asarray(endless - beyond)
 

@@ -40,12 +40,15 @@ class Record:
     mean : float
     ordinates : ndarray, shape (m,)
         Squares of the coefficients c_1 … c_m: all n - 1, or those below a frequency.
+    lowest : ndarray, shape (min(`ALONE`, n - 1),)
+        The first coefficients, with their signs.
     """
 
     interval: float
     count: int
     mean: float
     ordinates: Array
+    lowest: Array
 
     @property
     def below(self) -> float:
@@ -80,12 +83,18 @@ class Bands:
     numbers: Array
     sums: Array
 
+    @property
+    def share(self) -> float:
+        """Share of all frequencies that the bands reach up to, from the middle of the last one."""
+        return float(min(1.0, np.max(self.grid.order / self.grid.count) * np.sqrt(WIDTH)))
+
 
 def transform(readings: Array, interval: float) -> Record:
     """Transform equally spaced readings, shape (n,), of a rate or an acceleration."""
     mean = float(readings.mean())
     coefficients = np.asarray(dct(readings - mean, type=2, norm="ortho", overwrite_x=True))[1:]
-    return Record(interval, len(readings), mean, np.square(coefficients, out=coefficients))
+    lowest = coefficients[:ALONE].copy()
+    return Record(interval, len(readings), mean, np.square(coefficients, out=coefficients), lowest)
 
 
 def edges(ordinates: int) -> Array:

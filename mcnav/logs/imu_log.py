@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.constants import STANDARD_GRAVITY
+from mcnav.logs import px4, ros_bags
 from mcnav.logs.imu_columns import ACCELEROMETER, AXES, GYRO, ImuColumns, find_columns
 from mcnav.logs.imu_units import check_force, check_interval, check_rates, saturations
 from mcnav.logs.log_error import LogError
@@ -80,7 +81,7 @@ def read_imu_log(
         a unit which is not stated is another one.
     """
     columns, units = columns or {}, units or {}
-    table = open_table(path, columns.get("topic"))
+    table = open_table(path, columns.get("topic"), (*px4.INERTIAL, *ros_bags.INERTIAL))
     chosen = find_columns(table, columns, units)
     stamps, notes = _stamps(table, chosen)
     vectors = {name: _stacked(table, trio) for name, trio in chosen.vectors.items()}

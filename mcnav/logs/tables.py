@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from mcnav.files import check_regular
+from mcnav.logs import gpx, nmea, px4, ros_bags, rtklib
 from mcnav.logs.binary_tables import open_mat, open_parquet
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable
@@ -17,36 +19,67 @@ if TYPE_CHECKING:
 LARGEST: Final = 1 << 40
 """Bytes of a file that is opened at all; how many rows are read is limited by `MOST_ROWS`."""
 
+LARGEST_TEXT: Final = 2_000_000_000
+"""Bytes of a log of a receiver."""
+
 FORMATS: Final = ".csv, .txt, .parquet, .mat, .ulg, .bag, .db3, .mcap, .pos, .nmea, .gpx"
 """Endings of the files that can be read; a file of another ending is looked at."""
 
 
-def open_table(path: Path, topic: str | None = None) -> LogTable:
-    """Open a recorded file, by its content or its ending.
+BEGINNING: Final = 4_096
+"""Bytes of a file by which its format is told."""
+
+
+def open_table(path: Path, topic: str | None = None, preferred: Sequence[str] = ()) -> LogTable:
+    """Open a recorded file, whose format is told by its first bytes, or else by its ending.
 
     Parameters
     ----------
     topic : str, optional
         Of a log with several tables: the one that is read.
+    preferred : sequence of str, optional
+        Topics of PX4 and types of messages of ROS, of which one is read where no topic is named.
 
     Raises
     ------
     LogError
         When there is no such file, or it cannot be read.
     """
+    if (path / "metadata.yaml").is_file():
+        return ros_bags.open_bag(path, topic, preferred)
     try:
         check_regular(path, LARGEST)
         with path.open("rb") as file:
-            beginning = file.read(128)
+            beginning = file.read(BEGINNING)
         size = path.stat().st_size
     except OSError as failure:
         raise LogError(path, _why_unreadable(path, failure)) from None
     if not beginning:
         raise LogError(path, "is empty")
+    if beginning.startswith(px4.MAGIC):
+        return px4.open_ulog(path, topic, preferred)
+    if beginning.startswith(ros_bags.MAGIC):
+        return ros_bags.open_bag(path, topic, preferred)
+    if topic is not None:
+        raise LogError(path, "has no topics; leave it out", "columns.topic")
     if beginning.startswith(b"PAR1"):
         return open_parquet(path)
     if path.suffix.lower() == ".mat" or beginning.startswith(b"MATLAB 5.0"):
         return open_mat(path)
+    return _open_text(path, size, beginning.removeprefix(b"\xef\xbb\xbf"))
+
+
+def _open_text(path: Path, size: int, beginning: bytes) -> LogTable:
+    """Open a text, by its look or its ending."""
+    ending = path.suffix.lower()
+    if size > LARGEST_TEXT and (ending in (".pos", ".nmea", ".gpx")):
+        raise LogError(path, f"is longer than {LARGEST_TEXT:,} bytes; give a part of it")
+    if ending == ".pos" or rtklib.LOOK.search(beginning):
+        return rtklib.open_pos(path)
+    if ending == ".nmea" or nmea.LOOK.search(beginning):
+        return nmea.open_nmea(path)
+    if ending == ".gpx" or gpx.LOOK.search(beginning):
+        return gpx.open_gpx(path)
     return open_text(path, size)
 
 
@@ -64,7 +97,8 @@ def read_table(path: Path, topic: str | None = None) -> pd.DataFrame:
     Parameters
     ----------
     path : Path
-        CSV, text separated by blanks, parquet, or MATLAB. Columns without a header are named "1", "2", ...
+        CSV, text separated by blanks, parquet, MATLAB, PX4 (ULog), ROS bags, RTKLIB (.pos), NMEA, GPX. Columns without
+        a header are named "1", "2", ...
     topic : str, optional
         Of a log with several tables: the one that is read.
 

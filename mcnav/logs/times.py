@@ -20,6 +20,9 @@ FACTORS: Final = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
 WEEK: Final = 604_800.0
 """Seconds of a week, in which GPS seconds begin anew."""
 
+GPS_EPOCH: Final = 315_964_800
+"""1980-01-06, in s since 1970 without leap seconds."""
+
 GAP: Final = 1.5
 """Steps above this many intervals are gaps."""
 
@@ -73,7 +76,10 @@ def seconds_of(path: Path, values: Values, unit: str, name: str) -> Stamps:
     except UnitError as wrong:
         raise LogError(path, str(wrong), f"units.{name}") from None
     numbers = values.astype(float) * factor
-    return Stamps(numbers - numbers[0], float(numbers[0]))
+    # the rounding of large stamps is no jitter: 2.4e-7 s of those since 1970
+    rounding = 2.0 * np.spacing(np.max(np.abs(numbers))) if len(numbers) else 1.0
+    decimals = int(np.floor(-np.log10(rounding)))
+    return Stamps(np.round(numbers - numbers[0], max(decimals, 0)), float(numbers[0]))
 
 
 def _refuse_missing(path: Path, values: Values, name: str) -> None:

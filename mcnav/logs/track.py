@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
+from mcnav.logs import px4, ros_bags
 from mcnav.logs.log_error import LogError
 from mcnav.logs.mapping import Column, factor_to, numbers
 from mcnav.logs.tables import open_table
@@ -23,6 +24,7 @@ from mcnav.logs.track_columns import (
     VELOCITY,
     VELOCITY_SIGMA,
     find_columns,
+    find_time,
 )
 
 ALTITUDES: Final = (-12_000.0, 1e9)
@@ -87,7 +89,7 @@ def read_track(path: Path, columns: Mapping[str, str] | None = None, units: Mapp
         range.
     """
     columns, units = columns or {}, units or {}
-    table = open_table(path, columns.get("topic"))
+    table = open_table(path, columns.get("topic"), (*px4.POSITIONS, *ros_bags.POSITIONS))
     chosen, notes = find_columns(table, columns, units)
     read = table.read(list(dict.fromkeys(column.name for column in chosen.values())))
     time_column = chosen["time"]
@@ -112,6 +114,43 @@ def read_track(path: Path, columns: Mapping[str, str] | None = None, units: Mapp
         time - time[0], stamps.start + float(time[0]), *position, velocity, attitude, position_sigma, velocity_sigma,
         notes,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Instants:
+    """Time stamps of a record alone; see `Track`."""
+
+    time: Array
+    start: float
+    notes: tuple[str, ...]
+
+
+def read_instants(
+    path: Path, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+) -> Instants:
+    """Read the time stamps of a record, whatever else it holds.
+
+    Parameters
+    ----------
+    columns, units : mapping, optional
+        Column and unit of `time`; `topic` of a log with several.
+
+    Raises
+    ------
+    LogError
+        In one line: where the column cannot be told, or times fall or repeat.
+    """
+    columns = columns or {}
+    table = open_table(path, columns.get("topic"))
+    column = find_time(table, columns, units or {})
+    values = table.read([column.name])[column.name]
+    if not len(values):
+        raise LogError(path, "has no rows")
+    stamps, notes = unwrapped(seconds_of(path, values, column.unit or "s", column.name))
+    refuse_falling(path, stamps.time, column.name, "")
+    repeated(path, stamps.time, np.zeros(len(stamps.time) - 1, dtype=np.bool_), column.name, "")
+    interval = interval_of(path, stamps.time, column.name)
+    return Instants(stamps.time, stamps.start, (*table.notes, *notes, *notes_of_steps(stamps.time, interval)))
 
 
 def _factor(path: Path, column: Column, key: str) -> float:

@@ -108,6 +108,20 @@ def find_columns(
     return result, ()
 
 
+def find_time(table: LogTable, columns: Mapping[str, str], units: Mapping[str, str]) -> Column:
+    """Find the column of time alone; the first of a file without a header."""
+    check_keys(table.path, columns, ("time", "topic"), "columns")
+    check_keys(table.path, units, ("time",), "units")
+    if "time" in columns:
+        return mapped(table, columns, units, "time")
+    if table.headless:
+        return Column(table.names[0], stated_unit(table, units, "time", table.names[0]))
+    column = _suggested(table, [named(name) for name in table.names], units, "time")
+    if column is None:
+        raise cannot_tell(table, "none of them is that of time by its name", 'columns = { time = "…" }')
+    return column
+
+
 def _of_groups(units: Mapping[str, str]) -> dict[str, str]:
     """Give the units of groups to their columns."""
     members = {

@@ -16,6 +16,7 @@ from mcnav.report.document import Cell, Column, Table
 from mcnav.report.format import number
 from mcnav.report.model import humanize, labels_in, shown_units
 from mcnav.report.result_table import ResultColumn, ResultTable, Units, in_units
+from mcnav.statistics.demonstration import runs_to_show
 
 RADII: Final = {
     "cep": "circular error probable",
@@ -68,6 +69,13 @@ def requirement_causes(summary: Summary, entry: RequirementEntry) -> list[tuple[
         of_mean = "mean of " if name != cause.name else ""
         causes.append((f"{of_mean}{labels.get(name, humanize(name))}", cause.share))
     return causes
+
+
+def way_to_fail(summary: Summary, way: Mapping[str, float]) -> str:
+    """Put the most likely way to fail in words, the departures of at most `NAMED` sources in sigmas."""
+    labels = dict(zip((source.name for source in summary.sources), labels_in(summary), strict=True))
+    parts = [f"{labels.get(name, humanize(name))} at {sigmas:+.1f}σ" for name, sigmas in list(way.items())[:NAMED]]
+    return "most likely by " + " with ".join(filter(None, (parts[0], ", ".join(parts[1:]))))
 
 
 def listed(causes: Sequence[tuple[str, float]]) -> str:
@@ -133,6 +141,40 @@ class RequirementRow:
         return Cell(self.shown(self.entry.linear, "–"), below=met if known else "–")
 
     @property
+    def runs_to_show(self) -> list[int | None]:
+        """Samples that show it by counting if none, one or two lie beyond the limit; empty of a sigma ratio."""
+        kind, probability = self.entry.kind, self.entry.probability
+        if kind == "sigma_ratio" or self.entry.epochs:
+            return []
+        level = 0.5 if probability is None else probability
+        return [runs_to_show(level, self.summary.confidence, failures) for failures in range(3)]
+
+    @property
+    def by_counting(self) -> str:
+        """Samples that show it by counting, in words."""
+        runs = self.runs_to_show
+        if not runs or None in runs:
+            return ""
+        none, one, two = (f"{each:,}" for each in runs)
+        return f"shown by {none} samples with none beyond, {one} with one, {two} with two"
+
+    @property
+    def exceedance(self) -> str:
+        """Probability beyond the limits by flights that the linear model chose, or why there is none."""
+        known = self.entry.exceedance
+        if known is None:
+            return "–"
+        if known.refusal or known.estimate is None or known.low is None or known.high is None:
+            return f"not estimated: {known.refusal}"
+        return f"{known.estimate:.2e} ({known.low:.2e} to {known.high:.2e}), {known.flights:,} flights"
+
+    @property
+    def way(self) -> str:
+        """The most likely way to fail."""
+        known = self.entry.exceedance
+        return "" if known is None or not known.way else way_to_fail(self.summary, known.way)
+
+    @property
     def to_decide(self) -> str:
         """How many samples would decide, and why nothing was decided."""
         needed = self.entry.samples_needed
@@ -142,7 +184,8 @@ class RequirementRow:
 
 COLUMNS: Final[tuple[ResultColumn[RequirementRow], ...]] = (
     ResultColumn("requirement", lambda row: row.words,
-                 (Column("Requirement", lambda row: row.words, "requirement", kind="words"),)),
+                 (Column("Requirement", lambda row: Cell(row.words, below=row.by_counting), place="page", kind="words"),
+                  Column("Requirement", lambda row: row.words, "requirement", kind="words", place="terminal"))),
     ResultColumn("finding", lambda row: row.entry.finding, (
         Column("Finding", lambda row: Cell(row.entry.finding, tone=row.tone), "finding",
                kind="text"),)),
@@ -161,6 +204,18 @@ COLUMNS: Final[tuple[ResultColumn[RequirementRow], ...]] = (
     ResultColumn("time", lambda row: row.entry.time),
     ResultColumn("remark", lambda row: row.entry.remark),
 )  # fmt: skip
+
+EXCEEDANCE: Final[tuple[ResultColumn[RequirementRow], ...]] = (
+    ResultColumn("exceedance", lambda row: row.entry.exceedance.estimate if row.entry.exceedance else None, (
+        Column("Exceedance", lambda row: Cell(row.exceedance, below=row.way), place="page", kind="words"),
+        Column("Exceedance", lambda row: "; ".join(filter(None, (row.exceedance, row.way))), "exceedance",
+               kind="words", place="terminal"),)),
+    ResultColumn("exceedance_from", lambda row: row.entry.exceedance.low if row.entry.exceedance else None),
+    ResultColumn("exceedance_to", lambda row: row.entry.exceedance.high if row.entry.exceedance else None),
+    ResultColumn("exceedance_flights", lambda row: row.entry.exceedance.flights if row.entry.exceedance else None),
+    ResultColumn("exceedance_refusal", lambda row: row.entry.exceedance.refusal if row.entry.exceedance else ""),
+)  # fmt: skip
+"""Columns of runs in which counting could not be expected to decide a requirement."""
 
 CAUSES: Final = ResultColumn[RequirementRow]("largest_causes", lambda row: listed(row.causes) if row.causes else "", (
     Column("Largest causes", lambda row: listed(row.causes), "largest linear causes of these errors",
@@ -189,7 +244,8 @@ def requirements_table(
     """
     rows = requirement_rows(summary, units, time_unit)
     explained = any(entry.causes for entry in summary.requirements)
-    columns = (*COLUMNS, CAUSES) if explained else COLUMNS
+    beyond = any(entry.exceedance is not None for entry in summary.requirements)
+    columns = (*COLUMNS, *(EXCEEDANCE if beyond else ()), *((CAUSES,) if explained else ()))
     caption = _caption(summary, explained, confidence)
     return ResultTable.of_entries("requirements", "Requirements", 1, columns, rows, caption)
 
@@ -205,6 +261,11 @@ def _caption(summary: Summary, explained: bool, confidence: str) -> str:
         parts.append(
             "Over time all values are the largest of the epochs; the lower bound holds for all epochs together, and "
             "only the campaign's first samples have errors over time."
+        )
+    if any(entry.exceedance is not None for entry in summary.requirements):
+        parts.append(
+            "Exceedance: probability beyond the limits, with its two-sided interval, by flights along lines that the "
+            "linear model chose and by a search in other places; sigmas are those of the sources."
         )
     if explained:
         when = ", over time at the epoch with the largest estimate" if over_time else ""

@@ -16,7 +16,7 @@ from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.linear_range import BeyondRange
 from mcnav.analysis.multivariate import MultivariateTests
-from mcnav.analysis.requirements import RequirementResult
+from mcnav.analysis.requirements import METHOD, RequirementResult
 from mcnav.analysis.summary import Beyond, CombinationEntry, Joint, Summary, tally
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
@@ -233,7 +233,11 @@ def _named(entry: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
 def _requirement(judged: RequirementResult, names: Sequence[str]) -> Keys:
     """Describe a requirement and the result on it; one on the final errors has no epochs."""
     result = asdict(judged)
+    exceedance = result.pop("exceedance")
     entry = {**_named(result.pop("requirement"), names), **result, "finding": judged.finding.value}
+    if exceedance is not None:
+        exceedance["from"], exceedance["to"] = exceedance.pop("low"), exceedance.pop("high")
+        entry["exceedance"] = {**exceedance, "method": METHOD}
     at_the_end = () if judged.requirement.epochs else ("when", "epochs", "time", "samples")
     return {key: value for key, value in entry.items() if key not in at_the_end}
 

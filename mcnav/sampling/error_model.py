@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.sampling.copula import error_correlation, hermite_coefficients, normal_correlation, semidefinite_factor
 from mcnav.sampling.designs import standard_normals
 from mcnav.sampling.distributions import Distribution, Fixed, Normal, StudentT, tail_weight
@@ -198,17 +198,38 @@ class ErrorModel:
         A sample depends on the campaign and its index alone. Sums are elementwise, one source after another, so that a
         sample has the same bits in any range.
         """
-        first, groups = len(self._drawn), len(self._joint)
-        variates = standard_normals(design, seed, samples, begin, end, first + groups + len(self._drawn_last))
-        drawn, of_groups, drawn_last = np.split(variates, [first, first + groups], axis=1)
-        independent = np.zeros((end - begin, len(self.names)))
-        independent[:, self._drawn], independent[:, self._drawn_last] = drawn, drawn_last
+        variates = standard_normals(design, seed, samples, begin, end, self.variates)
         if design == "antithetic":  # a pair shares its scale: mirrored errors are the errors of mirrored normals
-            of_groups[np.arange(begin, end) % 2 == 1] *= -1.0
+            first = len(self._drawn)
+            variates[np.arange(begin, end) % 2 == 1, first : first + len(self._joint)] *= -1.0
+        return self.errors_of(variates)
+
+    @property
+    def variates(self) -> int:
+        """Return the number of standard normals that a sample takes."""
+        return len(self._drawn) + len(self._joint) + len(self._drawn_last)
+
+    @cached_property
+    def dispersing(self) -> IndexArray:
+        """Variates on which an error depends, by number: those of sources with dispersion, and of groups."""
+        spread = self.standard_deviations > 0.0
+        of_source = np.any((self._factor != 0.0) & spread[:, None], axis=0)
+        groups = [any(spread[self.names.index(name)] for name in group.sources) for group in self._joint]
+        return np.flatnonzero(np.concatenate([of_source[self._drawn], groups, of_source[self._drawn_last]]))
+
+    def errors_of(self, variates: Array) -> Array:
+        """Return the errors of standard normals, shape (n, variates), as shape (n, sources), SI.
+
+        Normals come one for each source, then one for the scale of each group, then those of later sources.
+        """
+        first, groups = len(self._drawn), len(self._joint)
+        drawn, of_groups, drawn_last = np.split(variates, [first, first + groups], axis=1)
+        independent = np.zeros((len(variates), len(self.names)))
+        independent[:, self._drawn], independent[:, self._drawn_last] = drawn, drawn_last
         scales = [group.scale(of_groups[:, number]) for number, group in enumerate(self._joint)]
         errors = np.empty_like(independent)
         for i, (distribution, group) in enumerate(zip(self.distributions, self._group, strict=True)):
-            normal = np.zeros(end - begin)
+            normal = np.zeros(len(variates))
             for j in np.flatnonzero(self._factor[i]):
                 normal = normal + self._factor[i, j] * independent[:, j]
             if group is None:

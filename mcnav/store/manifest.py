@@ -128,6 +128,19 @@ class FilterRecord(Record):
         )
 
 
+class ExceedanceRecord(Record):
+    """See `mcnav.analysis.requirements.Exceedance`; ``requirement`` is the number of the requirement, from zero."""
+
+    requirement: Count
+    estimate: Number
+    low: Number
+    high: Number
+    flights: Count
+    refusal: Words = ""
+    way: Mapping[Words, float] = {}
+    sides: Count = 0
+
+
 class ModelRecord(Record):
     """The linear model, SI, and what further simulations add to it (`mcnav.lincov.nonlinear_corrections`).
 
@@ -149,6 +162,7 @@ class ModelRecord(Record):
     second_order: Mapping[str, Any] | None = None
     higher_order: Mapping[str, Any] | None = None
     budget: Mapping[str, Any] | None = None
+    exceedance: tuple[ExceedanceRecord, ...] | None = None
 
     @model_validator(mode="after")
     def _shapes(self) -> Self:
@@ -295,6 +309,7 @@ class Manifest(Record):
     requirements: tuple[RequirementRecord, ...] = ()
     identity: Identity
     accuracy: Words
+    processor: Words | None = None
     commit: Words | None = None
     started: Words
     heavy_tailed: tuple[Words, ...]

@@ -16,12 +16,13 @@ from mcnav._types import Array, IndexArray
 from mcnav.analysis.block_moments import ReducedSamples
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare_reduced, reduce_stored, reduce_summary
+from mcnav.analysis.exceedance import Event, weigh
 from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
 from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_range import BeyondRange
-from mcnav.analysis.requirements import Requirement, RequirementResult, judge_requirement, requirements_from
+from mcnav.analysis.requirements import Exceedance, Requirement, RequirementResult, judge_requirement, requirements_from
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
 from mcnav.analysis.running_ratios import convergence
 from mcnav.analysis.summary import Summary
@@ -136,7 +137,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     over_time = any(requirement.epochs for requirement in requirements)
     histories = error_histories(folder, manifest, design) if over_time and unfinished is None else None
     beyond = beyond_range(manifest.model, model)
-    judge = _Judge(manifest, model, criterion, comparison, samples.outputs, blocks, histories, beyond)
+    judge = _Judge(manifest, requirements, model, criterion, comparison, samples.outputs, blocks, histories, beyond)
     return RunAnalysis(
         folder=folder,
         manifest=manifest,
@@ -175,6 +176,7 @@ class _Judge:
     """What requirements are judged by."""
 
     manifest: Manifest
+    requirements: tuple[Requirement, ...]
     model: Model
     criterion: Criterion
     comparison: Comparison
@@ -193,7 +195,20 @@ class _Judge:
             result = judge_requirement(
                 requirement, self.model, self.outputs, self.blocks, self.comparison, confidence, most
             )
+            result = self._with_exceedance(result, requirement)
         return explain(result, self.manifest.model, self.model, self.beyond)
+
+    def _with_exceedance(self, result: RequirementResult, requirement: Requirement) -> RequirementResult:
+        """Add what flights chosen with the linear model say of a requirement, where there are some."""
+        number = self.requirements.index(requirement)
+        for record in self.manifest.model.exceedance or ():
+            if record.requirement == number:
+                exceedance = Exceedance(
+                    record.estimate, record.low, record.high, record.flights, record.refusal, record.way, record.sides
+                )
+                event, confidence = Event.of(requirement, self.model.sizes), self.criterion.confidence
+                return weigh(result, exceedance, event, self.outputs, self.blocks, confidence)
+        return result
 
 
 def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> FilterEvidence | None:

@@ -13,7 +13,9 @@ from typing import Any, TypeVar
 
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
+from mcnav.analysis.requirements import requirements_from
 from mcnav.analysis.summary import Summary
+from mcnav.compiled.target import target
 from mcnav.config.read import Campaign
 from mcnav.config.stopping import StoppingRule
 from mcnav.entries.inputs import InputFile
@@ -31,8 +33,9 @@ from mcnav.store.run_folder import CAMPAIGN, RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY
 from mcnav.systems.timeouts import stopped_by
 from mcnav.systems.user.conformance import Check, check_conformance
-from mcnav.workflow.analyse import analyse, summary_frame, write_results
+from mcnav.workflow.analyse import analyse, linear_model, summary_frame, write_results
 from mcnav.workflow.corrections import compute_corrections
+from mcnav.workflow.exceedance import estimate_exceedances
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from mcnav.workflow.stopping import Execution
 from mcnav.workflow.stored_samples import doubt_samples, tables_over_time
@@ -115,10 +118,10 @@ def run_campaign(
         begun = _begin(campaign, folder, engine_name, fresh, force)
         execution = Execution(begun.job, jobs, progress, begun.notices.append, most_failures, executor)
         system, code = begun.system, campaign.code is not None
-        with _computed_beside(lambda: compute_corrections(system), before=code) as corrections:
+        with _computed_beside(lambda: _compute_beside(system, campaign), before=code) as beside:
             manifest, record = _simulate(execution, begun.manifest, campaign.until)
             progress.phase(Phase.ANALYSING)
-            model = system.model.completed(asdict(corrections()))
+            model = system.model.completed(beside())
         _finish(begun, manifest.model_copy(update={"model": model, "execution": record}), campaign.tolerance)
         analysis = analyse(folder)
         if report:
@@ -154,6 +157,14 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     layout, frame = manifest.sample_schema, summary_frame(manifest)
     job = ChunkJob(draws, system.engine, folder, digest, layout, campaign.sample_timeout, frame, inputs=inputs)
     return _Begun(system, manifest, job, notices)
+
+
+def _compute_beside(system: PreparedSystem, campaign: Campaign) -> dict[str, object]:
+    """Compute what further simulations add to the linear model, as fields of its record."""
+    described = [output.model_dump() for output in system.model.outputs]
+    requirements = requirements_from([entry.model_dump() for entry in campaign.requirements], described)
+    exceedances = estimate_exceedances(system, linear_model(system.model), requirements, campaign.confidence)
+    return asdict(compute_corrections(system)) | {"exceedance": exceedances or None}
 
 
 def _simulate(execution: Execution, manifest: Manifest, rule: StoppingRule | None) -> tuple[Manifest, ExecutionRecord]:
@@ -206,6 +217,7 @@ def _first_manifest(
         requirements=campaign.requirements,
         identity=identity,
         accuracy=system.engine.accuracy,
+        processor=target(),
         commit=commit(),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         heavy_tailed=tuple(errors.heavy_tailed(design)),

@@ -16,8 +16,9 @@ from mcnav.contract.history import History, Panel
 from mcnav.errors import CampaignError, Problem
 from mcnav.report.trajectory import Extreme, TrajectoryReport
 from mcnav.systems.ins.earth import WGS84
-from mcnav.systems.ins.scenario import is_ins
-from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file
+from mcnav.systems.ins.recognition import is_ins
+from mcnav.systems.ins.tables.tracks import read_rows
+from mcnav.systems.ins.tables.trajectory_tables import FileTable
 from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows, rows_from
 from mcnav.systems.ins.truth.trajectory import Truth
 
@@ -42,7 +43,7 @@ def describe_file(path: Path, columns: Mapping[str, str] | None = None) -> Traje
         When it cannot be read or describes no flight.
     """
     try:
-        rows = read_trajectory_file(path, columns)
+        rows = read_rows(path, FileTable(file=str(path), columns=dict(columns or {})), otherwise="from-velocity").rows
     except TrajectoryError as wrong:
         raise CampaignError([Problem(str(path), "", str(wrong))]) from None
     truth = rows.truth(WGS84)
@@ -64,11 +65,13 @@ def describe_campaign(path: Path) -> TrajectoryReport:
     navigation = campaign.scenario.navigation
     truth, rows, name = navigation.truth, None, campaign.name
     for file in campaign.files:
+        if file.setting != "trajectory":
+            continue
         entries = load_file(path)["scenario"]
         entry = entries["trajectory"]
-        columns = entry.get("columns") if isinstance(entry, dict) else entries.get("columns")
+        given = entry if isinstance(entry, dict) else {"file": entry, "columns": entries.get("columns", {})}
         try:
-            rows = read_trajectory_file(Path(file.path), columns, truth.earth, file.digest)
+            rows = read_rows(Path(file.path), FileTable(**given), truth.earth, file.digest).rows
         except TrajectoryError as wrong:
             raise CampaignError([Problem(str(path), "scenario.trajectory", f"{file.path}: {wrong}")]) from None
         name = f"{campaign.name}: {file.name}"

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final, TypeGuard
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.recorded import FilteredRecord, Recording
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Capability, Scenario, ScenarioError
+from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.systems.ins.aided import (
     PROBES,
     AidedEngine,
@@ -45,6 +45,7 @@ from mcnav.systems.ins.linear.covariance import LinearErrors, propagate
 from mcnav.systems.ins.linear.recent_responses import recent_responses
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.linear.start_times import LinearStarts, propagate_starts
+from mcnav.systems.ins.recognition import is_ins as is_ins
 from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor
@@ -372,6 +373,22 @@ class ReferenceEngine:
         )
 
 
+CAPABILITIES: Final = frozenset(
+    {
+        Capability.NOISE,
+        Capability.FILTER,
+        Capability.LINEAR_OVER_TIME,
+        Capability.LINEAR_AT_ANY_TIME,
+        Capability.COVARIANCE,
+        Capability.START_TIMES,
+        Capability.EPOCHS,
+        Capability.TRAJECTORY,
+        Capability.RECORDING,
+    }
+)
+"""What every such scenario is capable of."""
+
+
 class Ins:
     """The scenario.
 
@@ -379,26 +396,18 @@ class Ins:
     ------
     ScenarioError
         When navigation does not lie within the trajectory.
+
+    Attributes
+    ----------
+    remarks : tuple of str
+        What was noticed of the files that it reads, and assumed of them, a clause each.
     """
 
     outputs = NAVIGATION_ERRORS
     start_clock = START_CLOCK
     revision = REVISION
-    can = frozenset(
-        {
-            Capability.NOISE,
-            Capability.FILTER,
-            Capability.LINEAR_OVER_TIME,
-            Capability.LINEAR_AT_ANY_TIME,
-            Capability.COVARIANCE,
-            Capability.START_TIMES,
-            Capability.EPOCHS,
-            Capability.TRAJECTORY,
-            Capability.RECORDING,
-        }
-    )
 
-    def __init__(self, navigation: Navigation) -> None:
+    def __init__(self, navigation: Navigation, remarks: tuple[str, ...] = ()) -> None:
         first, last = navigation.truth.times[[0, -1]]
         for key, time in (("start", navigation.start), ("end", navigation.end)):
             if not first <= time <= last:
@@ -408,7 +417,17 @@ class Ins:
                 "end", f"got {navigation.end:g} s with a start at {navigation.start:g} s; expected {SHORTEST:g} s more"
             )
         self.navigation = navigation
+        self.remarks = remarks
         self._last_starts: tuple[tuple[str, bytes], LinearStarts] | None = None
+
+    @property
+    def can(self) -> frozenset[Capability]:
+        """What it is capable of."""
+        return CAPABILITIES | {Capability.REMARKS} if self.remarks else CAPABILITIES
+
+    def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
+        """Return `remarks`, whatever the errors."""
+        return self.remarks
 
     @property
     def engines(self) -> tuple[str, ...]:
@@ -436,7 +455,7 @@ class Ins:
 
     def with_filter(self, model: FilterModel, sigmas: Mapping[str, float] | None = None) -> Ins:
         """Return the same scenario with a filter, and the true root mean squares of the constant sources."""
-        return Ins(replace(self.navigation, filter=model, sigmas=sigmas or {}))
+        return Ins(replace(self.navigation, filter=model, sigmas=sigmas or {}), self.remarks)
 
     @property
     def filter_schema(self) -> FilterSchema | None:
@@ -595,7 +614,7 @@ class Ins:
         if not first <= time <= last:
             raise ScenarioError("start", f"got {time:g} s; navigation starts from {first:g} s to {last:g} s")
         truth = navigation.truth if axes == "start" else navigation.truth.held(navigation.start)
-        return Ins(replace(navigation, truth=truth, start=time))
+        return Ins(replace(navigation, truth=truth, start=time), self.remarks)
 
     def start_times(self, count: int) -> Array:
         """Space start times from the navigation's start to that of the shortest navigation, shape (count,), s."""
@@ -706,11 +725,6 @@ class Ins:
             for sensor in navigation.sensors if sensor.outages
         }  # fmt: skip
         return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS, outages)
-
-
-def is_ins(scenario: Scenario) -> TypeGuard[Ins]:
-    """Return whether a scenario is an inertial navigation along a trajectory."""
-    return Capability.TRAJECTORY in scenario.can
 
 
 PANELS: Final = (

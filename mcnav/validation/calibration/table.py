@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Final
 
+from scipy.stats import chi2
+
 from mcnav.analysis import linear_samples as doubts
+from mcnav.identification.fit import PENALTY
 from mcnav.sampling.distributions import tail_weight
 from mcnav.sampling.error_model import HEAVY_TAILS, LONG_TAILS
 from mcnav.statistics.power import USUAL_POWER
 from mcnav.statistics.proportions import probability_interval
 from mcnav.validation.calibration.cells import LEVEL, Cell, Tally
+from mcnav.validation.calibration.identification_trials import ABSENT
 from mcnav.validation.calibration.noise_trials import DETECTABLE, DOUBTED
 from mcnav.validation.calibration.trials import SOURCES
 
@@ -20,7 +24,11 @@ if TYPE_CHECKING:
 NOMINAL: Final = {"coverage": LEVEL, "false alarm": 1.0 - LEVEL}
 """Nominal rates by kind."""
 
-NOMINAL_OF: Final = {("false alarm", DOUBTED): doubts.FALSE_ALARM, ("power", DETECTABLE): USUAL_POWER}
+NOMINAL_OF: Final = {
+    ("false alarm", DOUBTED): doubts.FALSE_ALARM,
+    ("power", DETECTABLE): USUAL_POWER,
+    ("false alarm", ABSENT): 0.5 * float(chi2.sf(PENALTY, 1)),
+}
 """Nominal rates by kind and statement, where they are others."""
 
 FALSE_ALARM: Final = 1e-3

@@ -13,7 +13,7 @@ from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OU
 from mcnav.systems.ins.linear.covariance import output_map, process_systems
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.sensors.aiding import aiding_constants
-from mcnav.systems.ins.sensors.measurements import Measurements, rate_error
+from mcnav.systems.ins.sensors.measurements import Measurements, rate_error, white_sigmas
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 
@@ -66,12 +66,12 @@ def tabulate_filter(
     systems = process_systems(believed, beliefs.imu)
     sources = {name: number for number, name in enumerate((*CONSTANTS, *aiding_constants(beliefs.sensors)))}
     components = [component for sensor in beliefs.sensors for component in sensor.components]
-    sigmas = np.array([component.noise for component in components])
+    sigmas = white_sigmas(beliefs.sensors, measurements)
     modelled = tuple(_process_of(state.name, sources) for state in states)
     tables = FilterTables(
         np.zeros((steps, NAVIGATION, count)), np.ones((steps, count)),
         np.zeros((steps, NAVIGATION + count, NAVIGATION + count)), _initial_covariance(truth, responses, model),
-        np.zeros((*measurements.components.shape, count)), sigmas[measurements.components] ** 2,
+        np.zeros((*measurements.components.shape, count)), sigmas**2,
         np.array([1.0] * NAVIGATION + [0.0 if state.considered else 1.0 for state in states]),
         np.array([sources.get(state.name, -1) for state in states], dtype=np.int64),
         tuple(() if name in sources else (name,) for name in modelled),

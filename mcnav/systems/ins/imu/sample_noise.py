@@ -100,7 +100,7 @@ def draw_measurement_errors(
             place = (KINDS_OF_STREAM * number + kind) * MOST_AXES + component.axis
             if component.noise > 0.0:
                 variates = _generator(seed, index, stream, 2 * place).standard_normal(len(errors))
-                errors[:, column] += component.noise * variates
+                errors[:, column] += component.white_sigmas(len(errors)) * variates
             if component.correlated > 0.0:
                 generator = _generator(seed, index, stream, 2 * place + 1)
                 at_times, at_epochs = _gauss_markov(component, sensor.times, epochs, generator)

@@ -42,7 +42,7 @@ from mcnav.systems.ins.linear.recursions import (
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.linear.same_content import same_content
 from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
-from mcnav.systems.ins.sensors.measurements import Measurements, measure, rate_error
+from mcnav.systems.ins.sensors.measurements import Measurements, measure, rate_error, white_sigmas
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 NOWHERE: Final = np.zeros(0, dtype=np.int64)
@@ -392,7 +392,7 @@ def _process_of_sensors(loop: ClosedLoop, quiet: _Process, name: str, components
             noise = quiet.noise._replace(driven=driven)
             return replace(quiet, decay=decay, noise=noise, variance=component.correlated**2, seen=-1.0 * at)
         if name == component.error_name("noise"):
-            return replace(quiet, measured=component.noise**2 * at)
+            return replace(quiet, measured=white_sigmas(loop.sensors, loop.measurements) ** 2 * at)
     raise ValueError(f"no sensor has a process {name!r}")
 
 

@@ -23,7 +23,7 @@ from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, TrueLoop, constant_disturbances, gauss_markov, true_loop
 from mcnav.systems.ins.linear.covariance import constant_inputs, map_covariances, output_map, process_systems
 from mcnav.systems.ins.linear.recursions import ReadingTimes, StepNoise, Steps, run_covariance, run_responses
-from mcnav.systems.ins.sensors.measurements import rate_error
+from mcnav.systems.ins.sensors.measurements import rate_error, white_sigmas
 
 
 @dataclass(frozen=True)
@@ -91,8 +91,7 @@ def propagate_covariance(
     """
     readings = ReadingTimes(loop.own_at, np.ones(len(loop.own_at), dtype=np.bool_))
     biases, true = _biases(loop, sources), true_loop(loop)
-    components = [component for sensor in loop.sensors for component in sensor.components]
-    variances = np.array([component.noise for component in components])[loop.measurements.components] ** 2
+    variances = white_sigmas(loop.sensors, loop.measurements) ** 2
     states = len(loop.filter.constants)
     size = NAVIGATION + states + biases.response.shape[2]
     start, kept = np.zeros((size, size)), np.r_[0:NAVIGATION, NAVIGATION + states : size]

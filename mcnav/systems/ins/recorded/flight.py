@@ -100,8 +100,9 @@ class RecordedFlight:
         believed = {sensor.name: sensor for sensor in self.model.beliefs.sensors}
         for sensor in self.sensors:
             recorded = replace(sensor, lever_arm=np.zeros(3))
+            times = self.recording.measurements[sensor.name].times
             models = (
-                SensorModel(recorded, believed[sensor.name], None, model.states, spin)
+                SensorModel(recorded, _at_instants(believed[sensor.name], times), None, model.states, spin)
                 for model in (self.own, self.campaign.model)
             )
             pairs.append((next(models), next(models)))
@@ -231,20 +232,22 @@ class _Passing:
         _, of_all = everything.innovation(
             true, indicated, np.zeros(len(self.everything.states)), nothing, nothing, np.zeros(3)
         )
-        update = navigator.update(innovation, response, own.variances, own.threshold)
+        update = navigator.update(innovation, response, own.variances[row], own.threshold)
         transition, feedback, decay, processes = motion
         return Stage(
             time, sensor, innovation, update.covariance, update.accepted, transition, feedback, decay, of_all,
-            response[:, NAVIGATION:], update.gain, processes, self._noise(sensor), self._read_out(time),
+            response[:, NAVIGATION:], update.gain, processes, self._noise(sensor, row), self._read_out(time),
         )  # fmt: skip
 
-    def _noise(self, sensor: int) -> tuple[Part, ...]:
+    def _noise(self, sensor: int, row: int) -> tuple[Part, ...]:
         """Return the covariance of a measurement's noise by cause."""
-        components = self.flight.sensors[sensor].components
+        recorded = self.flight.sensors[sensor]
+        times = self.flight.recording.measurements[recorded.name].times
+        components = _at_instants(recorded, times).components
         parts = []
         for label in dict.fromkeys(component.label for component in components):
             places = np.array([n for n, each in enumerate(components) if each.label == label], dtype=np.int64)
-            variances = np.array([components[place].noise ** 2 for place in places])
+            variances = np.array([components[place].white_variances(len(times))[row] for place in places])
             parts.append(Part(self.causes.noise[label], places, np.diag(variances)))
         return tuple(parts)
 
@@ -260,6 +263,15 @@ class _Passing:
         to_outputs = navigator.frame().to_outputs(navigator.state[4:7])
         covariance = map_covariances(to_outputs, navigator.filter.P[:NAVIGATION, :NAVIGATION])
         return ReadOut(errors, to_outputs, covariance, variances)
+
+
+def _at_instants(sensor: Sensor, times: Array) -> Sensor:
+    """Return a sensor that measures at other instants; sigmas of each measurement are kept where they are as many."""
+    components = tuple(
+        each if each.noise_at is None or len(each.noise_at) == len(times) else replace(each, noise_at=None)
+        for each in sensor.components
+    )
+    return replace(sensor, times=times, components=components)
 
 
 def _recorded_sensor(sensor: Sensor, campaign: Campaign) -> RecordedSensor:

@@ -296,7 +296,7 @@ class AidedFlight:
         innovation, response = model.innovation(true, indicated, navigator.estimates, offsets[row], factors, arm)
         if not np.all(np.isfinite(innovation)):
             raise Diverged(f"an innovation of {model.sensor.name} ceased to be finite at {stop.time:.1f} s")
-        update = navigator.update(innovation, response, model.variances, model.threshold)
+        update = navigator.update(innovation, response, model.variances[row], model.threshold)
         self.counts[sensor].add(update.whitened, update.accepted)
 
     def _reading(self, step: int) -> Array:

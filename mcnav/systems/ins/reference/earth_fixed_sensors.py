@@ -118,8 +118,9 @@ class SensorModel:
 
     @cached_property
     def variances(self) -> Array:
-        """Believed variances of the white noise, shape (c,)."""
-        return np.array([component.noise**2 for component in self.believed.components])
+        """Believed variances of the white noise, shape (u, c)."""
+        count = len(self.believed.times)
+        return np.stack([component.white_variances(count) for component in self.believed.components], axis=1)
 
     @cached_property
     def threshold(self) -> float:

@@ -41,6 +41,9 @@ class Component:
         Of that error, s; positive.
     label : str
         Beginning of its errors' names: the sensor's name, and the quantity where the sensor measures several.
+    noise_at : tuple of float, optional
+        Sigma of the white noise of each measurement of a recorded sensor, whose root mean square is `noise`; all have
+        that one unless given.
 
     Raises
     ------
@@ -54,6 +57,7 @@ class Component:
     correlated: float
     correlation_time: float
     label: str
+    noise_at: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.quantity not in QUANTITIES:
@@ -61,6 +65,14 @@ class Component:
             raise ValueError(f"{self.label} measures {self.quantity}, which no file of sensors/ defines; of {known}")
         if not 0 <= self.axis < len(QUANTITIES[self.quantity].axes):
             raise ValueError(f"{self.label}: {self.quantity} has no axis number {self.axis}")
+
+    def white_sigmas(self, count: int) -> Array:
+        """Return the sigma of the white noise of each of so many measurements, shape (count,)."""
+        return np.full(count, self.noise) if self.noise_at is None else np.array(self.noise_at)
+
+    def white_variances(self, count: int) -> Array:
+        """Return the variance of the white noise of each of so many measurements, shape (count,)."""
+        return np.full(count, self.noise**2) if self.noise_at is None else np.array(self.noise_at) ** 2
 
     def error_name(self, error: MeasurementError) -> str:
         """Return the name of one of its errors.

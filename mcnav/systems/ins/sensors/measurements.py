@@ -120,6 +120,18 @@ def measure(truth: Truth, platform: Platform, start: float, sensors: Sequence[Se
     return Measurements(*(getattr(tables, each.name)[order] for each in fields(tables)))
 
 
+def white_sigmas(sensors: Sequence[Sensor], measured: Measurements) -> Array:
+    """Return the sigmas of the white noise of all updates, shape (U, M)."""
+    components = [component for sensor in sensors for component in sensor.components]
+    sigmas = np.array([component.noise for component in components])[measured.components]
+    for number, sensor in enumerate(sensors):
+        rows = np.flatnonzero(measured.sensors == number)
+        for column, component in enumerate(sensor.components):
+            if component.noise_at is not None:
+                sigmas[rows, column] = component.noise_at
+    return sigmas
+
+
 def _geometries(sensor: Sensor, around: Surroundings) -> tuple[Geometry, ...]:
     """Return the geometry of each component of a sensor."""
     return tuple(QUANTITIES[each.quantity].geometry(around, each.axis) for each in sensor.components)

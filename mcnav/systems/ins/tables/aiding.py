@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -11,6 +11,7 @@ from pydantic import TypeAdapter
 
 from mcnav._types import Array
 from mcnav.entries.context import FileContext
+from mcnav.entries.inputs import InputFile
 from mcnav.entries.validation import validate, validate_entry
 from mcnav.systems.ins.filter.model import estimated_kinds
 from mcnav.systems.ins.imu.instruments import AXES, CONSTANTS, PROCESSES
@@ -20,6 +21,7 @@ from mcnav.systems.ins.sensors.quantity import SensorType
 from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import RANDOM
 from mcnav.systems.ins.tables.instants import InstantRule, InstantsTable, check_count, instants_of
+from mcnav.systems.ins.tables.recorded import Recorded, read_recorded
 from mcnav.systems.ins.tables.sensor_tables import MOST_SENSORS, AnySensor, SensorTable
 from mcnav.systems.ins.tables.sensors import SensorErrors, check_measured, errors_of
 
@@ -31,14 +33,32 @@ NO_CORRELATION: Final = 3600.0
 
 @dataclass(frozen=True)
 class Aiding:
-    """Sensors, and sigmas of their constant errors by source, SI."""
+    """Sensors, sigmas of their constant errors by source, SI, and the logs that they read.
+
+    Attributes
+    ----------
+    sensors : tuple of Sensor
+    sigmas : mapping of str to float
+    files : mapping of int to InputFile
+        Logs by the number of the entry, from 0.
+    remarks : tuple of str
+        What was noticed of the logs.
+    """
 
     sensors: tuple[Sensor, ...]
     sigmas: Mapping[str, float]
+    files: Mapping[int, InputFile] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
 
-def read_aiding(entries: object, navigation: Navigation, context: FileContext) -> Aiding | None:
-    """Read all sensors of a navigation; mistakes are added to the context."""
+def read_aiding(entries: object, navigation: Navigation, context: FileContext, origin: float = 0.0) -> Aiding | None:
+    """Read all sensors of a navigation; mistakes are added to the context.
+
+    Parameters
+    ----------
+    origin : float
+        Time stamp at time zero of the trajectory, s.
+    """
     if not isinstance(entries, list):
         context.problem("aiding", "expected tables [[aiding]]")
         return None
@@ -48,6 +68,8 @@ def read_aiding(entries: object, navigation: Navigation, context: FileContext) -
     before = len(context.problems)
     sensors: list[Sensor] = []
     sigmas: dict[str, float] = {}
+    files: dict[int, InputFile] = {}
+    remarks: list[str] = []
     for number, entry in enumerate(entries, start=1):
         key = f"aiding #{number}"
         table = validate_entry(FORM, entry, context, key)
@@ -58,13 +80,20 @@ def read_aiding(entries: object, navigation: Navigation, context: FileContext) -
         if name is None:
             continue
         problems = len(context.problems)
-        sensor, of_sensor = _read_sensor(table, entry, name, navigation, key, context)
+        recorded = None
+        if table.log is not None:
+            recorded = read_recorded(table, SENSOR_TYPES[table.type], navigation, origin, key, context)
+            if recorded is None:
+                continue
+            files[number - 1] = recorded.file
+            remarks += recorded.remarks
+        sensor, of_sensor = _read_sensor(table, entry, name, navigation, key, context, recorded)
         if len(context.problems) == problems:
             _check_names(sensor, sensors, f"{key}.name", context)
         sensors.append(sensor)
         sigmas |= of_sensor
     check_count(sum(len(sensor.times) for sensor in sensors), context)
-    return Aiding(tuple(sensors), sigmas) if len(context.problems) == before else None
+    return Aiding(tuple(sensors), sigmas, files, tuple(remarks)) if len(context.problems) == before else None
 
 
 def _own_name(table: SensorTable, sensors: list[Sensor], key: str, context: FileContext) -> str | None:
@@ -77,14 +106,21 @@ def _own_name(table: SensorTable, sensors: list[Sensor], key: str, context: File
 
 
 def _read_sensor(
-    table: SensorTable, entry: Mapping[str, Any], name: str, navigation: Navigation, key: str, context: FileContext
-) -> tuple[Sensor, dict[str, float]]:
-    """Build a sensor from its table; mistakes show the entry as it is written."""
+    table: SensorTable, entry: Mapping[str, Any], name: str, navigation: Navigation, key: str, context: FileContext,
+    recorded: Recorded | None,
+) -> tuple[Sensor, dict[str, float]]:  # fmt: skip
+    """Build a sensor from its table, and from its log; mistakes show the entry as it is written."""
     kind = SENSOR_TYPES[table.type]
-    times = _read_times(table, kind, entry, navigation, key, context)
+    times = _read_times(table, kind, entry, navigation, key, context, recorded)
     errors = errors_of(table, kind)
+    of_each: Mapping[str, Array] = {}
+    if recorded is not None:
+        errors, of_each = _with_recorded(errors, kind, recorded, times)
+        if all(np.isnan(sizes.noise).all() for sizes in errors.sizes.values()):
+            missing = f"has no sigmas; expected the sigma of {' or '.join(kind.quantities)}"
+            context.problem(f"{key}.log", f"{table.log} {missing}")
     _check_measured(entry, kind, errors, key, context)
-    components, sigmas = _components(kind, name, errors)
+    components, sigmas = _components(kind, name, errors, of_each)
     if kind.lever_arm:
         sized = zip(AXES, errors.lever_arm_error, strict=True)
         sigmas |= {f"{name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
@@ -96,18 +132,18 @@ def _read_sensor(
         np.nan_to_num(errors.lever_arm),
         kind.lever_arm,
         table.gate,
-        table.outages,
+        table.outages if recorded is None else recorded.outages,
     )
     return sensor, sigmas
 
 
 def _read_times(
     table: InstantsTable, kind: SensorType, entry: Mapping[str, Any], navigation: Navigation, key: str,
-    context: FileContext,
+    context: FileContext, recorded: Recorded | None = None,
 ) -> Array:  # fmt: skip
     """Return the instants at which a sensor measures; mistakes, also of the motion then, go to the context."""
     before = len(context.problems)
-    times = instants_of(table, entry, navigation, key, context)
+    times = instants_of(table, entry, navigation, key, context) if recorded is None else recorded.times
     if kind.select is not None:
         times = kind.select(entry, times, navigation.truth, key, context)
     if len(context.problems) == before and len(times) and (wrong := kind.limit(navigation.truth, times)):
@@ -123,7 +159,7 @@ def _check_motion(entry: object, navigation: Navigation, key: str, context: File
     given = {name: entry[name] for name in InstantsTable.model_fields if name in entry}
     silent = FileContext(context.file, context.folder)
     table = validate(InstantsTable, given, silent)
-    if table is not None and InstantRule().broken(given.keys(), "") is None:
+    if table is not None and table.log is None and InstantRule().broken(given.keys(), "") is None:
         times = _read_times(table, kind, entry, navigation, key, silent)
         context.problems.extend(each for each in silent.problems if len(times) and each.key == key)
 
@@ -139,8 +175,29 @@ def _check_measured(
         check_measured(entry, kind, measured, key, context)
 
 
-def _components(kind: SensorType, name: str, errors: SensorErrors) -> tuple[tuple[Component, ...], dict[str, float]]:
-    """Build the measured components, and the sigmas of their constant errors that are given."""
+def _with_recorded(
+    errors: SensorErrors, kind: SensorType, recorded: Recorded, times: Array
+) -> tuple[SensorErrors, dict[str, Array]]:
+    """Return the errors with the root mean squares of recorded sigmas where none is stated, and these sigmas."""
+    sizes, of_each = dict(errors.sizes), dict[str, Array]()
+    for measured, quantity in kind.quantities.items():
+        if np.isnan(sizes[measured].noise).all() and quantity in recorded.sigmas and len(times):
+            of_each[measured] = recorded.sigmas[quantity][recorded.at(times)]
+            root_mean_square = np.sqrt(np.mean(of_each[measured] ** 2, axis=0))
+            sizes[measured] = replace(sizes[measured], noise=root_mean_square)
+    return replace(errors, sizes=sizes), of_each
+
+
+def _components(
+    kind: SensorType, name: str, errors: SensorErrors, of_each: Mapping[str, Array]
+) -> tuple[tuple[Component, ...], dict[str, float]]:
+    """Build the measured components, and the sigmas of their constant errors that are given.
+
+    Parameters
+    ----------
+    of_each : mapping of str to ndarray, shape (u, axes)
+        Sigmas of each measurement by quantity, of those that a log gives.
+    """
     components: list[Component] = []
     sigmas: dict[str, float] = {}
     for measured, sizes in errors.sizes.items():
@@ -148,7 +205,9 @@ def _components(kind: SensorType, name: str, errors: SensorErrors) -> tuple[tupl
             correlated = float(np.nan_to_num(sizes.correlated[axis]))
             time = float(sizes.correlation_time[axis]) if correlated > 0.0 else NO_CORRELATION
             label = kind.label(name, measured)
-            component = Component(kind.quantities[measured], axis, float(sizes.noise[axis]), correlated, time, label)
+            each = tuple(of_each[measured][:, axis].tolist()) if measured in of_each else None
+            size = float(sizes.noise[axis])
+            component = Component(kind.quantities[measured], axis, size, correlated, time, label, each)
             components.append(component)
             sigmas |= constant_sizes(component, sizes.bias[axis], sizes.scale_factor[axis])
     return tuple(components), sigmas

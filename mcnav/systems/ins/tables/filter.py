@@ -264,5 +264,6 @@ def _believed_component(
     if correlated > 0.0 and component.correlated == 0.0 and np.isnan(sizes.correlation_time[axis]):
         name = component.error_name("correlated")
         context.problem(key, f"{name} needs a correlation_time, because the sensor itself has no such error")
-    components = replace(component, noise=noise, correlated=correlated, correlation_time=time)
-    return components, constant_sizes(component, sizes.bias[axis], sizes.scale_factor[axis])
+    of_each = component.noise_at if np.isnan(sizes.noise[axis]) else None
+    believed = replace(component, noise=noise, correlated=correlated, correlation_time=time, noise_at=of_each)
+    return believed, constant_sizes(component, sizes.bias[axis], sizes.scale_factor[axis])

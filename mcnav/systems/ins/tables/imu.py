@@ -103,8 +103,7 @@ def read_imu(entries: object, context: FileContext, place: str = "imu", replaced
         return None
     gyro, accelerometer = _above_grade("gyro", table), _above_grade("accelerometer", table)
     if replaced is None:
-        sigmas = _sigmas("gyro", gyro, 0.0) | _sigmas("accelerometer", accelerometer, 0.0)
-        return ImuSizes(sigmas, Imu(_noise(gyro), _noise(accelerometer)))
+        return _sizes(gyro, accelerometer)
     before = len(context.problems)
     for name, each, below in (("gyro", gyro, replaced.gyro), ("accelerometer", accelerometer, replaced.accelerometer)):
         _check_instability(each, below, f"{place}.{name}.bias_instability", context)
@@ -113,6 +112,17 @@ def read_imu(entries: object, context: FileContext, place: str = "imu", replaced
     sigmas = _sigmas("gyro", gyro, np.nan) | _sigmas("accelerometer", accelerometer, np.nan)
     stated = {source: size for source, size in sigmas.items() if not np.isnan(size)}
     return ImuSizes(stated, Imu(_noise(gyro, replaced.gyro), _noise(accelerometer, replaced.accelerometer)))
+
+
+def grade_sizes(grade: str) -> ImuSizes:
+    """Return the sizes of a grade or unit of the catalogue."""
+    table = ImuTable(grade=grade)
+    return _sizes(_above_grade("gyro", table), _above_grade("accelerometer", table))
+
+
+def _sizes(gyro: Instrument, accelerometer: Instrument) -> ImuSizes:
+    sigmas = _sigmas("gyro", gyro, 0.0) | _sigmas("accelerometer", accelerometer, 0.0)
+    return ImuSizes(sigmas, Imu(_noise(gyro), _noise(accelerometer)))
 
 
 def _above_grade(instrument: str, table: ImuTable | BelievedImuTable) -> Instrument:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,10 @@ from mcnav._types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.mistakes import Mistake, refuse, told
 from mcnav.entries.quantities import UNIT, Duration, Table
-from mcnav.systems.ins.scenario import Navigation
 from mcnav.units import UnitError, quantity
+
+if TYPE_CHECKING:
+    from mcnav.systems.ins.scenario import Navigation
 
 MOST_MEASUREMENTS: Final = 50_000
 """Measurements of all sensors together: each is an update of every sample's filter."""
@@ -118,24 +120,32 @@ Outages = Annotated[
 ]  # fmt: skip
 
 
+WAYS: Final = ("interval", "instants", "log")
+OF_LOG: Final = ("columns", "units", "log_start", "log_factor")
+
+
 @dataclass(frozen=True)
 class InstantRule:
-    """Instants of measurements are those of an interval, which begin and end limit, or a list; see `Rule`."""
+    """Instants of measurements are those of an interval, which begin and end limit, a list, or a log; see `Rule`."""
 
     def broken(self, given: Set[str], expected: str) -> Mistake | None:
         """See `Rule`."""
-        ways = given & {"interval", "instants"}
+        ways = [name for name in WAYS if name in given]
         if len(ways) != 1:
-            came = "has interval and instants" if ways else "has no instants of measurements"
+            came = f"has {' and '.join(ways)}" if ways else "has no instants of measurements"
             return Mistake(f'{came}; expected interval = "1 s", or instants = ["600 s", "1200 s"]')
-        limits = [name for name in ("begin", "end") if name in given and "instants" in ways]
-        return Mistake("limits an interval; leave it out with instants", (limits[0],)) if limits else None
+        limits = [name for name in ("begin", "end") if name in given and "interval" not in ways]
+        if limits:
+            return Mistake(f"limits an interval; leave it out with {ways[0]}", (limits[0],))
+        of_log = [name for name in OF_LOG if name in given and "log" not in ways]
+        return Mistake('belongs to a log; expected log = "gnss.pos" beside it', (of_log[0],)) if of_log else None
 
     @property
     def schema(self) -> Mapping[str, object]:
         """See `Rule`."""
-        ways = [{"required": ["interval"]}, {"required": ["instants"]}]
-        return {"oneOf": ways, "dependencies": {"begin": ["interval"], "end": ["interval"]}}
+        ways = [{"required": [name]} for name in WAYS]
+        limits = {"begin": ["interval"], "end": ["interval"]}
+        return {"oneOf": ways, "dependencies": {**limits, **{name: ["log"] for name in OF_LOG}}}
 
 
 class InstantsTable(Table):
@@ -162,6 +172,25 @@ class InstantsTable(Table):
         InstantList | None,
         Field(description="Instants of measurements in place of an interval, in the trajectory's time."),
     ] = None
+    log: Annotated[
+        str | None,
+        Field(
+            description="Recorded sensor beside the campaign file, whose instants and sigmas are taken.",
+            examples=["gnss.pos"],
+        ),
+    ] = None
+    columns: Annotated[
+        dict[str, str], Field(description='Columns of the log, where names do not tell: time = "tow".')
+    ] = Field(default_factory=dict)
+    units: Annotated[dict[str, str], Field(description='Units of the log\'s columns: time = "ms".')] = Field(
+        default_factory=dict
+    )
+    log_start: Annotated[
+        Duration | None, Field(description="Time of the log's first row, in the trajectory's time.", examples=["0 s"])
+    ] = None
+    log_factor: Annotated[
+        float, Field(gt=0.0, le=1e6, description="Factor of the sigmas of the log.", examples=[2.0])
+    ] = 1.0
     outages: Annotated[
         Outages, Field(description="Pairs of begin, included, and end, not included, without measurements.")
     ] = ()

@@ -12,13 +12,15 @@ from pydantic import Field
 
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
+from mcnav.entries.inputs import INPUTS, InputFile
 from mcnav.entries.quantities import AngularRate, Duration, GravitationalParameter, Later, Length, Table
 from mcnav.entries.validation import validate
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import Imu
-from mcnav.systems.ins.scenario import NAVIGATION_ERRORS, SOURCES, Ins, Navigation, is_ins
+from mcnav.systems.ins.recognition import is_ins
+from mcnav.systems.ins.scenario import NAVIGATION_ERRORS, SOURCES, Ins, Navigation
 from mcnav.systems.ins.tables.aiding import Aiding, read_aiding, with_gate
 from mcnav.systems.ins.tables.error_names import error_patterns
 from mcnav.systems.ins.tables.filter import FilterPlan, FilterTable, plan_filter
@@ -90,17 +92,47 @@ def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileCont
     end = last if table.end is None else table.end
     imu = Imu() if sizes is None else sizes.processes
     navigation = Ins(Navigation(truth, table.platform, start, end, imu)).navigation
-    aiding, plan = _read_aiding(navigation, context)
-    scenario = Ins(replace(navigation, sensors=aiding.sensors))
+    aiding, plan = _read_aiding(navigation, trajectory.origin, context)
+    scenario = Ins(
+        replace(navigation, sensors=aiding.sensors), tuple(dict.fromkeys((*trajectory.remarks, *aiding.remarks)))
+    )
     defaults = {"platform": table.platform, "earth": "wgs84", "start": f"{start!r} s", "end": f"{end!r} s"}
     resolved = {**defaults, **entries, TRAJECTORY: trajectory.resolved}
-    inputs = () if trajectory.file is None else (trajectory.file,)
+    files, logs = with_logs(trajectory.file, aiding.files)
     of_imu = {} if sizes is None else sizes.sigmas
     tables = {**dict.fromkeys(of_imu, "[imu]"), **dict.fromkeys(aiding.sigmas, "[[aiding]]")}
     complete = None if plan is None else partial(_with_filter, plan)
     return ScenarioSpec(
-        scenario, resolved, inputs=inputs, sigmas={**of_imu, **aiding.sigmas}, tables=tables, complete=complete
-    )
+        scenario, resolved, inputs=files, sigmas={**of_imu, **aiding.sigmas}, tables=tables, complete=complete,
+        further=_with_places(context.content, logs),
+    )  # fmt: skip
+
+
+def with_logs(
+    trajectory: InputFile | None, logs: Mapping[int, InputFile]
+) -> tuple[tuple[InputFile, ...], dict[int, str]]:
+    """Return the files of a run, each once and under a name of its own, and the names of the logs by sensor."""
+    files = [] if trajectory is None else [trajectory]
+    names: dict[int, str] = {}
+    for number, log in logs.items():
+        same = next((file for file in files if file.path == log.path), None)
+        if same is None:
+            taken = {file.name.casefold() for file in files}
+            same = log if log.name.casefold() not in taken else replace(log, name=f"{number + 1}_{log.name}")
+            files.append(same)
+        names[number] = same.name
+    return tuple(files), names
+
+
+def _with_places(content: Mapping[str, Any], logs: Mapping[int, str]) -> dict[str, Any]:
+    """Return ``[[aiding]]`` with the paths that logs have in a run folder; nothing without logs."""
+    if not logs:
+        return {}
+    entries = [
+        {**entry, "log": f"{INPUTS}/{logs[number]}"} if number in logs else entry
+        for number, entry in enumerate(content["aiding"])
+    ]
+    return {"aiding": entries}
 
 
 def _with_filter(plan: FilterPlan, scenario: Scenario, errors: ErrorModel) -> Scenario:
@@ -112,11 +144,11 @@ def _with_filter(plan: FilterPlan, scenario: Scenario, errors: ErrorModel) -> Sc
     return scenario.with_filter(plan.completed(errors), true) if is_ins(scenario) else scenario
 
 
-def _read_aiding(navigation: Navigation, context: FileContext) -> tuple[Aiding, FilterPlan | None]:
+def _read_aiding(navigation: Navigation, origin: float, context: FileContext) -> tuple[Aiding, FilterPlan | None]:
     """Read ``[[aiding]]`` and ``[filter]``; mistakes are added to the context."""
     none = Aiding((), {})
     sensors, entries = context.content.get("aiding", []), context.content.get("filter")
-    aiding = read_aiding(sensors, navigation, context)
+    aiding = read_aiding(sensors, navigation, context, origin)
     if entries is None or aiding is None or not aiding.sensors:
         return aiding or none, None
     table = validate(FilterTable, entries, context, "filter")

@@ -74,13 +74,12 @@ class MeasuresOne:
     def broken(self, given: Set[str], expected: str) -> Mistake | None:
         """See `Rule`."""
         missing = f"is missing; expected the sigma of {' or '.join(self.quantities)}"
-        return None if given & set(self.quantities) else Mistake(missing, self.quantities[:1])
+        return None if given & {*self.quantities, "log"} else Mistake(missing, self.quantities[:1])
 
     @property
     def schema(self) -> Mapping[str, object]:
         """See `Rule`."""
-        required = [{"required": [each]} for each in self.quantities]
-        return {"anyOf": required} if len(required) > 1 else required[0]
+        return {"anyOf": [{"required": [each]} for each in (*self.quantities, "log")]}
 
 
 class NamedTable(Table):

@@ -33,7 +33,8 @@ from mcnav.entries.quantities import Table
 from mcnav.entries.validation import validate_entry
 from mcnav.entries.values import SettingError
 from mcnav.systems.ins.earth import Earth
-from mcnav.systems.ins.tables.trajectory_file import LARGEST_FILE, read_trajectory_file
+from mcnav.systems.ins.tables.tracks import FileRows, read_rows
+from mcnav.systems.ins.tables.trajectory_file import LARGEST_FILE
 from mcnav.systems.ins.tables.trajectory_tables import BoostTable, FileTable, ReentryTable, SegmentsTable, Trajectory
 from mcnav.systems.ins.truth import segments as flown
 from mcnav.systems.ins.truth.boost import Boost, BoostError, Stage, boost_truth
@@ -46,6 +47,9 @@ from mcnav.systems.reentry.vehicle import Vehicle
 
 _RECENT: Final = Recent[tuple[Truth, TrajectoryRows]](most=2)
 """Trajectories of the campaigns read last, which variations of a campaign share."""
+
+_RECENT_FILES: Final = Recent[tuple[Truth, FileRows]](most=2)
+"""Those from files."""
 
 FORM: Final[TypeAdapter[FileTable | ReentryTable | SegmentsTable | BoostTable]] = TypeAdapter(Trajectory)
 
@@ -67,6 +71,10 @@ class TrajectorySpec:
         File that the run depends on.
     resolved : str or mapping
         Entry with every default spelled out, with the path that a file has in a run folder.
+    origin : float
+        Time stamp of a file at time zero, s.
+    remarks : tuple of str
+        What was assumed of a file, and noticed, a clause each.
     """
 
     label: str
@@ -74,6 +82,8 @@ class TrajectorySpec:
     rows: TrajectoryRows
     resolved: str | Mapping[str, Any]
     file: InputFile | None = None
+    origin: float = 0.0
+    remarks: tuple[str, ...] = ()
 
 
 def read_trajectory(
@@ -116,12 +126,12 @@ def _from_file(
             raise SettingError(f"{path} is longer than {LARGEST_FILE:,} bytes")
         file = read_file(table.file, key.rpartition(".")[2], context)
 
-        def read() -> tuple[Truth, TrajectoryRows]:
-            rows = read_trajectory_file(Path(file.path), table.columns, earth, file.digest)
-            return rows.truth(earth), rows
+        def read() -> tuple[Truth, FileRows]:
+            result = read_rows(Path(file.path), table, earth, file.digest)
+            return result.rows.truth(earth), result
 
-        named = tuple(sorted(table.columns.items()))
-        truth, rows = _RECENT.get(("file", file.digest, file.name, named, earth), read)
+        named = tuple(sorted(table.columns.items())), table.attitude, table.topic
+        truth, result = _RECENT_FILES.get((file.digest, file.name, named, earth), read)
     except SettingError as wrong:
         context.problem(key, str(wrong))
         return None
@@ -130,7 +140,7 @@ def _from_file(
         return None
     place = f"{INPUTS}/{file.name}"
     resolved = place if isinstance(entry, str) else {**entry, "file": place}
-    return TrajectorySpec(Path(table.file).name, truth, rows, resolved, file)
+    return TrajectorySpec(Path(table.file).name, truth, result.rows, resolved, file, result.origin, result.remarks)
 
 
 def _size(path: Path) -> int:

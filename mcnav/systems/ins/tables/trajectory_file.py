@@ -47,7 +47,7 @@ MOST_ROWS: Final = 5_000_000
 LONGEST_HEADER: Final = 20_000
 """Bytes of the first line."""
 
-ENDINGS: Final = (".csv", ".parquet", ".txt", ".toml")
+ENDINGS: Final = (".csv", ".parquet", ".txt", ".toml", ".pos", ".nmea", ".gpx", ".ulg")
 """Of files that ``mcnav trajectory`` may read."""
 
 DELIMITERS: Final = (",", ";", "\t")

@@ -30,6 +30,7 @@ NUMBER: Final = re.compile(r"[-+]?[\d.,:/-]*\d[\d.,:/-]*([eE][-+]?\d+)?Z?")
 """A number, a date or a time of day."""
 
 _POSITIONS: Final = "write its times in s and its positions into a CSV file, beside roll, pitch and heading"
+_TRACK: Final = 'state its attitude beside file: attitude = "from-velocity" or "coordinated-turn"'
 _LOG: Final = "export its navigation solution"
 
 _FORMATS: Final[tuple[tuple[bytes, str, str], ...]] = (
@@ -38,11 +39,11 @@ _FORMATS: Final[tuple[tuple[bytes, str, str], ...]] = (
         rb"|\A\s*(\d{4}/\d\d?/\d\d? \d\d?:\d\d:\d\d|\d{4} +\d{1,6})(\.\d+)?"
         rb"( +-?\d+\.\d+){3} +[1-6] +\d+( +-?\d+\.\d+){6}",
         "an RTKLIB position file (.pos)",
-        _POSITIONS,
+        _TRACK,
     ),
-    (rb"\A\s*(\\[^\\\n]*\\)?[$!](P[A-Z]{3}|[A-Z]{2}[A-Z0-9]{3})[A-Z0-9]*,", "a log of NMEA sentences", _POSITIONS),
+    (rb"\A\s*(\\[^\\\n]*\\)?[$!](P[A-Z]{3}|[A-Z]{2}[A-Z0-9]{3})[A-Z0-9]*,", "a log of NMEA sentences", _TRACK),
     (rb"\A\s*[#%](INSPVA|BESTPOS|BESTVEL|INSATT|RAWIMU|BESTGNSSPOS)\w*,", "a NovAtel log", _LOG),
-    (rb"<gpx[\s>]", "a GPX file", _POSITIONS),
+    (rb"<gpx[\s>]", "a GPX file", _TRACK),
     (rb"<kml[\s>]", "a KML file", _POSITIONS),
     (rb"\A.{60}RINEX VERSION", "a RINEX file", "compute positions from it first"),
     (rb"\A#[a-d][PV]\d{4} ", "an SP3 file of satellite orbits", _POSITIONS),

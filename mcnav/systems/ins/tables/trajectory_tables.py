@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, WithJsonSchema
@@ -39,8 +39,21 @@ Columns = Annotated[
 class FileTable(Table):
     """``{ file = "flight.csv", columns = { lat = "latitude [rad]" } }``."""
 
-    file: Annotated[str, Field(description="Trajectory file, CSV or parquet, beside the campaign file or below it.")]
+    file: Annotated[
+        str,
+        Field(
+            description="Trajectory file (CSV, parquet), or a track (.pos, .nmea, .gpx, .ulg, .bag, …), beside the "
+            "campaign file or below it."
+        ),
+    ]
     columns: Columns = Field(default_factory=dict)
+    attitude: Annotated[
+        Literal["from-velocity", "coordinated-turn"] | None,
+        Field(description="Attitude of a track that has none: along the velocity, or banked in turns as well."),
+    ] = None
+    topic: Annotated[str | None, Field(description="Topic of a log that holds several tracks.", examples=["/fix"])] = (
+        None
+    )
 
 
 class ReentryTable(Table):

@@ -1,0 +1,98 @@
+"""Probability beyond a requirement's limits by flights that the linear model chose, and what follows from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.analysis.requirements import (
+    Exceedance,
+    Finding,
+    Requirement,
+    RequirementResult,
+    independent_samples,
+    size_members,
+    size_probability,
+)
+from mcnav.rare.limits import Distance, Limit, Sides
+from mcnav.statistics.proportions import lower_probability, upper_probability
+from mcnav.statistics.samples_to_decide import samples_to_meet, samples_to_reject
+
+CONTRADICTS: Final = 0.999
+"""Confidence, to each side, of the counted share that contradicts an interval."""
+
+LIKELY: Final = 0.2
+"""Share of the largest departure from which a source is named in the most likely way to fail."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """What exceeds a requirement: outputs by number, and their limits."""
+
+    outputs: tuple[int, ...]
+    limit: Limit
+
+    @classmethod
+    def of(cls, requirement: Requirement, sizes: Mapping[int, tuple[int, ...]]) -> Event:
+        """Return that of a quantile, a radius or a box; ``sizes`` are those of `mcnav.analysis.comparison.Model`."""
+        outputs = requirement.outputs
+        members = size_members(outputs, sizes) if requirement.kind != "box" else ()
+        if requirement.kind == "box" or (len(outputs) == 1 and not members):
+            limits = np.array(requirement.limits)
+            return cls(outputs, Sides(-limits, limits))
+        chosen = members or outputs
+        return cls(chosen, Distance(requirement.limits[0], len(chosen)))
+
+    def margin(self, outcomes: Array) -> Array:
+        """Return how far outcomes of all outputs, shape (n, outputs), lie beyond, shape (n,)."""
+        return self.limit.margin(outcomes[:, self.outputs])
+
+
+def allowed_share(requirement: Requirement) -> float:
+    """Return the probability beyond its limits that a requirement allows."""
+    return 1.0 - size_probability(requirement)
+
+
+def samples_deciding(share: float, allowed: float, confidence: float) -> int | None:
+    """Return the independent samples by which counting would decide; none where too many were needed."""
+    decide = samples_to_meet if share < allowed else samples_to_reject
+    return decide([share], allowed, confidence)
+
+
+def weigh(
+    result: RequirementResult, exceedance: Exceedance, event: Event, outcomes: Array, blocks: IndexArray,
+    confidence: float,
+) -> RequirementResult:  # fmt: skip
+    """Add an exceedance to the result on a requirement: compare it with the samples counted, and decide by it.
+
+    A finding by counting stands. The interval is two-sided, so that each of its ends holds at more than ``confidence``.
+    """
+    independent, remark = independent_samples(blocks)
+    margin = event.margin(outcomes[independent])
+    count, beyond = len(margin), int(np.count_nonzero(margin > 0.0))
+    if not exceedance.refusal and not remark and count:
+        low, high = lower_probability(beyond, count, CONTRADICTS), upper_probability(beyond, count, CONTRADICTS)
+        if low > exceedance.high or high < exceedance.low:
+            reason = f"{beyond:,} of {count:,} samples lie beyond the limit, which contradicts the flights chosen"
+            exceedance = replace(exceedance, estimate=math.nan, low=math.nan, high=math.nan, refusal=reason)
+    if exceedance.refusal or result.finding != Finding.UNDECIDED:
+        return replace(result, exceedance=exceedance)
+    allowed = allowed_share(result.requirement)
+    if exceedance.high <= allowed or exceedance.low > allowed:
+        finding = Finding.MET if exceedance.high <= allowed else Finding.NOT_MET
+        remark = f"decided by {exceedance.flights:,} flights chosen with the linear model"
+        return replace(result, exceedance=exceedance, finding=finding, samples_needed=None, remark=remark)
+    remark = f"{exceedance.flights:,} flights chosen with the linear model do not decide it either"
+    return replace(result, exceedance=exceedance, samples_needed=None, remark=remark)
+
+
+def most_likely_way(names: Sequence[str], departures: Array) -> dict[str, float]:
+    """Return the departures of the sources that matter in the most likely way to fail, in sigmas, the largest first."""
+    order = np.argsort(-np.abs(departures), kind="stable")
+    least = LIKELY * float(np.max(np.abs(departures)))
+    return {names[k]: float(departures[k]) for k in order if abs(departures[k]) >= least > 0.0}

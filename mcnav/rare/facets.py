@@ -1,0 +1,141 @@
+"""The event by the linear model: a union of half-spaces, and the division of space among them.
+
+In standard normals u a half-space is ``alpha_j . u > beta_j`` with a unit vector alpha_j. Space is divided by which
+of ``alpha_j . u - beta_j`` is the largest. On a line ``u = w + t alpha_j`` with w perpendicular to alpha_j, the cell
+of j is ``t > t_0(w)``,
+
+    t_0 = max_k (beta_j + alpha_k . w - beta_k) / (1 - alpha_k . alpha_j),
+
+so that every point of space is on one half-line of one cell, and
+
+    P = sum_j E_w [ integral over t > t_0 of phi(t) 1(event at w + t alpha_j) ].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy import special
+
+from mcnav._types import Array, IndexArray
+from mcnav.rare.limits import Limit
+
+Outputs = Callable[[Array], Array]
+"""Function of standard normals, shape (n, d), that returns outputs, shape (n, outputs)."""
+
+SAME: Final = 0.995
+"""Cosine of the angle of two half-spaces above which they are one."""
+
+OFF: Final = 4.0
+"""Distance along each axis from which nearest points of a model that bends are looked for, besides from zero."""
+
+MOST_STEPS: Final = 100
+
+BEHIND: Final = 3.5
+"""Distance beyond the nearest half-space from which others are left out: 1e-6 of its probability and less."""
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Half-spaces ``alpha_j . u > beta_j``: unit vectors, shape (facets, d), and distances, shape (facets,)."""
+
+    directions: Array
+    distances: Array
+    foreseen: int
+    """Half-spaces of the linear model, which come first; the others are the opposite side and those of a search."""
+
+    @cached_property
+    def bases(self) -> Array:
+        """Orthonormal bases of the planes perpendicular to the directions, shape (facets, d, d - 1)."""
+        d = self.directions.shape[1]
+        return np.array([np.linalg.qr(np.column_stack([each, np.eye(d)]))[0][:, 1:d] for each in self.directions])
+
+    @property
+    def probabilities(self) -> Array:
+        """Probability of each half-space, shape (facets,)."""
+        return np.asarray(special.ndtr(-self.distances))
+
+    def points(self, facet: IndexArray, across: Array, along: Array) -> Array:
+        """Return ``B_j v + t alpha_j``, shape (n, d), from v, shape (n, d - 1), and t, shape (n,)."""
+        return self.feet(facet, across) + along[:, None] * self.directions[facet]
+
+    def feet(self, facet: IndexArray, across: Array) -> Array:
+        """Return ``w = B_j v``, shape (n, d)."""
+        return np.asarray(np.einsum("nij,nj->ni", self.bases[facet], across))
+
+    def starts(self, facet: IndexArray, feet: Array) -> Array:
+        """Return t_0 of lines through their feet w, shape (n,); minus infinity of a single facet."""
+        if len(self.distances) == 1:
+            return np.full(len(feet), -np.inf)
+        cosines = (self.directions @ self.directions.T)[facet]
+        reach = self.distances[facet][:, None] + feet @ self.directions.T - self.distances
+        others = np.arange(len(self.distances)) != facet[:, None]
+        return np.asarray(np.max(np.where(others, reach / np.where(others, 1.0 - cosines, 1.0), -np.inf), axis=1))
+
+    def cells(self, points: Array) -> IndexArray:
+        """Return the cell of each point, shape (n,)."""
+        return np.asarray(np.argmax(points @ self.directions.T - self.distances, axis=1))
+
+    def with_facet(self, point: Array) -> Facets:
+        """Return the half-spaces with one more, beyond the plane through a point perpendicular to its position."""
+        distance = float(np.linalg.norm(point))
+        return Facets(
+            np.vstack([self.directions, point / distance]), np.append(self.distances, distance), self.foreseen
+        )
+
+
+def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:
+    """Return the half-spaces of the linear model, and behind the nearest one the opposite side of space.
+
+    Parameters
+    ----------
+    linear : callable
+        The model, exact where the sources are normal; with other distributions it bends, and each half-space touches
+        it in the point nearest to zero.
+    """
+    zero, axes = np.zeros((1, dimensions)), OFF * np.vstack([np.eye(dimensions), -np.eye(dimensions)])
+    ends = linear(np.vstack([zero, axes, 0.5 * axes])) - linear(zero)
+    bends = not np.allclose(0.5 * ends[1 : 2 * dimensions + 1], ends[2 * dimensions + 1 :], rtol=1e-9, atol=0.0)
+    starts = np.vstack([zero, axes]) if bends else zero
+    points = [point for n, c in zip(limit.normals, limit.offsets, strict=True) for start in starts
+              if (point := nearest_point(linear, n, float(c), start)) is not None]  # fmt: skip
+    directions, distances = np.zeros((0, dimensions)), np.zeros(0)
+    nearest = min((beta for _, beta in points), default=np.inf)
+    for alpha, beta in sorted(points, key=lambda each: each[1]):
+        if beta < nearest + BEHIND and not np.any(directions @ alpha > SAME):
+            directions, distances = np.vstack([directions, alpha]), np.append(distances, beta)
+    foreseen = len(distances)
+    if len(distances) and not np.any(directions @ directions[0] < -SAME):
+        directions, distances = np.vstack([directions, -directions[0]]), np.append(distances, distances[0])
+    return Facets(directions, distances, foreseen)
+
+
+def nearest_point(linear: Outputs, normal: Array, offset: float, start: Array) -> tuple[Array, float] | None:
+    """Find the direction and distance of the point of ``n . y = c`` that is nearest to zero, from a start, shape (d,).
+
+    None without a gradient, or where it is not reached.
+
+    u is replaced by ``(grad . u - m) / |grad|^2 grad`` with m = n . y - c (Hasofer and Lind, 1974; Rackwitz and
+    Fiessler, 1978), which is exact at once where the model is linear.
+    """
+    point, dimensions, step = start, len(start), 1e-4
+    for _ in range(MOST_STEPS):
+        ends = linear(np.vstack([point, point + step * np.eye(dimensions), point - step * np.eye(dimensions)])) @ normal
+        gradient = (ends[1 : dimensions + 1] - ends[dimensions + 1 :]) / (2.0 * step)
+        square = float(gradient @ gradient)
+        if not square > 0.0:
+            return None
+        better = (float(gradient @ point) - (float(ends[0]) - offset)) / square * gradient
+        moved = float(np.linalg.norm(better - point))
+        point = better if moved < 1e-6 else point + min(1.0, 3.0 / moved) * (better - point)
+        if moved < 1e-6:
+            break
+    else:
+        return None
+    # the sign of the distance: a nominal that is beyond the limit already has a negative one
+    along = gradient / np.sqrt(square)
+    return along, float(along @ point)

@@ -1,0 +1,86 @@
+"""Events whose probability is asked for: outputs beyond their limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array
+
+DIRECTIONS: Final = 16
+"""Directions in which the outside of a circle is divided; twice as many for a sphere."""
+
+
+@dataclass(frozen=True)
+class Sides:
+    """At least one output beyond a side: ``y_i > upper_i`` or ``y_i < lower_i``.
+
+    ``lower`` and ``upper`` have shape (outputs,), SI; infinite where an output has no such side.
+    """
+
+    lower: Array
+    upper: Array
+
+    def margin(self, outputs: Array) -> Array:
+        """Return how far outputs, shape (n, outputs), lie beyond, shape (n,); negative within; NaN of a failed flight.
+
+        With several outputs it is the largest of the distances, each over half the width between its sides.
+        """
+        return np.asarray(np.max((outputs @ self.normals.T - self.offsets) / self._scales, axis=1))
+
+    @property
+    def normals(self) -> Array:
+        """Directions n of the sides ``n . y > c``, shape (sides, outputs)."""
+        signs = np.vstack([np.eye(len(self.upper)), -np.eye(len(self.lower))])
+        return np.asarray(signs[self._stated])
+
+    @property
+    def offsets(self) -> Array:
+        """Their distances c, shape (sides,)."""
+        return np.asarray(np.concatenate([self.upper, -self.lower])[self._stated])
+
+    @property
+    def _stated(self) -> NDArray[np.bool_]:
+        return np.asarray(np.isfinite(np.concatenate([self.upper, -self.lower])))
+
+    @property
+    def _scales(self) -> Array:
+        if len(self.upper) == 1:
+            return np.ones(len(self.offsets))
+        width = np.where(np.isfinite(self.upper - self.lower), 0.5 * (self.upper - self.lower), 1.0)
+        return np.asarray(np.concatenate([width, width])[self._stated])
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Distance from zero in two or three outputs beyond a radius, SI."""
+
+    radius: float
+    dimensions: int
+
+    def margin(self, outputs: Array) -> Array:
+        """Return how far outputs, shape (n, dimensions), lie beyond; see `Sides.margin`."""
+        return np.asarray(np.sqrt(np.sum(outputs**2, axis=1)) - self.radius)
+
+    @property
+    def normals(self) -> Array:
+        """Directions that cover the circle or the sphere evenly (golden spiral), shape (directions, dimensions)."""
+        if self.dimensions == 2:
+            angle = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+            return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        count = 2 * DIRECTIONS
+        height = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+        angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
+        flat = np.sqrt(1.0 - height**2)
+        return np.stack([flat * np.cos(angle), flat * np.sin(angle), height], axis=1)
+
+    @property
+    def offsets(self) -> Array:
+        """The radius in each of the directions, shape (directions,)."""
+        return np.full(len(self.normals), self.radius)
+
+
+Limit = Sides | Distance
