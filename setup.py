@@ -11,7 +11,7 @@ from setuptools.command.build_py import build_py
 CAMPAIGNS: Final = Path("campaigns")
 """The one place of the examples; in a wheel they are in ``mcnav/campaigns``."""
 
-ENDINGS: Final = (".toml", ".py", ".csv")
+ENDINGS: Final = (".toml", ".py", ".csv", ".parquet", ".md")
 
 
 class BuildWithCampaigns(build_py):
@@ -32,7 +32,8 @@ class BuildWithCampaigns(build_py):
 
     def _campaigns(self) -> dict[Path, Path]:
         target = Path(self.build_lib, "mcnav", "campaigns")
-        return {path: target / path.name for path in sorted(CAMPAIGNS.iterdir()) if path.suffix in ENDINGS}
+        files = sorted(path for path in CAMPAIGNS.rglob("*") if path.suffix in ENDINGS)
+        return {path: target / path.relative_to(CAMPAIGNS) for path in files}
 
 
 setup(cmdclass={"build_py": BuildWithCampaigns})

@@ -259,11 +259,14 @@ def test_an_index_names_what_cannot_be_read(tmp_path: Path) -> None:
 
 
 def test_requirements_in_report_index_summary_and_notebook(tmp_path: Path) -> None:
-    """A run that agrees and meets none of its two requirements is green nowhere, and says so everywhere."""
+    """A run that agrees and meets none of its two requirements is green nowhere, and says so everywhere.
+
+    Of the range 0.2699 % lie beyond the limit, and 0.27 % may: no number of flights decides that soon.
+    """
     asked = {
         "quantile": [
             {"output": "altitude", "probability": 0.9973, "below": "1 km"},
-            {"output": "range", "probability": 0.9973, "below": "62 km"},
+            {"output": "range", "probability": 0.9973, "below": "58.2 km"},
         ]
     }
     done = run_campaign(campaign(1, samples=2_000, accept=asked), tmp_path / "run", "ensemble", 1)
