@@ -45,7 +45,6 @@ from mcnav.systems.ins.linear.covariance import LinearErrors, propagate
 from mcnav.systems.ins.linear.recent_responses import recent_responses
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.linear.start_times import LinearStarts, propagate_starts
-from mcnav.systems.ins.recognition import is_ins as is_ins
 from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor
