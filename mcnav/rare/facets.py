@@ -51,8 +51,7 @@ class Facets:
     @cached_property
     def bases(self) -> Array:
         """Orthonormal bases of the planes perpendicular to the directions, shape (facets, d, d - 1)."""
-        d = self.directions.shape[1]
-        return np.array([np.linalg.qr(np.column_stack([each, np.eye(d)]))[0][:, 1:d] for each in self.directions])
+        return np.array([_across(each) for each in self.directions])
 
     @property
     def probabilities(self) -> Array:
@@ -139,3 +138,14 @@ def nearest_point(linear: Outputs, normal: Array, offset: float, start: Array) -
     # the sign of the distance: a nominal that is beyond the limit already has a negative one
     along = gradient / np.sqrt(square)
     return along, float(along @ point)
+
+
+def _across(direction: Array) -> Array:
+    """Return an orthonormal basis of the plane perpendicular to a unit vector a, shape (d, d - 1).
+
+    Columns 2 to d of Householder's ``I - 2 w w^T / (w . w)`` with ``w = a + sign(a_1) e_1``: they depend smoothly on a,
+    also where components of a are rounding, so that the same lines are laid on every machine.
+    """
+    mirror = direction.copy()
+    mirror[0] += np.copysign(1.0, direction[0])
+    return np.asarray((np.eye(len(mirror)) - np.outer(mirror, 2.0 * mirror / (mirror @ mirror)))[:, 1:])
