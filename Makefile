@@ -70,11 +70,16 @@ $(BIN)/python:
 .venv/benched: .venv/installed
 	$(BIN)/python -m tests.benchmarks.install $@
 
-# The wheel and the source distribution, into dist/.
+# The wheel, with machine code for two levels of processors of which this one must have the higher, and the source
+# distribution, into dist/.
+OBJECTS := mcnav/compiled/objects
 dist: .venv/installed
 	$(PIP) build
-	rm -rf dist
-	$(BIN)/python -m build
+	rm -rf dist build/lib $(OBJECTS)
+	for level in x86-64-v3 x86-64-v4; do $(BIN)/mcnav compile --into $(OBJECTS) --level $$level || exit 1; done
+	$(BIN)/python -m build --sdist
+	$(BIN)/python -m build --wheel
+	rm -rf $(OBJECTS)
 
 clean:
 	rm -rf .venv build dist mcnav.egg-info

@@ -31,12 +31,15 @@ if TYPE_CHECKING:
     from mcnav.contract.samples import SimulationResult
     from mcnav.errors import CampaignError, RunFolderError
     from mcnav.identification.identify import IdentifiedNoise, identify_noise
+    from mcnav.judgement.verdict import Judgement
     from mcnav.logs.imu_log import ImuLog, read_imu_log
     from mcnav.logs.tables import read_table
     from mcnav.logs.track import Track, read_track
     from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign, sweep
     from mcnav.studies.allocate import allocate
+    from mcnav.studies.judge import judge_recording
     from mcnav.studies.lincov import linear_covariance
+    from mcnav.studies.recordings import RecordingFiles
     from mcnav.systems.closed_loop.declarations import (
         Attitude,
         ClosedLoop,
@@ -76,10 +79,12 @@ _HOMES = {
     "ImuLog": "mcnav.logs.imu_log",
     "IdentifiedNoise": "mcnav.identification.identify",
     "Innovations": "mcnav.systems.user.flown",
+    "Judgement": "mcnav.judgement.verdict",
     "SimulationResult": "mcnav.contract.samples",
     "LinearAnswer": "mcnav.analysis.linear_answer",
     "Output": "mcnav.contract.quantities",
     "Panel": "mcnav.contract.history",
+    "RecordingFiles": "mcnav.studies.recordings",
     "RunFolderError": "mcnav.errors",
     "Source": "mcnav.contract.quantities",
     "allocate": "mcnav.studies.allocate",
@@ -88,6 +93,7 @@ _HOMES = {
     "export_run": "mcnav.workflow.export",
     "fly": "mcnav.notebook",
     "identify_noise": "mcnav.identification.identify",
+    "judge_recording": "mcnav.studies.judge",
     "linear_covariance": "mcnav.studies.lincov",
     "open_run": "mcnav.notebook",
     "read_campaign": "mcnav.config.read",
@@ -118,11 +124,13 @@ __all__ = [
     "IdentifiedNoise",
     "ImuLog",
     "Innovations",
+    "Judgement",
     "LinearAnswer",
     "Measurement",
     "Output",
     "Panel",
     "Phase",
+    "RecordingFiles",
     "RunComparison",
     "RunFolderError",
     "SimulationResult",
@@ -137,6 +145,7 @@ __all__ = [
     "export_run",
     "fly",
     "identify_noise",
+    "judge_recording",
     "linear_covariance",
     "open_run",
     "read_campaign",

@@ -887,7 +887,7 @@ def trajectory(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="Trajectory file (CSV or parquet), or a campaign of type ins (TOML).",
+            help="Trajectory file or track (CSV, parquet, .pos, …), or a campaign of type ins (TOML).",
             autocompletion=completion.campaigns_and_trajectories,
         ),
     ],
@@ -1129,6 +1129,42 @@ def schema(
         sys.stdout.write(schema_text())
     else:
         _print_written(write_texts(file.parent, {file.name: schema_text()}))
+
+
+@_command("compile")
+def compile_all(
+    into: Annotated[
+        Path | None, typer.Option("--into", metavar="FOLDER", help="Write objects there, which a wheel may hold.")
+    ] = None,
+    level: Annotated[
+        Literal["x86-64-v3", "x86-64-v4"] | None,
+        typer.Option(help="Processor that objects are for [default: the highest level of this one]."),
+    ] = None,
+    only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="An example in place of all; repeat.")] = None,
+) -> None:
+    """Compile all kernels beforehand, so that no later command does: for images and clusters.
+
+    Every example is run with a few samples, by each engine.
+
+    Example: mcnav compile
+    """
+    if level is not None and into is None:
+        raise _fail("--level: is for objects; give --into FOLDER")
+    if into is not None:
+        from mcnav.compiled.target import choose_objects
+
+        try:
+            choose_objects(into, level)
+        except ValueError as wrong:
+            raise _fail(f"--level: {wrong}") from None
+    from mcnav.entries.examples import example
+    from mcnav.report import progress
+    from mcnav.studies.precompile import compile_kernels
+
+    names = [example(name).stem for name in only or ()]
+    with progress.shown(err) as shown:
+        count = compile_kernels(names, shown)
+    out.print(f"{count} functions compiled, all others were stored")
 
 
 @app.command(cls=_Command)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, Protocol
 
@@ -44,3 +45,25 @@ class Silent:
 
 
 SILENT: Final[Progress] = Silent()
+
+
+@dataclass
+class Compilation:
+    """Compilation in this process.
+
+    Attributes
+    ----------
+    functions : int
+        That are compiled.
+    begun : int
+        Functions, each called by the one before, of which none is finished.
+    stored : bool
+        Whether they are stored for the commands that follow.
+    """
+
+    functions: int = 0
+    begun: int = 0
+    stored: bool = True
+
+
+COMPILATION: Final = Compilation()

@@ -62,7 +62,7 @@ def campaigns(incomplete: str) -> list[str]:
 
 def trajectories(incomplete: str) -> list[str]:
     """Return files that may be trajectories."""
-    result = _walk(incomplete, (".csv", ".parquet", ".txt"))
+    result = _walk(incomplete, (".csv", ".parquet", ".txt", ".pos", ".nmea", ".gpx", ".ulg"))
     return _quoted(path for path in result if not Path(path).with_name("manifest.json").exists())
 
 

@@ -114,8 +114,10 @@ class Measure:
         return self._value(readings.mean, readings.covariance)
 
     def own_value(self, readings: CovarianceReadings) -> float:
-        """Compute it for errors as the filter states them, SI; NaN without a filter."""
-        return float("nan") if readings.own is None else self._value(np.zeros_like(readings.mean), readings.own)
+        """Compute it for errors as the filter states them, SI; NaN without a filter, and of a correction's size."""
+        if readings.own is None or self.members:
+            return float("nan")
+        return self._value(np.zeros_like(readings.mean), readings.own)
 
     def _value(self, means: Array, covariances: Array) -> float:
         at, picked = np.array(self.readings), np.array(self.members or self.outputs)

@@ -1,9 +1,12 @@
-"""One way of compiling: cached on disk, free of the interpreter lock, contracted but never reassociated.
+"""One way of compiling: kept on disk, free of the interpreter lock, contracted but never reassociated.
 
-numba notices changes of the file that holds a compiled function, but not of constants and inlined functions that
-it takes from other files. The cache is therefore valid for one content of all files of this package.
+A function comes from the objects of an installation (`mcnav.compiled.objects`), or from where it was stored when it was
+compiled, or is compiled. numba notices changes of the file that holds a compiled function, but not of constants and
+inlined functions that it takes from other files. The cache is therefore valid for one content of all files of this
+package.
 
-Where no folder can be written to, as in an installation for reading alone, functions are compiled in every process.
+Where no folder can be written to, as in an installation for reading alone, functions that are not among the objects
+are compiled in every process.
 
 The code of a function contains a copy of each compiled function that it calls, optimised once more. A process that
 compiles both calls the original, and a process that loads the caller from disk calls the copy, which may fuse other
@@ -16,7 +19,7 @@ differ; elements are assigned one by one.
 
 from __future__ import annotations
 
-import hashlib
+import gc
 import os
 import secrets
 import sys
@@ -26,10 +29,14 @@ from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
 import numba
+from numba.core import event
 from numba.core.bytecode import FunctionIdentity
-from numba.core.caching import UserWideCacheLocator
+from numba.core.caching import FunctionCache, UserWideCacheLocator
 
-from mcnav.compiled.parts import PartCompiler, give_entry
+from mcnav.compiled.objects import Code, sources_digest
+from mcnav.compiled.parts import LoopCompiler, PartCompiler, give_entry
+from mcnav.compiled.target import choose_target
+from mcnav.progress import COMPILATION
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -41,41 +48,53 @@ contains, and be stored with constants that it shares with that copy: later proc
 """
 
 
-ROOMS: Final = ("compiled", "numerics", "systems/reentry", "systems/steady", "systems/ins")
-"""Folders of the package whose constants and functions compiled code may contain."""
+class _Watch(event.Listener):  # type: ignore[misc]
+    """Counts what is compiled, and lets no memory be collected meanwhile: most of it lasts.
 
-UNCOMPILED: Final = {"tables", "recorded"}
-"""Folders in them of which it contains nothing: campaign files, recordings."""
+    Looking through it would take a twentieth of the time. One function is compiled at a time, in whichever thread,
+    with others that it calls within it.
+    """
+
+    _collects = True
+
+    def on_start(self, event: Any) -> None:
+        """Begin a function."""
+        if COMPILATION.begun == 0:
+            self._collects = gc.isenabled()
+            gc.disable()
+        COMPILATION.begun += 1
+
+    def on_end(self, event: Any) -> None:
+        """End a function."""
+        COMPILATION.begun -= 1
+        COMPILATION.functions += 1
+        if COMPILATION.begun == 0 and self._collects:
+            gc.enable()
 
 
-@cache
-def sources_digest() -> str:
-    """Digest the files whose constants and functions compiled code may contain."""
-    package = Path(__file__).parents[1]
-    files = sorted(
-        file for room in ROOMS for file in (package / room).rglob("*.py") if not UNCOMPILED.intersection(file.parts)
-    )
-    files.append(package / "constants.py")
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
-
+event.register("numba:compile", _Watch())
+choose_target()
 
 TOLD: Final = "MCNAV_TOLD_THAT_CODE_CANNOT_BE_STORED"
 """Variable of the environment that a command's worker processes have from it: they do not say it again."""
 
 
-def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Give a function to numba; without a cache where no folder for it can be written to."""
+def _stored_code(function: Callable[..., Any]) -> FunctionCache | None:
+    """Return numba's cache of a function, valid for the sources; none where no folder for it can be written to."""
     try:
-        return numba.njit(**options)(function)
+        cached = FunctionCache(function)
     except RuntimeError as failure:
-        if not options["cache"] or "no locator available" not in str(failure):
+        if "no locator available" not in str(failure):
             raise
-    _tell_that_code_cannot_be_stored(function)
-    return numba.njit(**(options | {"cache": False}))(function)
+        return None
+    stored = cached._cache_file
+    stored._source_stamp = (*stored._source_stamp, sources_digest())
+    return cached
 
 
 def _tell_that_code_cannot_be_stored(function: Callable[..., Any]) -> None:
     """Print one line for a command and its workers, which names the folders that numba has tried."""
+    COMPILATION.stored = False
     if os.environ.get(TOLD):
         return
     os.environ[TOLD] = "1"
@@ -92,11 +111,10 @@ def _compile(function: Function, **options: Any) -> Function:
 
     It has no second entry for callers written in C, whom there are none: that takes a tenth of the time.
     """
-    usual = {"cache": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
-    dispatcher = _dispatcher(function, usual | options)
-    stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    if stored is not None:
-        stored._source_stamp = (*stored._source_stamp, sources_digest())
+    cached = options.pop("cache", True)
+    dispatcher = numba.njit(error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options)(function)
+    if cached and not numba.config.DISABLE_JIT:
+        dispatcher._cache = Code(function, lambda: _stored_code(function), _tell_that_code_cannot_be_stored)
     template, unliteral = dispatcher.get_call_template, numba.types.unliteral
     dispatcher.get_call_template = lambda arguments, keywords: template(
         tuple(map(unliteral, arguments)), {name: unliteral(each) for name, each in keywords.items()}
@@ -121,16 +139,38 @@ def allocation_free(function: Function) -> Function:
     return _compile(function, fastmath={"contract"}, _nrt=False)
 
 
+def allocation_free_loop(function: Function) -> Function:
+    """Compile a function that is `allocation_free`, and calls parts for all that it computes (`mcnav.compiled.parts`).
+
+    Without arithmetic of its own, it has the same bits as one that is optimised twice.
+    """
+    return _compile(function, pipeline_class=LoopCompiler, fastmath={"contract"}, _nrt=False)
+
+
+def _compile_part(function: Function, **options: Any) -> Function:
+    """Compile a function without an entry for Python and machine code of its own (`mcnav.compiled.parts`)."""
+    part = _compile(function, pipeline_class=PartCompiler, cache=False, no_cpython_wrapper=True, **options)
+    give_entry(part, cache(lambda: _compile(function, **options)))
+    return part
+
+
 def allocation_free_part(function: Function) -> Function:
-    """Compile a function that is `allocation_free` as a part of its callers (`mcnav.compiled.parts`).
+    """Compile a function that is `allocation_free` as a part of its callers, in the place of each call.
 
     A call would copy the descriptions of all arrays that it is given, a hundred numbers and more.
     Unlike `inlined`, its body is typed and lowered once, not wherever it is called.
     """
-    options = {"fastmath": {"contract"}, "_nrt": False, "forceinline": True}
-    part = _compile(function, pipeline_class=PartCompiler, cache=False, no_cpython_wrapper=True, **options)
-    give_entry(part, cache(lambda: _compile(function, **options)))
-    return part
+    return _compile_part(function, fastmath={"contract"}, _nrt=False, forceinline=True)
+
+
+def allocation_free_subroutine(function: Function) -> Function:
+    """Compile a function that is `allocation_free` as a part of its callers, which call it."""
+    return _compile_part(function, fastmath={"contract"}, _nrt=False)
+
+
+def uncontracted_subroutine(function: Function) -> Function:
+    """Compile a function that is `uncontracted` and `allocation_free` as a part of its callers, which call it."""
+    return _compile_part(function, fastmath=False, _nrt=False)
 
 
 def allocation_free_uncontracted(function: Function) -> Function:

@@ -30,8 +30,15 @@ from mcnav.sampling.multivariate_t import MultivariateT
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
-from mcnav.systems.ins.scenario import is_ins
-from mcnav.systems.registry import FURTHER_TABLES, SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
+from mcnav.systems.ins.recognition import is_ins
+from mcnav.systems.registry import (
+    FURTHER_NAMES,
+    SCENARIO_TYPES,
+    ScenarioSpec,
+    further_tables,
+    is_code,
+    scenario_type,
+)  # fmt: skip
 
 UNNAMED: Final = "campaign"
 """Name of a campaign without a file, and of its file in messages."""
@@ -65,7 +72,7 @@ def read_campaign(
     content = load_file(path)
     entries = content.get("scenario")
     kind = entries.get("type") if isinstance(entries, dict) else None
-    if not execute and scenario_type(kind) is USER:
+    if not execute and is_code(kind):
         message = f"got {kind!r}, which is code; nothing in a run folder is executed, so name the run's --campaign"
         raise CampaignError([Problem(str(path), "scenario.type", message)])
     return parse_campaign(content, str(path), path.stem, overrides, earlier, confined=not execute)
@@ -164,9 +171,9 @@ def _check_use(described: ScenarioSpec, context: FileContext) -> None:
     if content.get("design") == "sobol" and can_have_noise(scenario) and scenario.noisy:
         context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
     kind = scenario_type(content["scenario"]["type"])
-    for name, further in FURTHER_TABLES.items():
+    for name in FURTHER_NAMES:
         if name in content and kind is not None and name not in kind.tables:
-            context.problem(name, f"{further.absent}; leave it out")
+            context.problem(name, f"{further_tables()[name].absent}; leave it out")
     for name, further in () if kind is None else kind.tables.items():
         if further.needs and content.get(name) not in (None, []) and content.get(further.needs) in (None, []):
             context.problem(name, further.because)
@@ -282,7 +289,7 @@ def _resolve(content: Mapping[str, Any], table: CampaignTable, name: str, descri
         **({"store": table.store} if table.store != "samples" else {}),
         **({"sample_timeout": content["sample_timeout"]} if "sample_timeout" in content else {}),
         "scenario": dict(described.resolved),
-        **{key: described.further.get(key, content[key]) for key in FURTHER_TABLES if key in content},
+        **{key: described.further.get(key, content[key]) for key in FURTHER_NAMES if key in content},
         "errors": content["errors"],
         "correlations": content.get("correlations", []),
         **({"joint": content["joint"]} if table.joint else {}),

@@ -7,7 +7,7 @@ time of ``at`` becomes an epoch of an inertial navigation; that of a user's clas
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,10 @@ from mcnav._types import Array
 from mcnav.config.schema import OUTAGES, AcceptTable, CircularTable, QuantileTable
 from mcnav.contract.scenario import EpochScenario, Scenario, has_epochs
 from mcnav.entries.context import FileContext
-from mcnav.systems.ins.scenario import Ins
 from mcnav.systems.ins.tables.instants import DECIMALS, SAME, same_times, seconds, within
+
+if TYPE_CHECKING:
+    from mcnav.systems.ins.scenario import Ins
 
 KEYS: Final = ("after", "during", "at")
 
@@ -48,7 +50,7 @@ def with_epochs(scenario: Ins, table: AcceptTable) -> Ins:
         time for time in asked
         if navigation.start < time < navigation.end and np.abs(times - time).min() > same_times(navigation)
     ]  # fmt: skip
-    return Ins(replace(navigation, further=tuple(far)), scenario.remarks) if far else scenario
+    return type(scenario)(replace(navigation, further=tuple(far)), scenario.remarks) if far else scenario
 
 
 def read_epochs(

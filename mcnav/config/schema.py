@@ -24,7 +24,7 @@ from mcnav.entries.quantities import (
 from mcnav.entries.rules import OneOfTwo, Rule
 from mcnav.entries.unions import ByForm
 from mcnav.sampling.designs import DESIGNS
-from mcnav.systems.registry import FURTHER_TABLES
+from mcnav.systems.registry import FURTHER_NAMES
 
 QUANTITIES: Final = ("sigma_ratio", "sigma_ratio_paired")
 """Quantities with a precision, named as in ``summary.json``: Monte Carlo over linear sigma, plain or paired."""
@@ -216,8 +216,6 @@ class CampaignTable(Table):
         return self.samples.at_most if isinstance(self.samples, UntilTable) else self.samples
 
 
-_FURTHER: Final[Content] = {
-    name: (Annotated[Any, Field(description=table.description)], None) for name, table in FURTHER_TABLES.items()
-}
+_FURTHER: Final[Content] = dict.fromkeys(FURTHER_NAMES, (Any, None))
 CampaignFile: Final = create_model("CampaignFile", __base__=CampaignTable, **_FURTHER)
 """The whole file; further tables are read with the scenario."""

@@ -27,10 +27,10 @@ from mcnav.store.chunk_files import ChunkFile
 
 
 def processor() -> str:
-    """Return the processor that code is compiled for; the same versions give the same bits on the same processors."""
-    from llvmlite.binding import get_host_cpu_name
+    """Return the processor that code is compiled for; the same versions give the same bits for the same processors."""
+    from mcnav.compiled.target import target
 
-    return str(get_host_cpu_name())
+    return target()
 
 
 def incompatibility(needed: Mapping[str, str], wanted: Path | None = None) -> str | None:

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any, Final
 
+from mcnav.compiled.target import target
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.inputs import InputFile, SourceFile
 from mcnav.errors import RunFolderError, shortened
@@ -110,7 +111,7 @@ def check_resumable(folder: RunFolder, identity: Identity, design: str, samples:
         earlier, damage = None, failure
     if earlier is not None:
         _refuse_changed(folder, earlier.identity, identity, design, samples)
-        return []
+        return _other_processor(folder, earlier.processor)
     stored = identities_in(folder.chunk_folder)
     if stored - {chunk_digest(identity, design, samples)}:
         state = "missing" if damage is None else "damaged"
@@ -120,6 +121,16 @@ def check_resumable(folder: RunFolder, identity: Identity, design: str, samples:
     if damage is None:
         return []
     return [f"{folder.path / MANIFEST}: was damaged; it is written again, and stored samples are believed by content"]
+
+
+def _other_processor(folder: RunFolder, earlier: str | None) -> list[str]:
+    """Return a notice where a run was begun with code for another processor than this one's."""
+    if earlier in (None, target()):
+        return []
+    return [
+        f"{folder.path}: was begun with code for {earlier}, and continues with code for {target()}; "
+        "samples of the two may differ in their last digits"
+    ]
 
 
 def check_no_foreign_files(folder: RunFolder) -> None:

@@ -65,6 +65,10 @@ class Assessment:
         Number of the last ones, which are candidates.
     scores, simulated : ndarray, shape (k, R), (k, N)
         Statistics over their 95 % points.
+    direct : ndarray, shape (d, R)
+        Statistics of the filter as they are: logarithms of NIS and NEES, autocorrelations.
+    centres, limits : ndarray, shape (d,), (k,)
+        Medians of these in simulated records, and the 95 % points.
     gains, simulated_gains : ndarray, shape (candidates, R), (candidates, N)
     offsets : tuple of (ndarray, ndarray)
         Of each offset: estimates, shape (a, R), and their covariance.
@@ -80,6 +84,9 @@ class Assessment:
     candidates: int
     scores: Array
     simulated: Array
+    direct: Array
+    centres: Array
+    limits: Array
     gains: Array
     simulated_gains: Array
     offsets: tuple[tuple[Array, Array], ...]
@@ -170,11 +177,12 @@ class _Everything:
         """Compute everything."""
         base, offsets = self._base()
         gains, in_power = self._gains_of_causes(base)
-        scores, names = self._of_filter()
+        direct, names = self._of_filter()
+        centres = np.median(direct[:, self.given :], axis=1)
         estimates = [self._offset_gains(offset) for offset in offsets]
         all_gains = np.concatenate([gains, *(each[0][None] for each in estimates)])
         roots = np.sqrt(2.0 * all_gains)
-        scores = np.concatenate([scores, roots])
+        scores = np.concatenate([np.abs(direct - centres[:, None]), roots])
         limits = np.quantile(scores[:, self.given :], 1.0 - LEVEL, axis=1)
         limits = np.where(limits > 0.0, limits, np.inf)
         scaled = scores / limits[:, None]
@@ -191,12 +199,13 @@ class _Everything:
         )
         known = tuple((each[1][:, : self.given], each[2]) for each in estimates)
         return Assessment(
-            tuple(names), len(all_gains), scaled[:, : self.given], scaled[:, self.given :],
+            tuple(names), len(all_gains), scaled[:, : self.given], scaled[:, self.given :], direct[:, : self.given],
+            centres, limits,
             all_gains[:, : self.given], all_gains[:, self.given :], known, largest, named, sensitivity,
         )  # fmt: skip
 
     def _of_filter(self) -> tuple[Array, list[str]]:
-        """Compute the statistics of the filter itself: distances from their medians, shape (k, given + simulated)."""
+        """Compute the statistics of the filter itself, shape (d, given + simulated), and their names."""
         both = beside([self.own, self.simulated])
         values, names = [], []
         for sensor, each in zip(self.record.sensors, sensor_statistics(self.record, both), strict=True):
@@ -205,8 +214,7 @@ class _Everything:
         for group, nees in mean_nees(self.record, both).items():
             values.append(np.log(nees))
             names.append(f"{group} NEES")
-        table = np.array(values)
-        return np.abs(table - np.median(table[:, self.given :], axis=1, keepdims=True)), names
+        return np.array(values), names
 
     def _sums(self, factors: dict[int, float]) -> Sums:
         """Whiten all but the offsets' records and sum."""

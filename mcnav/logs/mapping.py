@@ -95,7 +95,8 @@ def numbers(table: LogTable, values: Values, name: str) -> Array:
         raise LogError(
             table.path, f"got {printable(str(values[row]), 40)!r}; expected a number", f"row {row + 1}, {name}"
         )
-    return np.asarray(values, dtype=float)
+    with np.errstate(invalid="ignore"):  # of damaged numbers
+        return np.asarray(values, dtype=float)
 
 
 def cannot_tell(table: LogTable, what: str, template: str) -> LogError:

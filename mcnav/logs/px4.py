@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any, Final
 
@@ -54,6 +56,8 @@ def open_ulog(path: Path, topic: str | None, preferred: Sequence[str]) -> LogTab
         wanted = choices[0]
     if wanted not in datasets:
         raise LogError(path, f"has no topic {printable(topic or '', 60)!r}; it has {_topics(path)}", "columns.topic")
+    if "timestamp" not in datasets[wanted]:
+        raise LogError(path, f"has no times of {wanted[0]}")
     columns, notes = _columns(datasets[wanted], wanted[0])
     if wanted[0] == "vehicle_global_position":
         columns |= _attitude(path, columns["timestamp"])
@@ -70,7 +74,8 @@ def _load(path: Path, topics: list[str] | None) -> Any:
     except ImportError:
         raise LogError(path, "is a PX4 log; reading it needs pyulog: pip install 'mcnav[logs]'") from None
     try:
-        with path.open("rb") as file:  # which pyulog leaves open where it fails
+        # pyulog leaves the file open where it fails, and prints what is wrong
+        with path.open("rb") as file, redirect_stdout(StringIO()):
             return ULog(file, topics)
     except Exception as failure:  # pyulog raises many types for damaged files
         told = printable(str(failure) or type(failure).__name__, 120)
@@ -147,13 +152,13 @@ def _positions(data: dict[str, Values]) -> tuple[dict[str, Values], tuple[str, .
 def _attitude(path: Path, timestamp: Values) -> dict[str, Array]:
     """Return roll, pitch, heading of `vehicle_attitude` at some times, interpolated as rotations; none without it."""
     log = _load(path, ["vehicle_attitude"])
-    if not log.data_list:
+    if not log.data_list or not len(timestamp):
         return {}
     from scipy.spatial.transform import Rotation, Slerp
 
     data = log.data_list[0].data
-    time, first = np.unique(data["timestamp"].astype(np.int64), return_index=True)
-    if len(time) < 2 or timestamp[0] < time[0] or timestamp[-1] > time[-1]:
+    time, first = np.unique(data.get("timestamp", np.zeros(0)).astype(np.int64), return_index=True)
+    if len(time) < 2 or "q[3]" not in data or timestamp[0] < time[0] or timestamp[-1] > time[-1]:
         return {}
     body_to_local = Rotation.from_quat(np.stack([data[f"q[{part}]"] for part in (1, 2, 3, 0)], axis=1)[first])
     turned = Slerp(time.astype(float), body_to_local)(timestamp.astype(float))

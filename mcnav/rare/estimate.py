@@ -51,8 +51,11 @@ DISAGREEMENT: Final = 2.5
 MINOR: Final = 0.02
 """Share of a cell in the probability below which the pilot, of few lines there, is not compared with."""
 
-LEAST: Final = 2e-3
-"""Least share of the lines that a cell gets."""
+NEVER: Final = 37.0
+"""Entry of lines of which none was seen to enter; its probability is 1e-299."""
+
+EACH: Final = 5
+"""Lines that each cell gets at least: few cells carry much, but together the small ones may."""
 
 BEFORE: Final = "flights fail before the limit is reached along their line as well: it is crossed more than once"
 
@@ -225,10 +228,10 @@ class _Plan:
             mine = facet == j
             mine &= np.isfinite(followed.entry) & (followed.entry > followed.begin)  # others enter with their cell
             entered = followed.entry[mine]
-            fit = Proposal.plain(d, float(np.mean(entered)) if len(entered) else float(facets.distances[j]))
+            fit = Proposal.plain(d, float(np.mean(entered)) if len(entered) else NEVER)
             if d and count > d + 3:
                 fit = Proposal.fitted(followed.across[mine], entered, fit.constant)
-            fitted.append(fit.improved(normal, partial(self.begins, j))[0])
+            fitted.append(fit.improved(normal, partial(self.begins, j))[0] if fit.constant < NEVER else fit)
         return followed, fitted
 
     def begins(self, facet: int, across: Array) -> Array:
@@ -242,19 +245,18 @@ class _Plan:
         return np.array([np.mean(plain[lines.facet == j]) for j in range(len(self.facets.distances))])
 
     def shares(self, pilot: _Lines, proposals: list[Proposal]) -> Array:
-        """Return the share of the lines of each cell, as its probability by pilot and fit, shape (facets,).
+        """Return the share of the lines of each cell: its probability by the pilot and by the fit, shape (facets,).
 
         The fit alone knows what few lines of a small cell miss; where no line enters, it knows nothing.
         """
         normal = self.generator.standard_normal((DRAWS, self.facets.directions.shape[1] - 1))
         means, fitted = self.means(pilot), np.zeros(len(proposals))
         for j, proposal in enumerate(proposals):
-            if np.any(np.isfinite(pilot.entry[pilot.facet == j])):
+            if proposal.constant < NEVER:
                 v = proposal.draw((np.arange(DRAWS) + 0.5) / DRAWS, normal)
                 entry = np.maximum(proposal.entry(v), self.begins(j, v))
                 fitted[j] = float(np.mean(proposal.ratio(v) * special.ndtr(-entry)))
         shares = means / means.sum() + fitted / max(fitted.sum(), 1e-300)
-        shares = np.maximum(shares / shares.sum(), LEAST)
         return np.asarray(shares / shares.sum())
 
     def nearest(self, pilot: _Lines) -> float:
@@ -274,7 +276,9 @@ class _Plan:
         per_line = pilot.flights / len(pilot.facet) + 1.0 + 1.0 / BETWEEN
         number = self.lines_needed(pilot, proposals, precision)
         number = int(np.clip(min(number, (most - self.flown.flights) / per_line), FEWEST, MOST))
-        facet = np.searchsorted(np.cumsum(shares), self.generator.random(number) * (1.0 - 1e-12)).astype(np.int64)
+        lines_of = np.maximum(np.rint(number * shares), EACH).astype(np.int64)
+        facet, number = np.repeat(np.arange(len(shares)), lines_of), int(lines_of.sum())
+        shares = lines_of / number
         uniform, normal = self.generator.random(number), self.generator.standard_normal((number, d - 1))
         across = np.empty((number, d - 1))
         for j, proposal in enumerate(proposals):
@@ -282,7 +286,7 @@ class _Plan:
             across[mine] = proposal.draw(uniform[mine], normal[mine])
         lines = self.follow(facet, across, proposals)
         weights = lines.weights(proposals) / shares[facet]
-        value, low, high = weights_interval(weights, number, confidence)
+        value, low, high = weights_interval(weights, facet, confidence)
         refusal = self.doubt(lines, weights, value, proposals, shares)
         if refusal:
             return _refused(self.flown, refusal, d)

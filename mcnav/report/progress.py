@@ -15,7 +15,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from mcnav.progress import Phase, Progress
+from mcnav.progress import COMPILATION, Phase, Progress
 
 QUIET_SECONDS: Final = 1.0
 """Time after which progress appears."""
@@ -43,6 +43,9 @@ class _Line:
         """Return phase, bar, count and speed or time."""
         elapsed = (now if self.ended is None else self.ended) - self.began
         words = f"{self.phase.value}, {self.note}" if self.note else self.phase.value
+        if self.ended is None and COMPILATION.begun:
+            once = ", once" if COMPILATION.stored else ""
+            words += f"; compiling for this machine{once}: {COMPILATION.functions} functions so far"
         if self.phase != Phase.SIMULATING:
             return Text(words), Text(), Text(), Text(_seconds(elapsed))
         count = f"{self.ready:,}" if self.total is None else f"{self.ready:,}/{self.total:,}"

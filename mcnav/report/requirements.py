@@ -166,7 +166,7 @@ class RequirementRow:
             return "–"
         if known.refusal or known.estimate is None or known.low is None or known.high is None:
             return f"not estimated: {known.refusal}"
-        return f"{known.estimate:.3g} ({known.low:.3g} to {known.high:.3g}), {known.flights:,} flights"
+        return f"{known.estimate:.2e} ({known.low:.2e} to {known.high:.2e}), {known.flights:,} flights"
 
     @property
     def way(self) -> str:

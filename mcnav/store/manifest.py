@@ -309,6 +309,7 @@ class Manifest(Record):
     requirements: tuple[RequirementRecord, ...] = ()
     identity: Identity
     accuracy: Words
+    processor: Words | None = None
     commit: Words | None = None
     started: Words
     heavy_tailed: tuple[Words, ...]

@@ -28,7 +28,8 @@ from mcnav.identification.fit import relative_covariance
 from mcnav.report.identified import AxisReport, CampaignSigmas, IdentificationReport, SigmaRow
 from mcnav.studies.lincov import answer_linearly
 from mcnav.systems.ins.imu.instruments import AXES, Imu, Noise, process_sizes
-from mcnav.systems.ins.scenario import Ins, Navigation, is_ins
+from mcnav.systems.ins.recognition import is_ins
+from mcnav.systems.ins.scenario import Ins, Navigation
 from mcnav.systems.ins.tables.instrument_tables import INTERVALS, SHORTEST_CORRELATION
 from mcnav.units import conversion
 

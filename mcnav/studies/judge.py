@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any
 
 import numpy as np
 
 from mcnav._threads import one_thread
-from mcnav.config.read import Campaign
+from mcnav.config.read import Campaign, campaign_from
 from mcnav.contract.recorded import FilteredRecord, RecordingError
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError, Problem
@@ -27,31 +27,40 @@ from mcnav.studies.recordings import RecordingFiles, read_recording, recordable
 
 JSON, PAGE = "judge.json", "judge.html"
 
-MOST_TRIALS: Final = TRIALS
-
 
 def judge_recording(
-    campaign: Campaign, files: RecordingFiles, simulated: int = SIMULATED, seed: int = 0
-) -> tuple[FilteredRecord, Judgement]:
-    """Take the campaign's filter through a recorded flight, and judge the record.
+    campaign: str | Path | Campaign | Mapping[str, Any], files: RecordingFiles, simulated: int = SIMULATED,
+    seed: int = 0,
+) -> Judgement:  # fmt: skip
+    """Take the filter of a campaign through a recorded flight, and judge the record.
 
     Parameters
     ----------
+    campaign : path, Campaign or mapping
+        Campaign file, `Campaign`, or a dictionary shaped like a file.
+    files : RecordingFiles
+        Of the recorded flight.
     simulated : int
         Simulated records that it is compared with.
+    seed : int
+        Of these.
 
     Raises
     ------
     CampaignError
         When a file cannot be read, or the filter cannot go through the record.
     """
+    return _judged(campaign_from(campaign), files, simulated, seed)[1]
+
+
+def _judged(campaign: Campaign, files: RecordingFiles, simulated: int, seed: int) -> tuple[FilteredRecord, Judgement]:
     recording, notes = read_recording(campaign, files)
     scenario = recordable(campaign)
     try:
         with one_thread():
             mean = np.asarray(campaign.errors.mean)
             record = scenario.filter_recording(recording, mean, campaign.errors.covariance)
-            judgement = judge(record, simulated, min(MOST_TRIALS, simulated), seed)
+            judgement = judge(record, simulated, min(TRIALS, simulated), seed)
     except RecordingError as problem:
         raise LogError(files.imu, str(problem)) from None
     except ScenarioError as problem:
@@ -63,7 +72,7 @@ def write_judgement(
     campaign: Campaign, files: RecordingFiles, folder: Path, simulated: int = SIMULATED, seed: int = 0
 ) -> tuple[Judgement, list[Path]]:
     """Judge a recorded flight; write its page and ``judge.json``."""
-    record, judgement = judge_recording(campaign, files, simulated, seed)
+    record, judgement = _judged(campaign, files, simulated, seed)
     texts = {
         JSON: indented_json(to_json({"campaign": campaign.name, **judged.content(judgement)})),
         PAGE: page_html(page(campaign.name, record, judgement)),

@@ -40,7 +40,7 @@ from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.html import page_html
 from mcnav.report.lincov_page import page
-from mcnav.systems.ins.scenario import is_ins
+from mcnav.systems.ins.recognition import is_ins
 from mcnav.units import UnitError, quantity
 
 FILE: Final = "lincov.json"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, get_args, get_origin
+from typing import Annotated, Any, Final, get_args, get_origin
 
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Scenario
@@ -12,6 +13,9 @@ from mcnav.entries.context import FileContext
 from mcnav.entries.inputs import InputFile, SourceFile
 from mcnav.entries.quantities import Table
 from mcnav.sampling.error_model import ErrorModel
+
+CLASS_IN_FILE: Final = re.compile(r"(?P<file>[^\x00-\x1f\x7f:]{1,200}\.py):(?P<name>[A-Za-z_][A-Za-z0-9_]{0,100})")
+"""``type`` of a scenario of the user's own: a file and a class in it."""
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
 from mcnav.analysis.requirements import requirements_from
 from mcnav.analysis.summary import Summary
+from mcnav.compiled.target import target
 from mcnav.config.read import Campaign
 from mcnav.config.stopping import StoppingRule
 from mcnav.entries.inputs import InputFile
@@ -216,6 +217,7 @@ def _first_manifest(
         requirements=campaign.requirements,
         identity=identity,
         accuracy=system.engine.accuracy,
+        processor=target(),
         commit=commit(),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         heavy_tailed=tuple(errors.heavy_tailed(design)),

@@ -16,7 +16,7 @@ from mcnav.contract.history import History, Panel
 from mcnav.errors import CampaignError, Problem
 from mcnav.report.trajectory import Extreme, TrajectoryReport
 from mcnav.systems.ins.earth import WGS84
-from mcnav.systems.ins.scenario import is_ins
+from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.tables.tracks import read_rows
 from mcnav.systems.ins.tables.trajectory_tables import FileTable
 from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows, rows_from

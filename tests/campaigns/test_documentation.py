@@ -99,10 +99,13 @@ def test_every_command_of_the_page_on_clusters(place: Path) -> None:
 
 def test_every_trajectory_of_its_page(tmp_path: Path) -> None:
     blocks = [tomllib.loads(block) for block in _blocks("TRAJECTORIES.md", "toml")]
-    assert len(blocks) == 6
+    assert len(blocks) == 7
     other = {name: values for name, values in flight().items() if name not in ("lat", "lon", "alt")}
     other |= {"latitude": np.radians(flight()["lat"]), "longitude": np.radians(flight()["lon"])}
     other["height"] = flight()["alt"] / 0.3048
+    track = np.column_stack([flight()[name] for name in ("time", "lat", "lon", "alt")])
+    lines = [f"2200 {row[0]:.3f} {row[1]:.9f} {row[2]:.9f} {row[3]:.4f} 1 9 0.02 0.02 0.02 0 0 0 0 9" for row in track]
+    (tmp_path / "drive.pos").write_text("\n".join(lines), encoding="utf-8")
     for block in blocks:
         write_csv(tmp_path / "flight.csv", other if "columns" in block else flight())
         entries = {"type": "ins", "trajectory": "flight.csv"} | block

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,9 @@ from mcnav.config.read import Campaign, parse_campaign
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import remarks_of
 from mcnav.studies.lincov import linear_covariance
-from mcnav.systems.reentry.guided.remarks import draw_flights
+from mcnav.systems.reentry.guided.linear import LinearFlight
+from mcnav.systems.reentry.guided.remarks import doubtful_end, draw_flights, rival_maxima
+from mcnav.systems.reentry.guided.scenario import GuidedReentry
 from mcnav.workflow.run import run_campaign
 from tests.commands import invoke
 from tests.conftest import ROOT
@@ -77,7 +80,7 @@ def _remarks(campaign: Campaign) -> tuple[str, ...]:
 @pytest.mark.parametrize(
     ("share", "told"),
     [
-        (1.0, ["in true_range (48.9 km)", "one sigma of the commanded L/D is"]),
+        (1.0, ["in true_range (48.9 km)", "one sigma of the commanded L/D is", "the deceleration has two maxima"]),
         (0.3, ["in true_range (14.7 km)"]),
         (0.1, ["in true_range_rate (4.87 m/s)"]),
         (0.03, []),
@@ -96,6 +99,43 @@ def test_campaigns_whose_landing_point_is_linear_have_no_remarks(number: int) ->
     assert _remarks(parse_campaign(_entries(number), "test.toml", "test")) == ()
 
 
+def _flight(**options: Any) -> LinearFlight:
+    described = {"type": "reentry", "trajectory": 4, "guidance": {"final": "true"}, **options}
+    scenario = parse_campaign({"scenario": described, "errors": {}}, "test.toml", "test").scenario
+    assert isinstance(scenario, GuidedReentry)
+    return scenario._flight
+
+
+def test_maxima_of_deceleration_that_may_change_places_are_noticed() -> None:
+    """Trajectory 4 has 3.05 g and, 20 min later, 2.10 g: sigmas of their difference of 0.94 and of 0.96 g."""
+    flight = _flight()
+    flight = replace(flight, peaks=flight.peaks[:2])
+    first, second = flight.peaks
+    apart, by_source = first.size - second.size, first.partials - second.partials
+    assert apart == pytest.approx(0.9526 * 9.80665, abs=1e-3)
+    one = np.outer(by_source, by_source) / (by_source @ by_source) ** 2  # of which the sigma of the difference is one
+    assert [*rival_maxima(flight, (0.99 * apart) ** 2 * one)] == []
+    (remark,) = rival_maxima(flight, (1.01 * apart) ** 2 * one)
+    assert "two maxima, at 1.3 and 20.9 min from reentry, that differ by 0.95 g with a sigma of 0.96 g" in remark
+
+
+@pytest.mark.parametrize(
+    ("altitude", "sigma", "told"), [(67.53, 50.0, False), (67.53, 150.0, True), (29.5, 150.0, False)]
+)
+def test_an_end_that_grazes_its_altitude_is_noticed(altitude: float, sigma: float, told: bool) -> None:
+    """The first dip of trajectory 4 has its bottom at 67.424 km, a hundred metres below the final altitude."""
+    flight = _flight(final_altitude=f"{altitude} km")
+    joint = flight.phases[-1].solution(flight.final_time)
+    by_source = joint[8:].reshape(8, -1)[0]
+    covariance = np.outer(by_source, by_source) * (sigma / (by_source @ by_source)) ** 2
+    remarks = [*doubtful_end(flight, covariance)]
+    assert bool(remarks) == told
+    if told:
+        assert "grazes the final altitude" in remarks[0]
+        below = float(remarks[0].split("sink by ")[1].split(" m")[0])
+        assert below == pytest.approx(1e3 * altitude - 67_424.3, rel=0.2)  # the lift changes on the way down
+
+
 def test_drawn_flights_have_the_moments_of_the_campaign() -> None:
     """Also where errors are correlated, one is twice another, and some have none; 4.4 standard errors of the mean."""
     mean, covariance = np.arange(4.0), np.array([[4.0, 8.0, 1.0, 0.0], [8.0, 16.0, 2.0, 0.0], [1, 2, 9, 0], [0] * 4])
@@ -110,7 +150,8 @@ def test_drawn_flights_have_the_moments_of_the_campaign() -> None:
 def test_remarks_are_shown_by_run_and_lincov_and_kept(tmp_path: Path) -> None:
     """In the terminal, on both pages, in both files; `mcnav report` writes them from the manifest."""
     campaign, folder = _at_the_limit(), tmp_path / "run"
-    told, limited = _remarks(campaign)
+    remarks = _remarks(campaign)
+    assert len(remarks) == 3
     (tmp_path / "limited.toml").write_text(campaign.to_toml(), encoding="utf-8")
     shown = [
         invoke("lincov", "limited.toml", "--out", "lincov", cwd=tmp_path).stdout,
@@ -124,10 +165,9 @@ def test_remarks_are_shown_by_run_and_lincov_and_kept(tmp_path: Path) -> None:
     invoke("report", "run", cwd=tmp_path)
     shown.append((folder / "report.html").read_text(encoding="utf-8"))
     for text in shown:
-        assert f"Noticed: {told}." in " ".join(text.split())
-        assert f"Noticed: {limited}." in " ".join(text.split())
+        assert all(f"Noticed: {remark}." in " ".join(text.split()) for remark in remarks)
     for path in (tmp_path / "lincov" / "lincov.json", folder / "summary.json"):
-        assert json.loads(path.read_text(encoding="utf-8"))["remarks"] == [told, limited]
+        assert json.loads(path.read_text(encoding="utf-8"))["remarks"] == [*remarks]
 
 
 def test_a_skip_without_range_control_has_no_linear_model(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 import mcnav
 from mcnav._types import Array
 from mcnav.studies.identify import IdentifyPlan, identify_logs
-from mcnav.systems.ins.scenario import is_ins
+from mcnav.systems.ins.recognition import is_ins
 from tests.commands import invoke
 
 GRAVITY = 9.80665

@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 
 import mcnav
+from mcnav.compiled.target import target
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.errors import RunFolderBusy, RunFolderError
 from mcnav.execution.runner import run_chunks
@@ -200,6 +201,17 @@ def test_samples_with_other_last_digits_are_not_mixed(tmp_path: Path, monkeypatc
     with pytest.raises(RunFolderError, match="holds samples of another run"):
         simulate(run, tmp_path / "run", "ensemble", 1)
     assert simulate(run, tmp_path / "run", "ensemble", 1, fresh=True).simulated == 100
+
+
+def test_a_run_that_continues_on_another_processor_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a run with an installation's machine code that is continued where code is compiled for another processor."""
+    folder = tmp_path / "run"
+    assert run_campaign(campaign(4, samples=120), folder, "ensemble", 1, report=False).notices == ()
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["processor"] == target()
+    monkeypatch.setattr("mcnav.execution.identity.target", lambda: "another")
+    (notice,) = run_campaign(campaign(4, samples=120), folder, "ensemble", 1, report=False).notices
+    assert f"was begun with code for {target()}, and continues with code for another" in notice
 
 
 @pytest.mark.parametrize(

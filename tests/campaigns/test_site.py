@@ -12,7 +12,7 @@ import mcnav
 from mcnav.cli import app
 from mcnav.config.schema import CampaignTable
 from mcnav.pages import PAGES
-from mcnav.systems.registry import FURTHER_TABLES
+from mcnav.systems.registry import FURTHER_NAMES
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
@@ -81,7 +81,7 @@ def test_every_key_is_documented(pages: dict[str, str]) -> None:
         section.partition("<a ")[0]: re.findall(r"<tr[^>]*><td><p><code[^>]*><span class=\"pre\">(\w+)</span>", section)
         for section in sections
     }
-    assert set(CampaignTable.model_fields) | {*FURTHER_TABLES} == set(rows["Top level"])
+    assert set(CampaignTable.model_fields) | {*FURTHER_NAMES} == set(rows["Top level"])
     assert sum(map(len, rows.values())) > 300
 
 

@@ -12,7 +12,8 @@ Node = tuple[str, str]
 """Path of a module, and a name that it defines."""
 
 COMPILERS: Final = (
-    "compiled", "allocation_free", "allocation_free_part", "allocation_free_uncontracted", "uncontracted",
+    "compiled", "allocation_free", "allocation_free_loop", "allocation_free_part", "allocation_free_subroutine",
+    "allocation_free_uncontracted", "uncontracted", "uncontracted_subroutine",
     "reduced_math", "inlined",
 )  # fmt: skip
 """Decorators of `mcnav.compiled.jit`."""

@@ -12,7 +12,7 @@ from mcnav.config.json_schema.models import of_model
 from mcnav.config.json_schema.nodes import Node, by_type, choice, first_of, narrowed, suggested
 from mcnav.config.schema import CampaignFile
 from mcnav.entries.quantities import NAME_OF
-from mcnav.systems.registry import FURTHER_TABLES, SCENARIO_TYPES, USER, ScenarioType
+from mcnav.systems.registry import FURTHER_NAMES, SCENARIO_TYPES, ScenarioType, further_tables, user_type
 
 DRAFT: Final = "http://json-schema.org/draft-07/schema#"
 """Version of JSON schema that TOML language servers know."""
@@ -24,7 +24,7 @@ USERS: Final = "of your own"
 
 SHARED_TABLES: Final = [
     name
-    for name, types in Counter(chain(USER.tables, *(kind.tables for kind in SCENARIO_TYPES.values()))).items()
+    for name, types in Counter(chain(user_type().tables, *(kind.tables for kind in SCENARIO_TYPES.values()))).items()
     if types > 1
 ]
 """Further tables whose form depends on the type of scenario."""
@@ -41,7 +41,7 @@ def campaign_schema() -> Node:
     properties: dict[str, Node] = node["properties"]
     told = {key: each["description"] for key, each in properties.items() if "description" in each}
     properties["scenario"] = _scenario_schema(told["scenario"])
-    for name, further in FURTHER_TABLES.items():
+    for name, further in further_tables().items():
         form = {} if name in SHARED_TABLES else of_model(further.form)
         properties[name] = {**form, "description": further.description}
     sources = {name: kind.sources or () for name, kind in SCENARIO_TYPES.items()}
@@ -53,7 +53,7 @@ def campaign_schema() -> Node:
     node = _named(marked, {"source": suggested(every), "output": suggested(outputs)})
     restricted = {name: _of_type(kind, errors, known["properties"], marked) for name, kind in SCENARIO_TYPES.items()}
     conditions = {name: _has_type(choice([name])) for name in sources} | {USERS: _has_type(_user_type())}
-    users: Node = {"propertyNames": choice(_keys(USER)), "properties": _shared_tables(USER)}
+    users: Node = {"propertyNames": choice(_keys(user_type())), "properties": _shared_tables(user_type())}
     node |= first_of(conditions, {**restricted, USERS: users})
     return {
         "$schema": DRAFT,
@@ -66,7 +66,7 @@ def campaign_schema() -> Node:
 
 def _scenario_schema(description: str) -> Node:
     tables = {name: of_model(kind.table) for name, kind in SCENARIO_TYPES.items()}
-    own = of_model(USER.table)
+    own = of_model(user_type().table)
     own["additionalProperties"] = True
     conditions = {**{name: choice([name]) for name in SCENARIO_TYPES}, USERS: _user_type()}
     node = by_type("type", conditions, {**tables, USERS: own}, description)
@@ -94,7 +94,7 @@ def _output_names(kind: ScenarioType) -> list[str]:
 
 def _keys(kind: ScenarioType) -> list[str]:
     """Return the keys of a file with a type of scenario."""
-    other = {*(FURTHER_TABLES.keys() - kind.tables.keys()), *(() if kind.start_times else ("start_times",))}
+    other = {*(set(FURTHER_NAMES) - kind.tables.keys()), *(() if kind.start_times else ("start_times",))}
     return [key for key in CampaignFile.model_fields if key not in other]
 
 

@@ -67,6 +67,9 @@ class Measurement:
         Seconds between measurements, the first after one interval.
     instants : sequence of float, optional
         Instants in place of an interval, s.
+    phases : sequence of str
+        Phases in which alone it measures, from their begin on; they and those that follow them begin at times. All
+        unless given.
     """
 
     name: str
@@ -75,6 +78,7 @@ class Measurement:
     model: Callable[..., Any] | None = None
     interval: float | None = None
     instants: Sequence[float] | None = None
+    phases: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

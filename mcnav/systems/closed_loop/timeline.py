@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
-from mcnav.systems.closed_loop.declarations import Measurement, Trigger
+from mcnav.errors import suggestion
+from mcnav.systems.closed_loop.declarations import Measurement, Phase, Trigger
 from mcnav.systems.closed_loop.structure import phases_of
 
 MOST_STEPS: Final = 1_000_000
@@ -72,7 +74,8 @@ def read_timeline(instance: Any, name: str, measurements: tuple[Measurement, ...
         listed = None if each.instants is None else np.array(each.instants, dtype=float)
         if listed is not None and (listed.ndim != 1 or not np.isfinite(listed).all() or np.any(listed < 0.0)):
             raise ScenarioError("type", f"{name}.measurements: instants of {each.name} must be times from zero on")
-        at[f"measure {each.name}"] = _multiples(each.interval, last, each.name) if listed is None else np.sort(listed)
+        times = _multiples(each.interval, last, each.name) if listed is None else np.sort(listed)
+        at[f"measure {each.name}"] = times[_within_phases(each, phases_of(instance, name), times, name)]
     for each in instance.corrections:
         by_trigger = isinstance(each.at, Trigger)
         time = _time(each.at.latest if by_trigger else each.at, each.name, "a time, or Trigger(function, latest)", 0.0)
@@ -106,6 +109,27 @@ def read_timeline(instance: Any, name: str, measurements: tuple[Measurement, ...
             )
         )  # fmt: skip
     return tuple(instants)
+
+
+def _within_phases(measurement: Measurement, phases: tuple[Phase, ...], times: Array, name: str) -> NDArray[np.bool_]:
+    """Tell which times lie in the phases of a measurement: from a begin on until the next one."""
+    if not measurement.phases:
+        return np.ones(len(times), dtype=bool)
+    known, where = [each.name for each in phases], f"{name}.measurements: {measurement.name}"
+    begins = [0.0 if each.begins is None else each.begins for each in phases] + [np.inf]
+    within = np.zeros(len(times), dtype=bool)
+    for phase in [measurement.phases] if isinstance(measurement.phases, str) else measurement.phases:
+        if phase not in known:
+            raise ScenarioError(
+                "type", f"{where} measures in {phase!r}, which is no phase{suggestion(str(phase), known)}"
+            )
+        begin, end = begins[known.index(phase) : known.index(phase) + 2]
+        if isinstance(begin, Trigger) or isinstance(end, Trigger):
+            told = f"{phase} begins or ends by a trigger, at another time in each sample"
+            raise ScenarioError("type", f"{where}: {told}; a measurement is limited to phases between given times")
+        same = SAME * max(times[-1], 1.0) if len(times) else 0.0
+        within |= (times >= begin - same) & (times < end - same)
+    return within
 
 
 def _time(value: Any, where: str, expected: str, least: float = 1e-12) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final, TypeGuard
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.recorded import FilteredRecord, Recording
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Capability, Scenario, ScenarioError
+from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.systems.ins.aided import (
     PROBES,
     AidedEngine,
@@ -45,6 +45,7 @@ from mcnav.systems.ins.linear.covariance import LinearErrors, propagate
 from mcnav.systems.ins.linear.recent_responses import recent_responses
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.linear.start_times import LinearStarts, propagate_starts
+from mcnav.systems.ins.recognition import is_ins as is_ins
 from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor
@@ -724,11 +725,6 @@ class Ins:
             for sensor in navigation.sensors if sensor.outages
         }  # fmt: skip
         return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS, outages)
-
-
-def is_ins(scenario: Scenario) -> TypeGuard[Ins]:
-    """Return whether a scenario is an inertial navigation along a trajectory."""
-    return Capability.TRAJECTORY in scenario.can
 
 
 PANELS: Final = (

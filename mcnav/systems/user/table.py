@@ -22,14 +22,11 @@ from mcnav.entries.values import SettingError
 from mcnav.errors import suggestion
 from mcnav.files import read_whole
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.systems.description import ScenarioSpec
+from mcnav.systems.description import CLASS_IN_FILE, ScenarioSpec
 from mcnav.systems.user.code import UserScenarioSpec, load_class
 from mcnav.systems.user.scenario import is_users
 from mcnav.systems.user.settings import Declared, Value, read_value, settings_of
 from mcnav.systems.user.stochastic_scenario import user_scenario
-
-CLASS_IN_FILE: Final = re.compile(r"(?P<file>[^\x00-\x1f\x7f:]{1,200}\.py):(?P<name>[A-Za-z_][A-Za-z0-9_]{0,100})")
-"""File and class."""
 
 LARGEST_FILE: Final = 1_000_000
 """Bytes."""

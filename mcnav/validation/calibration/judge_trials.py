@@ -1,19 +1,18 @@
 """Measured error rates of ``mcnav judge``: simulated flights, recorded and judged like any other.
 
 Each flight is a sample of the reference engine: its true motion, readings and measurements are nonlinear and its own.
-The campaign's filter goes through each record, and the innovations are judged by the campaign: right ones, and ones
-whose flights had another size than the campaign says. Flights are judged by hundreds, each hundred with the linear
-system of its first flight and with simulated records of its own.
+The campaign's filter goes through each record, and its statistics are those of the linear system along this record.
+They are compared with simulated records of every `TOGETHER`-th flight, as one flight's own take longer. Flights have
+the campaign's numbers, or one that differs.
 
 ``python -m mcnav.validation.calibration.judge_trials CAMPAIGN FLIGHTS`` prints the table of the documentation.
 """
 
 from __future__ import annotations
 
-import re
 import sys
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -24,19 +23,25 @@ import numpy as np
 from scipy.stats import chi2
 
 from mcnav._threads import one_thread
+from mcnav._types import Array
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.contract.scenario import can_be_recorded
 from mcnav.execution.chunks import DrawPlan
-from mcnav.judgement.assessment import Assessment, assess
+from mcnav.judgement.assessment import LEVEL, Assessment, assess
 from mcnav.judgement.likelihood import estimate_factor
-from mcnav.judgement.simulation import Innovations, beside, recorded
+from mcnav.judgement.simulation import recorded
 
-HUNDRED: Final = 100
-SIMULATED, TRIALS = 1000, 100
+SIMULATED: Final = 1000
+
+TOGETHER: Final = 50
+"""Flights that are compared with the same simulated records."""
 
 EVERY: Final = 5
 """Flights of which one has its interval computed; and the share of flights with something wrong."""
+
+INTERVAL: Final = 0.02
+"""Interval of the readings, s."""
 
 WRONG: Final[Mapping[str, tuple[str, str, str, tuple[float, ...]]]] = {
     "nothing": ("", "", "gyro_angle_random_walk", (1.0,)),
@@ -54,8 +59,17 @@ An error of the lever arm is the used one less the true one.
 
 
 @dataclass(frozen=True)
+class Flight:
+    """Statistics of a flight: of its filter, gains of the candidates, and whether an interval holds the true value."""
+
+    direct: Array
+    gains: Array
+    held: bool | None
+
+
+@dataclass(frozen=True)
 class Rates:
-    """Shares of flights with an alarm, with the right name, and whose interval holds the factor; and their number."""
+    """Shares of flights with an alarm, with the right name, and whose interval holds the true value."""
 
     flights: int
     alarms: float
@@ -63,18 +77,14 @@ class Rates:
     held: float
 
 
-def fly(text: str, changed: str, interval: float, index: int) -> Innovations:
+def record_of(text: str, changed: str, index: int) -> FilteredRecord:
     """Simulate a flight of a changed campaign and take the campaign's filter through its record."""
-    return recorded(_record(text, changed, interval, index))
-
-
-def _record(text: str, changed: str, interval: float, index: int) -> FilteredRecord:
     campaign, flown = _read(text), _read(changed)
     if not can_be_recorded(campaign.scenario) or not can_be_recorded(flown.scenario):
         raise TypeError(f"{campaign.name} cannot be recorded")
-    draws = DrawPlan(flown.errors, flown.design, flown.seed, flown.samples)
+    draws = DrawPlan(flown.errors, flown.design, flown.seed, 1_000_000)
     errors = draws.batch(index, index + 1).errors[0]
-    recording = flown.scenario.simulate_recording(errors, flown.seed, index, interval)
+    recording = flown.scenario.simulate_recording(errors, flown.seed, index, INTERVAL)
     mean = np.asarray(campaign.errors.mean)
     return campaign.scenario.filter_recording(recording, mean, campaign.errors.covariance)
 
@@ -89,47 +99,54 @@ def _read(text: str) -> Campaign:
     return _CAMPAIGNS[text]
 
 
-def rates(text: str, wrong: str, flights: int, interval: float = 0.02, processes: int = 1) -> Rates:
-    """Measure the rates with one thing wrong."""
-    before, after, name, values = WRONG[wrong]
-    changed = re.sub(r"samples = \d+", f"samples = {max(flights, 2)}", text.replace(before, after) if before else text)
-    flown = partial(fly, text, changed, interval)
-    alarms = named = 0
-    shares = list[float]()
-    with one_thread(), ProcessPoolExecutor(processes) as pool:
-        for first in range(0, flights, HUNDRED):
-            last = min(first + HUNDRED, flights)
-            innovations = list(pool.map(flown, range(first, last), chunksize=10))
-            record = _record(text, changed, interval, first)
-            result = assess(record, beside(innovations), SIMULATED, TRIALS, first)
-            candidates = result.names[-result.candidates :]
-            alarms += int(np.sum(result.alarms))
-            right = result.alarms & (result.foremost == candidates.index(name))
-            named += int(np.sum(right))
-            shares.append(_held(record, result, innovations, name, values))
-            print(
-                f"{wrong}: {last} flights, {alarms} alarms, {named} named, intervals hold in {np.mean(shares):.3f}",
-                file=sys.stderr,
-                flush=True,
-            )
-    return Rates(flights, alarms / flights, named / flights, float(np.mean(shares)))
+def compared(text: str, changed: str, first: int) -> Assessment:
+    """Return an assessment with simulated records, of the flight that is the first of some."""
+    record = record_of(text, changed, first)
+    return assess(record, recorded(record), SIMULATED, 1, first)
 
 
-def _held(
-    record: FilteredRecord, result: Assessment, innovations: Sequence[Innovations], name: str, values: tuple[float, ...]
-) -> float:
-    """Return the share of flights whose 95 % interval holds the factor, or whose 95 % ellipsoid holds the error."""
+def fly(text: str, changed: str, name: str, values: tuple[float, ...], index: int) -> Flight:
+    """Compute the statistics of a flight by the linear system along its own record."""
+    record = record_of(text, changed, index)
+    own = assess(record, recorded(record), 1, 1, index)
+    held = _held(record, own, name, values) if index % EVERY == 0 else None
+    return Flight(own.direct[:, 0], own.gains[:, 0], held)
+
+
+def _held(record: FilteredRecord, own: Assessment, name: str, values: tuple[float, ...]) -> bool:
+    """Return whether the interval of a factor, or the 95 % ellipsoid of an error, holds the true value."""
     causes = [cause.name for cause in record.causes]
     if name in causes:
-        number = causes.index(name)
-        drop = float(result.drops[number])
-        estimates = [estimate_factor(record, each, number, drop) for each in innovations[::EVERY]]
-        return float(np.mean([each.low <= values[0] <= each.high for each in estimates]))
+        estimate = estimate_factor(record, recorded(record), causes.index(name))
+        return estimate.low <= values[0] <= estimate.high
     offsets = [offset.name for offset in record.offsets]
-    estimate, covariance = result.offsets[offsets.index(name)]
-    apart = estimate - np.array(values)[:, None]
-    squares = np.einsum("ar,ar->r", apart, np.linalg.solve(covariance, apart))
-    return float(np.mean(squares <= chi2.ppf(0.95, len(values))))
+    estimates, covariance = own.offsets[offsets.index(name)]
+    apart = estimates[:, 0] - values
+    return bool(apart @ np.linalg.solve(covariance, apart) <= chi2.ppf(0.95, len(values)))
+
+
+def rates(text: str, wrong: str, flights: int, processes: int = 1) -> Rates:
+    """Measure the rates with one thing wrong."""
+    before, after, name, values = WRONG[wrong]
+    changed = text.replace(before, after) if before else text
+    alarms, named, held = 0, 0, list[bool]()
+    with one_thread(), ProcessPoolExecutor(processes) as pool:
+        for first in range(0, flights, TOGETHER):
+            indices = range(first, min(first + TOGETHER, flights))
+            simulated = pool.submit(compared, text, changed, first)
+            done = list(pool.map(partial(fly, text, changed, name, values), indices))
+            against = simulated.result()
+            number = against.names[-against.candidates :].index(name)
+            for flight in done:
+                direct = np.abs(flight.direct - against.centres)
+                scores = np.concatenate([direct, np.sqrt(2.0 * flight.gains)]) / against.limits
+                alarm = bool(against.probability(scores.max()) <= LEVEL)
+                alarms += alarm
+                named += alarm and int(np.argmax(flight.gains - against.freedom)) == number
+                held += [] if flight.held is None else [flight.held]
+            told = f"{wrong}: {indices[-1] + 1} flights, {alarms} alarms, {named} named"
+            print(f"{told}, {sum(held)} of {len(held)} intervals hold", file=sys.stderr, flush=True)
+    return Rates(flights, alarms / flights, named / flights, float(np.mean(held)))
 
 
 def main(campaign: Path, flights: int) -> None:

@@ -157,3 +157,4 @@ def test_sweeps_of_a_size_have_its_exact_law() -> None:
     readings = CovarianceReadings(np.zeros(1), np.array([[3.0, 0.0, 0.0, 0.0, 3.0]]), covariance[None], None)
     exact = np.sqrt(stats.ncx2(4, 9.0).ppf(0.99))
     assert replace(measure, readings=(0,)).value(readings) == pytest.approx(exact, rel=1e-6)
+    assert np.isnan(measure.own_value(replace(readings, own=np.full((1, 5, 5), np.nan))))  # no filter states it

@@ -46,7 +46,7 @@ CAMPAIGN: dict[str, Any] = {
 
 @pytest.fixture
 def _with_balloons(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(registry.SCENARIO_TYPES, "balloon", BALLOON)  # type: ignore[arg-type]
+    monkeypatch.setitem(registry.SCENARIO_TYPES, "balloon", BALLOON)
 
 
 @pytest.mark.usefixtures("_with_balloons")
@@ -80,6 +80,13 @@ def test_its_outputs_are_completed(tmp_path: Path) -> None:
 def test_templates_are_of_known_types() -> None:
     """Each is found in the folder of its system; those of type ins are written by a command of their own."""
     assert templates().keys() == registry.SCENARIO_TYPES.keys() - {"ins"}
+
+
+def test_further_tables_are_those_of_all_types() -> None:
+    kinds = (*registry.SCENARIO_TYPES.values(), registry.user_type())
+    assert {name for kind in kinds for name in kind.tables} == {*registry.FURTHER_NAMES}
+    assert registry.is_code("mine.py:Loop")
+    assert not any(registry.is_code(name) for name in (*registry.SCENARIO_TYPES, "mine.py", None))
 
 
 def test_sources_have_units_of_their_own() -> None:

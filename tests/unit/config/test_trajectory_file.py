@@ -309,7 +309,7 @@ TEXTS: dict[str, tuple[str | bytes, str]] = {
     "a comment": ("# flight of May 3, 2024\ntime,lat\n", "begins with the comment '# flight of May 3, 2024'"),
     "RTKLIB": (
         "% program   : RTKLIB ver.2.4.2\n%  GPST   latitude(deg) longitude(deg)  height(m)   Q  ns\n",
-        "is an RTKLIB position file (.pos); write its times in s and its positions into a CSV file, beside roll,",
+        "is an RTKLIB position file (.pos); state its attitude beside file: attitude = ",
     ),
     "RTKLIB without a header": (RTKLIB, "is an RTKLIB position file"),
     "RTKLIB in weeks": (RTKLIB.replace("2011/03/27 12:00:00.000", "1629 43200.000"), "is an RTKLIB position file"),

@@ -8,7 +8,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from mcnav.progress import Phase
+from mcnav.progress import Compilation, Phase
 from mcnav.report import progress
 from mcnav.report.progress import Lines, shown
 
@@ -107,3 +107,14 @@ def test_what_is_no_terminal_sees_nothing(monkeypatch: pytest.MonkeyPatch) -> No
         time.sleep(0.1)
     assert isinstance(console.file, StringIO)
     assert console.file.getvalue() == ""
+
+
+@pytest.mark.parametrize(("stored", "once"), [(True, ", once"), (False, "")])
+def test_compilation_is_shown_while_it_lasts(stored: bool, once: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is once where compiled code is stored."""
+    lines = Lines(Clock())
+    lines.phase(Phase.PREPARING)
+    monkeypatch.setattr(progress, "COMPILATION", Compilation(34, 2, stored))
+    assert _text(lines) == [f"preparing; compiling for this machine{once}: 34 functions so far 0 s"]
+    monkeypatch.setattr(progress, "COMPILATION", Compilation(120, 0, stored))
+    assert _text(lines) == ["preparing 0 s"]

@@ -34,6 +34,8 @@ class Loop(ClosedLoop):
 
 PUSH = "    corrections = (Correction('push', {}, lambda estimate: -0.1 * estimate.v, 'v'),)\n"
 
+RANGING = "    measurements = (Measurement('ranging', 'm', lambda truth: truth.x, interval=1.0, phases=({})),)\n"
+
 OUTPUTS = "    def outputs(self, {}):\n        return {}\n"
 PHASES = "    phases = (Phase('a'), {})\n"
 OWN = "    filter = None\n"
@@ -135,6 +137,9 @@ def test_a_sound_loop_has_no_remarks(tmp_path: Path) -> None:
         (OWN + "    measurements = ()\n    def covariance(self):\n        return np.eye(2)\n", "no update of its own"),
         (PHASES.format("Phase('b')"), "b needs a time or a Trigger at which it begins"),
         (PHASES.format("Phase('a', 5.0)"), "a is there twice"),
+        (PHASES.format("Phase('b', 5.0)") + RANGING.format("'bb',"), "'bb', which is no phase; did you mean"),
+        (PHASES.format("Phase('b', Trigger(lambda time: time - 3.5, 9))") + RANGING.format("'a',"),
+         "ranging: a begins or ends by a trigger, at another time in each sample"),
         (PHASES.format("Phase('b', 'noon')"), "b must begin at a time after 0 s"),
         (PHASES.format("Phase('b', 5.0), Phase('c', 4.0)"), "c must begin at a time after 5 s"),
         (PHASES.format("Phase('b', Trigger(lambda time: time - 3.5, 9)), Phase('c', 8.0)"), "b may begin as late as"),
@@ -226,6 +231,12 @@ def test_errors_of_steps_that_decay_do_not_add_up(tmp_path: Path) -> None:
         return {"x": estimate.v, "v": sensed}
 """
     assert scenario(tmp_path, lag).remarks == ()
+
+
+def test_a_measurement_of_some_phases_is_made_from_their_begin_to_that_of_the_next(tmp_path: Path) -> None:
+    phases = PHASES.format("Phase('b', 3.0), Phase('c', 6.5), Phase('d', 8.0)")
+    limited = scenario(tmp_path, phases + RANGING.format("'b', 'd'"))
+    assert [each.time for each in limited.timeline if each.measurements] == [3.0, 4.0, 5.0, 6.0, 8.0, 9.0, 10.0]
 
 
 def test_steps_are_compared_one_by_one_where_a_method_takes_all_times_for_the_same(tmp_path: Path) -> None:

@@ -15,13 +15,14 @@ from mcnav.execution.chunks import DrawPlan
 from mcnav.judgement.likelihood import whiten
 from mcnav.judgement.simulation import recorded
 from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.recorded.causes import key_of
 from mcnav.systems.ins.recorded.measurements import QUANTITIES, recorded_values, true_state
 from mcnav.systems.ins.recorded.readings import gauss_readings
 from mcnav.systems.ins.reference.aided import AidedMechanization
 from mcnav.systems.ins.reference.collocation import NODES
 from mcnav.systems.ins.reference.local_frame import LocalFrame
-from mcnav.systems.ins.scenario import Ins, is_ins
+from mcnav.systems.ins.scenario import Ins
 from mcnav.systems.ins.sensors.comparison import Indicated
 from tests.every_sensor import every_sensor
 from tests.recorded_flights import short_flight

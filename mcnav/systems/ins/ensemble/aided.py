@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.blocks import blocks_of
-from mcnav.compiled.jit import allocation_free, allocation_free_part, inlined
+from mcnav.compiled.jit import allocation_free_loop, allocation_free_part, allocation_free_subroutine, inlined
 from mcnav.compiled.shapes import check_shapes
 from mcnav.compiled.vectors import LANES, Store, load, parts_of, room, store
 from mcnav.systems.ins.ensemble.deviations import deviate
@@ -589,7 +589,7 @@ def _lane_rooms(
     )
 
 
-@allocation_free
+@allocation_free_subroutine
 def _begin(begin: int, size: int, given: _Given, samples: Deviations, own: Estimates, cause: Array) -> None:
     """Put samples at their start into the lanes; the last one fills what is left of them."""
     for i in range(LANES):
@@ -706,7 +706,7 @@ def _respond(
     _subtract_estimates(k, estimated, samples, lanes.own)
 
 
-@allocation_free
+@allocation_free_loop
 def _run(
     steps: StepTables, estimated: EstimateSteps, of_filter: FilterSteps, updates: UpdateTables, epochs: EpochTables,
     given: _Given, noise: _Noise, lanes: _LaneRooms, own_gains: bool, results: Readings,

@@ -33,7 +33,7 @@ from mcnav.compiled.blocks import (
     subtract_product,
     transpose,
 )
-from mcnav.compiled.jit import allocation_free, allocation_free_part
+from mcnav.compiled.jit import allocation_free_part, allocation_free_subroutine
 from mcnav.compiled.vectors import (
     PARTS,
     Rooms,
@@ -338,7 +338,7 @@ def project_along_truth(u: int, m: int, tables: FilterUpdates, filters: Covarian
                 _store_root(filters.root_parts, t, c, e, x)
 
 
-@allocation_free
+@allocation_free_subroutine
 def project_along_samples(u: int, m: int, tables: FilterUpdates, filters: Covariances) -> None:
     """Compute the same where each sample has responses of its own, ``filters.rows``."""
     p, cross, rows, states = filters.p, filters.cross, filters.rows_parts, tables.state_rows
@@ -486,7 +486,7 @@ def _divide_by_transposed_root(x: Block, root: Array, inverse: Array, t: int, c:
     return x0, x1, x2, x3, x4, x5, (x[6] - x7 * low - x8 * lowest) * first, x7, x8
 
 
-@allocation_free
+@allocation_free_subroutine
 def _reduce_by_joseph(u: int, m: int, t: int, steps: FilterSteps, tables: FilterUpdates, filters: Covariances) -> None:
     """Compute the covariances of part t after an update in Joseph's form, ``(I - K H) P (I - K H)^T + K R K^T``.
 
@@ -548,7 +548,7 @@ def update_covariances(
             _reduce(m, t, steps, filters)
 
 
-@allocation_free
+@allocation_free_subroutine
 def begin_covariances(initial: Array, filters: Covariances) -> None:
     """Let all covariances be that at the start, shape (n, n, 9)."""
     for t in range(PARTS):
@@ -557,7 +557,7 @@ def begin_covariances(initial: Array, filters: Covariances) -> None:
                 store_block(filters.p, (t, r, c), load_numbers(initial, (r, c)))
 
 
-@allocation_free
+@allocation_free_subroutine
 def covariances_in_lanes(filters: Covariances, out: Array) -> None:
     """Copy the covariances' lower triangles to rows of lanes, shape (9 + q, 9 + q, PARTS, PART)."""
     for t in range(PARTS):

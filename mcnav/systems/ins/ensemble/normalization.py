@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.compiled.jit import allocation_free, inlined
+from mcnav.compiled.jit import allocation_free_subroutine, inlined
 from mcnav.compiled.vectors import Vector, load, room, store, where
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.linear.covariance import ROUNDED, map_covariances
@@ -133,7 +133,7 @@ def _map_covariance(p: Array, to_outputs: Array, rooms: NormalizationRooms) -> N
             store(mapped, (r, c), load(mapped, (r, c)) * (load(kept, r) * load(kept, c)))
 
 
-@allocation_free
+@allocation_free_subroutine
 def normalize_by_own(p: Array, chosen: IndexArray, to_outputs: Array, rooms: NormalizationRooms) -> None:
     """Normalize the errors of samples by covariances of their own, and compute those of the outputs.
 
@@ -234,7 +234,7 @@ def _whitened_square(whitening: Array, i: int, errors: Array, chosen: IndexArray
     return x * x
 
 
-@allocation_free
+@allocation_free_subroutine
 def normalize_by_shared(
     m: int, shared: SharedCovariances, chosen: IndexArray, to_outputs: Array, rooms: NormalizationRooms
 ) -> None:

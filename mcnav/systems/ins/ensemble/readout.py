@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.compiled.jit import allocation_free_part, allocation_free_uncontracted, inlined
+from mcnav.compiled.jit import allocation_free_part, allocation_free_uncontracted, inlined, uncontracted_subroutine
 from mcnav.compiled.lanes import angle_of_half
 from mcnav.compiled.vectors import Vector, load, room, store, where
 from mcnav.systems.ins.earth import Earth, meridian_sides
@@ -37,7 +37,7 @@ class TrueStates(NamedTuple):
     radii: Array
 
 
-@allocation_free_uncontracted
+@uncontracted_subroutine
 def _locate(constants: Array, state: Array, x: Vector, y: Vector, z: Vector, velocity: Array, out: Array) -> None:
     """Compute the local states of deviations from an inertial position and velocity.
 
@@ -79,7 +79,7 @@ def _angle(sine: Vector, cosine: Vector) -> Vector:
     return 2.0 * angle_of_half(sine / (further + np.sqrt(further * further + sine * sine)))
 
 
-@allocation_free_uncontracted
+@uncontracted_subroutine
 def read_errors(
     m: int, constants: Array, truth: TrueStates, turn: Array, deviations: Array, local: Array, axes: Array, out: Array
 ) -> None:

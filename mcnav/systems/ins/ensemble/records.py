@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.compiled.jit import allocation_free, allocation_free_part
+from mcnav.compiled.jit import allocation_free_part, allocation_free_subroutine
 from mcnav.compiled.vectors import LANES, load, room, store, where
 from mcnav.systems.ins.ensemble.normalization import (
     GROUPS,
@@ -192,7 +192,7 @@ def _record(reached: int, epochs: EpochTables, own_gains: bool, own: Estimates, 
             at += 1
 
 
-@allocation_free
+@allocation_free_subroutine
 def read(
     reached: int, begin: int, size: int, constants: Array, epochs: EpochTables, of_states: Array, own_gains: bool,
     samples: Deviations, own: Estimates, p: Array, rooms: ReadingRooms, results: Readings,

@@ -12,7 +12,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.compiled.blocks import Block
-from mcnav.compiled.jit import allocation_free, allocation_free_part, allocation_free_uncontracted, inlined
+from mcnav.compiled.jit import allocation_free_part, allocation_free_subroutine, inlined, uncontracted_subroutine
 from mcnav.compiled.lanes import gravity_shares
 from mcnav.compiled.vectors import PARTS, Rooms, Vector, load, load_part, parts_of, room, store, store_part, where
 from mcnav.systems.ins.earth import gravitation
@@ -125,7 +125,7 @@ def parts_of_deviations(samples: Deviations) -> Deviations:
     return Deviations(*map(parts_of, samples))
 
 
-@allocation_free_uncontracted
+@uncontracted_subroutine
 def change_gravitation(constants: Array, place: Array, field: Array, x: Array, out: Array) -> None:
     """Compute the change of gravitation by deviations, shape (3, LANES).
 
@@ -145,7 +145,7 @@ def _leave_remainder(gradient: Array, x: Array, change: Array) -> None:
         store(change, r, load(change, r) - (gradient[r, 0] * a + gradient[r, 1] * b + gradient[r, 2] * c))
 
 
-@allocation_free
+@allocation_free_subroutine
 def place(i: int, errors: Array, linear: Array, state: Array, samples: Deviations) -> None:
     """Put a sample at its start into lane i.
 
@@ -224,7 +224,7 @@ def respond(k: int, tables: StepTables, drawn: bool, normals: Array, first: int,
         store(bias, q, x)
 
 
-@allocation_free
+@allocation_free_subroutine
 def add_given(added: Array, i: int, samples: Deviations) -> None:
     """Add what processes add in a step to the response and the biases of lane i: shape (9 + b,)."""
     for r in range(9):

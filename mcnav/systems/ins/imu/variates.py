@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.compiled.jit import allocation_free_uncontracted, compiled, inlined
+from mcnav.compiled.jit import compiled, inlined, uncontracted_subroutine
 from mcnav.compiled.vectors import Vector, bits, doubles, fma, load, narrow, store, widen
 
 _LOW: Final = np.uint64(0xFFFFFFFF)
@@ -119,7 +119,7 @@ def _pair(one: Vector, other: Vector) -> tuple[Vector, Vector]:
     return widen(radius * cosine), widen(radius * sine)
 
 
-@allocation_free_uncontracted
+@uncontracted_subroutine
 def draw_normals(seed: np.uint64, samples: NDArray[np.uint64], stream: int, first: int, count: int, out: Array) -> None:
     """Draw normal variates of LANES samples.
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.compiled.jit import allocation_free_part, allocation_free_uncontracted
+from mcnav.compiled.jit import allocation_free_part, uncontracted_subroutine
 from mcnav.compiled.vectors import Vector
 from mcnav.entries.context import FileContext
 from mcnav.systems.ins.earth import geodetic_altitude
@@ -26,7 +26,7 @@ def geometry(along: Surroundings, axis: int) -> Geometry:
     return Geometry(down, x=-down, true=along.altitude)
 
 
-@allocation_free_uncontracted
+@uncontracted_subroutine
 def _altitude_change(constants: Array, u: int, places: Array, x: Vector, y: Vector, z: Vector) -> Vector:
     """Compute the change of the altitude by deviations; exactly zero without one."""
     a, b, c = places[u, 0], places[u, 1], places[u, 2]

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.compiled.jit import allocation_free_part, allocation_free_uncontracted
+from mcnav.compiled.jit import allocation_free_part, uncontracted_subroutine
 from mcnav.compiled.lanes import angle_of_half
 from mcnav.compiled.vectors import Vector, load, store, where
 from mcnav.systems.ins.imu.instruments import AXES
@@ -27,7 +27,7 @@ def geometry(along: Surroundings, axis: int) -> Geometry:
     return Geometry(direction, psi=direction)
 
 
-@allocation_free_uncontracted
+@uncontracted_subroutine
 def rotation_vectors(turn: Array, out: Array) -> None:
     """Compute the rotation vectors, shape (3, LANES), of quaternions."""
     w, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)

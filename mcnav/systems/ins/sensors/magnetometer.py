@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.compiled.jit import allocation_free_part, allocation_free_uncontracted
+from mcnav.compiled.jit import allocation_free_part, uncontracted_subroutine
 from mcnav.compiled.vectors import Vector
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, cross_matrix
@@ -63,7 +63,7 @@ def geometry(along: Surroundings, axis: int) -> Geometry:
     )
 
 
-@allocation_free_uncontracted
+@uncontracted_subroutine
 def _field_along(
     px: float, py: float, pz: float, x: Vector, y: Vector, z: Vector, ex: Vector, ey: Vector, ez: Vector
 ) -> Vector:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,10 @@ from mcnav._types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.mistakes import Mistake, refuse, told
 from mcnav.entries.quantities import UNIT, Duration, Table
-from mcnav.systems.ins.scenario import Navigation
 from mcnav.units import UnitError, quantity
+
+if TYPE_CHECKING:
+    from mcnav.systems.ins.scenario import Navigation
 
 MOST_MEASUREMENTS: Final = 50_000
 """Measurements of all sensors together: each is an update of every sample's filter."""

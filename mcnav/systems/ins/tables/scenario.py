@@ -19,7 +19,8 @@ from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import Imu
-from mcnav.systems.ins.scenario import NAVIGATION_ERRORS, SOURCES, Ins, Navigation, is_ins
+from mcnav.systems.ins.recognition import is_ins
+from mcnav.systems.ins.scenario import NAVIGATION_ERRORS, SOURCES, Ins, Navigation
 from mcnav.systems.ins.tables.aiding import Aiding, read_aiding, with_gate
 from mcnav.systems.ins.tables.error_names import error_patterns
 from mcnav.systems.ins.tables.filter import FilterPlan, FilterTable, plan_filter

@@ -99,3 +99,38 @@ def limited_lift(flight: LinearFlight, covariance: Array) -> Iterator[str]:
             f"one sigma of the commanded L/D is {sigma:.2g} at {minutes:.1f} min from reentry, and its margin to the "
             f"limit of {limit:g} there {margin:.2g}: linear analysis assumes that the limit is never reached"
         )
+
+
+def doubtful_end(flight: LinearFlight, covariance: Array) -> Iterator[str]:
+    """Say when the flight without errors grazes the final altitude: one sigma of altitude is more than it would sink.
+
+    With the altitude rate h' and its own rate h'' > 0 there, it would sink by ``h'^2 / (2 h'')`` more.
+    """
+    phase, place = flight.phases[-1], 4 if flight.navigation.guidance.final == "indicated" else 0
+    joint = phase.solution(phase.end)
+    rates, by_source = phase.rates(phase.end, joint), joint[8:].reshape(8, -1)[place]
+    rate, turning = float(rates[place]), float(rates[place + 2])
+    sigma = float(np.sqrt(by_source @ covariance @ by_source))
+    if turning > 0.0 and sigma > rate**2 / (2.0 * turning):
+        yield (
+            f"the flight without errors grazes the final altitude: it falls through at {abs(rate):.3g} m/s, and would "
+            f"sink by {rate**2 / (2.0 * turning):.3g} m more, with a sigma of {sigma:.3g} m; flights end there or much "
+            "later"
+        )
+
+
+def rival_maxima(flight: LinearFlight, covariance: Array) -> Iterator[str]:
+    """Say when another maximum of deceleration is less than one sigma of their difference below the largest."""
+    largest, *others = sorted(flight.peaks, key=lambda peak: -peak.size)
+    in_g = conversion("m/s^2", "g")
+    for other in others:
+        apart, by_source = largest.size - other.size, largest.partials - other.partials
+        sigma = float(np.sqrt(by_source @ covariance @ by_source))
+        if sigma > apart:
+            since = flight.navigation.start - flight.navigation.trajectory.reentry_time
+            first, second = sorted((peak.time + since) / 60.0 for peak in (largest, other))
+            yield (
+                f"the deceleration has two maxima, at {first:.1f} and {second:.1f} min from reentry, that differ by "
+                f"{apart * in_g:.2g} g with a sigma of {sigma * in_g:.2g} g: linear analysis follows the larger alone"
+            )
+            return

@@ -26,7 +26,7 @@ from mcnav.systems.reentry.guided.following import Following, NoMargin, follow
 from mcnav.systems.reentry.guided.linear import LinearFlight, NoLinearSystem, fly_linear
 from mcnav.systems.reentry.guided.outputs import outputs_of, read_flights, read_linear
 from mcnav.systems.reentry.guided.reference import GuidedReferenceEngine
-from mcnav.systems.reentry.guided.remarks import departures_of, draw_flights, limited_lift
+from mcnav.systems.reentry.guided.remarks import departures_of, doubtful_end, draw_flights, limited_lift, rival_maxima
 from mcnav.systems.reentry.guided.start_times import partials_before_reentry
 from mcnav.systems.reentry.outputs import FurtherOutput
 from mcnav.systems.reentry.scenario import HISTORY_TIME, Flight, Reentry, epoch_times
@@ -225,7 +225,9 @@ class GuidedReentry:
         departing = departures_of(
             batch, self.engine("ensemble", batch.errors), self.linear().end, covariance, self.outputs
         )
-        return (*departing, *limited_lift(self._flight, covariance))
+        flight = self._flight
+        told = (limited_lift, doubtful_end, rival_maxima)
+        return (*departing, *(words for each in told for words in each(flight, covariance)))
 
     def nominal(self) -> History:
         """Tabulate the nominal flight against time from reentry."""

@@ -1,0 +1,182 @@
+"""Probabilities of rare events whose exact values are known, and how often their 95 % intervals hold.
+
+``y = x_1 + a (x_1^2 + ... + x_d^2 - d)`` of d standard normals has a noncentral chi-square,
+
+    P(y > c) = P(chi^2_d(1 / (4 a^2)) > (c + a d + 1 / (4 a)) / a).
+
+``python -m mcnav.validation.calibration.rare_trials 1000`` prints the table of `mcnav docs method`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy import special, stats
+
+from mcnav._types import Array
+from mcnav.rare.estimate import Rare, estimate_probability
+from mcnav.rare.limits import Distance, Limit, Sides
+
+SEED: Final = 43_000
+
+
+@dataclass(frozen=True)
+class RareEvent:
+    """An event with its exact probability: outputs, and those of the linear model, of d standard normals."""
+
+    name: str
+    outputs: Callable[[Array], Array]
+    linear: Callable[[Array], Array]
+    limit: Limit
+    dimensions: int
+    exact: float
+
+    def estimate(self, seed: int) -> Rare:
+        """Estimate its probability."""
+        return estimate_probability(self.outputs, self.linear, self.limit, self.dimensions, seed)
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """How estimates with different seeds turned out: shares of the trials, and relative errors of those stated."""
+
+    refused: float
+    holds: float
+    too_low: float
+    too_high: float
+    error: float
+    flights: float
+    most_flights: int
+
+    @classmethod
+    def of(cls, event: RareEvent, trials: int, seed: int = SEED) -> Coverage:
+        """Estimate an event with so many seeds."""
+        rare = [event.estimate(seed + trial) for trial in range(trials)]
+        stated = [each for each in rare if not each.refusal]
+        errors = [each.estimate / event.exact - 1.0 for each in stated]
+        return cls(
+            refused=1.0 - len(stated) / trials,
+            holds=sum(each.low <= event.exact <= each.high for each in stated) / max(len(stated), 1),
+            too_low=sum(each.high < event.exact for each in stated) / trials,
+            too_high=sum(each.low > event.exact for each in stated) / trials,
+            error=float(np.sqrt(np.mean(np.square(errors)))) if errors else float("nan"),
+            flights=float(np.mean([each.flights for each in rare])),
+            most_flights=max(each.flights for each in rare),
+        )
+
+    @property
+    def wrong(self) -> float:
+        """Share of trials with an interval that does not hold."""
+        return self.too_low + self.too_high
+
+
+def upper(limit: float) -> Sides:
+    """Return the side above a limit of one output."""
+    return Sides(np.array([-np.inf]), np.array([limit]))
+
+
+def both(limit: float) -> Sides:
+    """Return both sides of a limit of one output."""
+    return Sides(np.array([-limit]), np.array([limit]))
+
+
+def curved(dimensions: int, a: float, c: float) -> RareEvent:
+    """Return ``x_1 + a (sum x_i^2 - d) > c``."""
+    name = f"d = {dimensions}, a = {a:g}, c = {c:g}"
+    at = (c + a * dimensions + 0.25 / a) / a
+    exact = float(stats.ncx2.sf(at, dimensions, 0.25 / a**2))
+    return RareEvent(
+        name, lambda u: u[:, :1] + a * (np.sum(u**2, axis=1) - dimensions)[:, None], first, upper(c), dimensions, exact
+    )
+
+
+def first(u: Array) -> Array:
+    """Return the first coordinate."""
+    return u[:, :1]
+
+
+def two_sided(dimensions: int) -> RareEvent:
+    """Return ``|x + a (x^2 - 1)|`` beyond five of its sigmas, a = 0.02."""
+    a, c = 0.02, 5.0 * np.sqrt(1.0 + 2.0 * 0.02**2)
+    roots = [
+        (-1.0 + sign * np.sqrt(1.0 + 4.0 * a * (a + side * c))) / (2.0 * a) for side in (1, -1) for sign in (-1, 1)
+    ]
+    outer, inner = np.sort(roots[:2]), np.sort(roots[2:])
+    exact = float(special.ndtr(-outer[1]) + special.ndtr(outer[0]) + special.ndtr(inner[1]) - special.ndtr(inner[0]))
+    return RareEvent(
+        "two sides", lambda u: u[:, :1] + a * (u[:, :1] ** 2 - 1.0), first, both(c), dimensions, exact
+    )  # fmt: skip
+
+
+def jump_of_another(dimensions: int) -> RareEvent:
+    """Return a jump by 20 where ``x_2 > 4.8``, of which the linear model knows nothing."""
+    exact = float(special.ndtr(-5.0) + special.ndtr(-4.8) * special.ndtr(5.0))
+    return RareEvent(
+        "a jump in another direction",
+        lambda u: u[:, :1] + 20.0 * (u[:, 1:2] > 4.8),
+        first,
+        upper(5.0),
+        dimensions,
+        exact,
+    )
+
+
+def jump_with_it(dimensions: int) -> RareEvent:
+    """Return a jump by 3 where ``x_2 > 4.6``: a corner, which no half-space describes."""
+    exact = float(special.ndtr(-5.0) * special.ndtr(4.6) + special.ndtr(-4.6) * special.ndtr(-2.0))
+    return RareEvent(
+        "a jump with a corner", lambda u: u[:, :1] + 3.0 * (u[:, 1:2] > 4.6), first, upper(5.0), dimensions, exact
+    )
+
+
+def jump_back(dimensions: int) -> RareEvent:
+    """Return a jump back by 3 where ``x_1 > 5.2``, beyond the limit."""
+    exact = float(special.ndtr(-5.0) - special.ndtr(-5.2) + special.ndtr(-8.0))
+    return RareEvent(
+        "a jump back", lambda u: u[:, :1] - 3.0 * (u[:, :1] > 5.2), first, upper(5.0), dimensions, exact
+    )  # fmt: skip
+
+
+def second_region(dimensions: int) -> RareEvent:
+    """Return a second half-space, nearer than that of the linear model."""
+    direction = -np.arange(1.0, dimensions + 1.0) / np.linalg.norm(np.arange(1.0, dimensions + 1.0))
+    cosine = float(direction[0])
+    together = stats.multivariate_normal([0.0, 0.0], [[1.0, cosine], [cosine, 1.0]]).cdf([-5.0, -4.8])
+    exact = float(special.ndtr(-5.0) + special.ndtr(-4.8) - together)
+
+    def outputs(u: Array) -> Array:
+        return np.asarray(np.maximum(u[:, 0], u @ direction + 0.2)[:, None])
+
+    return RareEvent("a second half-space", outputs, first, upper(5.0), dimensions, exact)
+
+
+def circle(radius: float, dimensions: int) -> RareEvent:
+    """Return the outside of a circle in two independent outputs, whose linear model has every direction."""
+    exact = float(np.exp(-0.5 * radius**2))
+    return RareEvent("a circle", lambda u: u[:, :2], lambda u: u[:, :2], Distance(radius, 2), dimensions, exact)
+
+
+CURVED: Final = (curved(10, 0.02, 4.0), curved(10, 0.02, 5.0), curved(10, 0.05, 5.0))
+"""The linear model is right but for curvature: at 5 sigmas it misses by factors of 8 and 66."""
+
+HIDDEN: Final = (two_sided(1), two_sided(5), jump_of_another(4), jump_with_it(4), jump_back(10), second_region(10))
+"""The linear model does not know of a part of the event."""
+
+
+def main(trials: int) -> None:
+    """Print the coverage of all events."""
+    print("event | exact | refused | intervals that hold | wrong | rms error | flights, at most")
+    for event in (*CURVED, *HIDDEN, circle(5.0, 4)):
+        result = Coverage.of(event, trials)
+        print(
+            f"{event.name} | {event.exact:.6g} | {100.0 * result.refused:.1f} % | {100.0 * result.holds:.1f} % | "
+            f"{100.0 * result.wrong:.1f} % | {100.0 * result.error:.2f} % | {result.flights:.0f}, {result.most_flights}"
+        )
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

@@ -1,0 +1,121 @@
+"""Requirements beyond counting, from campaign file to report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mcnav.analysis.exceedance import Event, weigh
+from mcnav.analysis.requirements import Exceedance, Finding, Requirement, RequirementResult
+from mcnav.config.read import parse_campaign
+from mcnav.workflow.analyse import report_run
+from mcnav.workflow.run import run_campaign
+from tests.campaigns.test_ins import described
+
+COUNTED, OF = 167, 200_000_000
+"""Samples of trajectory 4 beyond 160 km of altitude, counted once by two seeds."""
+
+
+def capsule(samples: int = 2_000, **changes: Any) -> dict[str, Any]:
+    """Trajectory 4 with the errors of NASA TN D-1772, and a limit that one in a million exceeds."""
+    errors = {
+        "altitude": "5 km", "range": "0.5 km", "altitude_rate": "0.5 m/s", "range_rate": "0.02 m/s",
+        "misalignment": "0.2 mrad", "gyro_drift": "1e-6 rad/s", "bias_x": "9.798597e-4 m/s^2",
+        "bias_z": "9.798597e-4 m/s^2", "scale_factor_x": "100 ppm", "scale_factor_z": "100 ppm",
+    }  # fmt: skip
+    limit = {"output": "altitude", "probability": 0.999_998, "below": "160 km"}
+    return {
+        "samples": samples, "seed": 1772, "scenario": {"type": "reentry", "trajectory": 4}, "errors": errors,
+        "accept": {"quantile": [limit]}, **changes,
+    }  # fmt: skip
+
+
+def run(folder: Path, jobs: int = 1, **changes: Any) -> dict[str, Any]:
+    return dict(run_campaign(parse_campaign(capsule(**changes), "test.toml", "test"), folder, None, jobs).summary)
+
+
+def test_a_limit_at_one_in_a_million_agrees_with_a_count_of_two_hundred_million(tmp_path: Path) -> None:
+    """The count's exact interval holds with a probability of 99.99 %."""
+    (required,) = run(tmp_path / "run")["requirements"]
+    exceedance = required["exceedance"]
+    low = stats.chi2.ppf(0.5e-4, 2 * COUNTED) / 2 / OF
+    high = stats.chi2.isf(0.5e-4, 2 * COUNTED + 2) / 2 / OF
+    assert low < exceedance["estimate"] < high
+    assert exceedance["from"] < exceedance["estimate"] < exceedance["to"]
+    assert exceedance["to"] - exceedance["from"] < 0.1 * exceedance["estimate"]
+    assert exceedance["flights"] < 1_000
+    assert exceedance["method"] == "lines along the linear model"
+    assert list(exceedance["way"])[:2] == ["gyro_drift", "bias_x"]
+    assert required["finding"] == "met"
+    assert required["samples_needed"] is None
+    assert required["remark"] == f"decided by {exceedance['flights']} flights chosen with the linear model"
+    report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "most likely by gyro drift at" in report
+    assert "shown by 1,497,865 samples with none beyond" in report
+
+
+def test_bits_do_not_depend_on_jobs_nor_on_interruptions(tmp_path: Path) -> None:
+    """A run that is extended, one of several jobs and a report made again state the same exceedance."""
+    (first,) = run(tmp_path / "one", samples=1_000)["requirements"]
+    (extended,) = run(tmp_path / "one", samples=2_000)["requirements"]
+    (of_jobs,) = run(tmp_path / "two", jobs=2)["requirements"]
+    assert first["exceedance"] == extended["exceedance"] == of_jobs["exceedance"]
+    (again,) = report_run(tmp_path / "two")["requirements"]
+    assert again == of_jobs
+
+
+def test_requirements_that_counting_decides_have_none(tmp_path: Path) -> None:
+    limit = {"output": "altitude", "probability": 0.95, "below": "160 km"}
+    (required,) = run(tmp_path / "run", accept={"quantile": [limit]})["requirements"]
+    assert required["finding"] == "met"
+    assert "exceedance" not in required
+
+
+def test_too_few_samples_are_refused_in_a_line(tmp_path: Path) -> None:
+    (required,) = run(tmp_path / "run", samples=500)["requirements"]
+    refusal = "it takes about 1,000 flights, more than the campaign has samples (500)"
+    assert required["exceedance"]["refusal"] == refusal
+    assert required["exceedance"]["estimate"] is None
+    assert required["finding"] == "undecided"
+
+
+def test_noise_is_refused_in_a_line(tmp_path: Path) -> None:
+    accept = {"quantile": [{"output": "position_north", "probability": 0.999_999, "below": "300 m"}]}
+    campaign = parse_campaign(described(100, accept=accept), "test.toml", "test")
+    (required,) = run_campaign(campaign, tmp_path / "run", None, 1).summary["requirements"]
+    refusal = "flights are chosen among constant errors alone, and this campaign has noise or a filter"
+    assert required["exceedance"]["refusal"] == refusal
+    assert required["finding"] == "undecided"
+
+
+@pytest.mark.parametrize(("low", "high", "finding"), [
+    (0.8e-6, 0.9e-6, Finding.MET), (1.1e-6, 1.2e-6, Finding.NOT_MET), (0.9e-6, 1.1e-6, Finding.UNDECIDED),
+])  # fmt: skip
+def test_an_interval_decides_what_counting_does_not(low: float, high: float, finding: Finding) -> None:
+    result = _weighed(low, high, np.zeros(1_000))
+    assert result.finding == finding
+    assert result.samples_needed is None
+    assert "flights chosen with the linear model" in result.remark
+
+
+def test_samples_that_contradict_the_flights_are_told() -> None:
+    """Two of a thousand lie beyond a limit that one in a million should."""
+    outcomes = np.zeros(1_000)
+    outcomes[:2] = 2.0
+    result = _weighed(0.8e-6, 0.9e-6, outcomes)
+    assert result.finding == Finding.UNDECIDED
+    assert result.exceedance is not None
+    assert result.exceedance.refusal.startswith("2 of 1,000 samples lie beyond the limit")
+
+
+def _weighed(low: float, high: float, outcomes: np.ndarray[Any, Any]) -> RequirementResult:
+    """Weigh an exceedance of |output| beyond 1, which one in a million may, against samples."""
+    requirement = Requirement("quantile", (0,), (1.0,), 1.0 - 1e-6)
+    undecided = RequirementResult(requirement, Finding.UNDECIDED, 0.5, (0.0, np.inf), 0.5, True, 10**8)
+    exceedance = Exceedance(0.5 * (low + high), low, high, 700)
+    event = Event.of(requirement, {})
+    return weigh(undecided, exceedance, event, outcomes[:, None], np.arange(len(outcomes)), 0.95)
