@@ -29,6 +29,7 @@ FALSE_ALARM = 1e-4
 TRIALS = 2
 
 
+@pytest.mark.slow
 def test_rates_of_the_grades_are_as_stated() -> None:
     """Coverage 95 %, false alarms of the test of fit 5 % and of quantization 2.3 %, over all grades."""
     counted, hits, made = run_identification_trials(TRIALS, 1), Counter[str](), Counter[str]()
