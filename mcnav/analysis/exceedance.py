@@ -32,7 +32,7 @@ LIKELY: Final = 0.2
 
 @dataclass(frozen=True)
 class Event:
-    """What exceeds a requirement: outputs by number, and their limits."""
+    """Region beyond a requirement: outputs by number, and their limits."""
 
     outputs: tuple[int, ...]
     limit: Limit

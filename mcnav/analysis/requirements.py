@@ -82,7 +82,7 @@ def requirements_from(
 
 
 METHOD: Final = "lines along the linear model"
-"""How an exceedance is estimated (`mcnav.rare`)."""
+"""Method by which an exceedance is estimated (`mcnav.rare`)."""
 
 
 @dataclass(frozen=True)

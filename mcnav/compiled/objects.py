@@ -62,7 +62,7 @@ def _digest_of_file(path: str) -> str:
 
 
 class Code(Cache):  # type: ignore[misc]
-    """What numba takes for the cache of a function: its objects come first, then its stored code if there is any.
+    """Cache of a function, as numba sees it: its objects come first, then its stored code if there is any.
 
     Parameters
     ----------

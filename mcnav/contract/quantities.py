@@ -102,7 +102,7 @@ def kinds_of(outputs: Sequence[_OfKind]) -> list[str]:
 
 @dataclass(frozen=True)
 class EndWords:
-    """What outputs at the end are called: one of them, many, and the heading of their column in a narrow table."""
+    """Names of outputs at the end: one of them, many, and the heading of their column in a narrow table."""
 
     one: str
     many: str

@@ -1,4 +1,4 @@
-"""What a record says of each parameter: an estimate with its interval, or a bound and the length that would do.
+"""Statements of a record on each parameter: an estimate with its interval, or a bound and the length that would do.
 
 Parameters of the chosen model are stated with their intervals. Of a process that is not in it, the record has an upper
 bound: that of the same model with the process added. Two slow processes are not told apart within one model: with one
@@ -30,7 +30,7 @@ SLOW: Final = (RATE_RANDOM_WALK, GAUSS_MARKOV)
 
 @dataclass(frozen=True)
 class Statement:
-    """What a record says of a parameter, in the units of `mcnav.identification.processes`.
+    """Statement of a record on a parameter, in the units of `mcnav.identification.processes`.
 
     Attributes
     ----------

@@ -147,7 +147,7 @@ class RunAnalysis:
 
     @property
     def ends(self) -> EndWords:
-        """What outputs at the end are called."""
+        """Names of the outputs at the end."""
         return end_words(self.manifest.model.outputs)
 
     @property
