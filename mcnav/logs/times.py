@@ -29,6 +29,9 @@ GAP: Final = 1.5
 ROUNDED: Final = 1e-4
 """Share of the interval by which a rounded one may be off at the end of the record."""
 
+MOST_DECIMALS: Final = 18
+"""Decimals of seconds that are kept: more overflow where all stamps are zero."""
+
 VARYING: Final = 0.01
 """Share of the interval by which nine steps of ten may vary before it is said."""
 
@@ -79,7 +82,7 @@ def seconds_of(path: Path, values: Values, unit: str, name: str) -> Stamps:
     # the rounding of large stamps is no jitter: 2.4e-7 s of those since 1970
     rounding = 2.0 * np.spacing(np.max(np.abs(numbers))) if len(numbers) else 1.0
     decimals = int(np.floor(-np.log10(rounding)))
-    return Stamps(np.round(numbers - numbers[0], max(decimals, 0)), float(numbers[0]))
+    return Stamps(np.round(numbers - numbers[0], min(max(decimals, 0), MOST_DECIMALS)), float(numbers[0]))
 
 
 def _refuse_missing(path: Path, values: Values, name: str) -> None:

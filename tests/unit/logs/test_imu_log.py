@@ -148,10 +148,11 @@ def test_ambiguous_columns_are_refused_with_a_mapping_to_paste(tmp_path: Path) -
         ("ns", 'units = { time = "ns" }'),
         ("earth", 'the mean rate is 0.004178, that of the earth in deg/s'),
         ("one row", "has 1 row; expected at least two"),
+        ("one row at zero", "has 1 row; expected at least two"),
     ],
 )  # fmt: skip
 def test_bad_logs_are_refused_in_one_line(tmp_path: Path, change: str, told: str) -> None:
-    rows = readings(0.0 if change.endswith("s") else 432_000.0)
+    rows = readings(0.0 if change.endswith(("s", "zero")) else 432_000.0)
     if change == "falling":
         rows[100, 0] -= 1.0
     elif change == "repeated":
@@ -166,7 +167,7 @@ def test_bad_logs_are_refused_in_one_line(tmp_path: Path, change: str, told: str
         rows[:, 4:] /= STANDARD_GRAVITY
     elif change == "earth":
         rows[:, 1:4] = 4.178e-3 / np.sqrt(3.0) + 1e-3 * (rows[:, 1:4] - rows[:, 1:4].mean(axis=0))
-    elif change == "one row":
+    elif change.startswith("one row"):
         rows = rows[:1]
     else:
         rows[:, 0] *= {"ms": 1e3, "us": 1e6, "ns": 1e9}[change]
