@@ -338,9 +338,16 @@ class MarkKey:
     entries: Sequence[tuple[str, str]]
 
 
+@dataclass(frozen=True)
+class WhatIfPart:
+    """Data of the section "What if", which its script shows: see `mcnav.report.sections.what_if`."""
+
+    json: str
+
+
 Part: TypeAlias = (
     "Sentence | Note | Verdict | Verdicts | Facts | Findings | Answers | Heading | Folded | Beside | Listing | Lines"
-    " | Formula | MarkKey | Table[Any] | Figure"
+    " | Formula | MarkKey | WhatIfPart | Table[Any] | Figure"
 )
 """Parts of a page."""
 

@@ -8,12 +8,16 @@ import re
 from collections.abc import Sequence
 from functools import cache
 from itertools import count
+from typing import Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from mcnav.report.document import Page, Part
+from mcnav.report.document import Page, Part, WhatIfPart
 from mcnav.report.template_cache import TemplateCache
+
+END: Final = "})();\n"
+"""End of the page's script, before which that of the section "What if" has its place."""
 
 
 def page_html(page: Page) -> str:
@@ -24,6 +28,9 @@ def page_html(page: Page) -> str:
     """
     environment = _environment()
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))
+    if any(isinstance(part, WhatIfPart) for section in page.sections for part in section.parts):
+        style += _source(environment, "what_if.css")
+        script = script.removesuffix(END) + _source(environment, "what_if.js") + END
     script = re.sub(r"(?m)^\s*(//.*)?\n?", "", script)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     text = environment.get_template("page.html").render(
