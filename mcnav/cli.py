@@ -702,7 +702,10 @@ def judge(
     imu: Annotated[Path | None, typer.Option(metavar="FILE", help="Recorded gyros and accelerometers.")] = None,
     measurements: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=FILE", help="Recorded measurements of a sensor, such as gnss=gnss.pos; repeat."),
+        typer.Option(
+            metavar="NAME=FILE",
+            help="Measurements of a sensor, such as gnss=gnss.pos; repeat [default: the campaign's logs].",
+        ),
     ] = None,
     reference: Annotated[Path | None, typer.Option(metavar="FILE", help="Track to compare with.")] = None,
     start: Annotated[
@@ -737,8 +740,8 @@ def judge(
         verdicts, files = write_error_judgement(errors, folder or Path("reports") / f"{errors.stem}_judge")
         out.print(printed(judged_errors.terminal(verdicts)))
     else:
-        if campaign is None or imu is None or not measurements:
-            raise _fail("expected CAMPAIGN, --imu FILE and --measurements NAME=FILE, or --errors TABLE", BAD_INPUT)
+        if campaign is None or imu is None:
+            raise _fail("expected CAMPAIGN and --imu FILE, or --errors TABLE", BAD_INPUT)
         from mcnav.config.read import read_campaign
 
         given = {name: Path(file) for name, file in _pairs(measurements, "measurements", "gnss=gnss.pos").items()}
