@@ -16,7 +16,7 @@ from mcnav.contract.scenario import RecordingScenario, can_be_recorded
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
 from mcnav.files import write_texts
-from mcnav.logs.imu_log import read_imu_log
+from mcnav.logs.imu_log import read_imu_log, remark_on_axes
 from mcnav.logs.log_error import LogError
 from mcnav.logs.tables import read_table
 from mcnav.logs.track import Track, read_track
@@ -110,6 +110,8 @@ def read_recording(campaign: Campaign, files: RecordingFiles) -> tuple[Recording
         notes += [f"{files.reference.name}: {note}" for note in track.notes]
     if files.start is not None:
         start = _start(files.start, zero)
+        if start.attitude is not None and (wrong := remark_on_axes(log, *start.attitude[0, :2])):
+            raise LogError(files.imu, wrong)
     else:
         notes.append("navigation starts where the campaign's trajectory does; --start FILE gives another state")
     return Recording(ends, log.gyro, log.accelerometer, measurements, start, reference), tuple(notes)

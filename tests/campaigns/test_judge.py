@@ -120,6 +120,14 @@ def test_mistakes_are_one_line_each(tmp_path: Path) -> None:
     later = [",".join([f"{float(row.split(',')[0]) + 1e6:.3f}", *row.split(",")[1:]]) for row in rows[1:]]
     late.write_text("\n".join([rows[0], *later]))
     assert "both must have the same clock" in refused(*named, f"gnss={late}")
+    upward = tmp_path / "upward.csv"
+    names, *readings = imu.read_text().splitlines()
+    turned = ([*row[:5], row[6], str(-float(row[5])), *row[7:]] for row in (each.split(",") for each in readings))
+    upward.write_text("\n".join([names, *(",".join(row) for row in turned)]))
+    at_start = "--start", folder / "start.csv"
+    assert "begins along -y, for" in refused(
+        "judge", campaign, "--imu", upward, "--measurements", f"gnss={gnss}", *at_start
+    )
     unaided = tmp_path / "unaided.toml"
     unaided.write_text(SHORT[: SHORT.index("[[aiding]]")])
     assert "there is no filter to be judged" in refused("record", unaided)
