@@ -147,9 +147,11 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
     notices = [] if fresh else check_resumable(folder, identity, draws.design, draws.samples)
     digest = chunk_digest(identity, draws.design, draws.samples)
+    together = [each.outputs for each in campaign.requirements if each.epochs]
     system = prepare_system(
-        campaign.scenario, draws, engine_name, campaign.tolerance, campaign.sample_timeout, campaign.file, force
-    )
+        campaign.scenario, draws, engine_name, campaign.tolerance, campaign.sample_timeout, campaign.file, force,
+        together,
+    )  # fmt: skip
     if fresh:
         folder.clear([Path(file.path) for file in inputs])
     manifest = _first_manifest(campaign, system, identity, inputs)
