@@ -1144,10 +1144,11 @@ def compile_all(
         typer.Option(help="Processor that objects are for [default: the highest level of this one]."),
     ] = None,
     only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="An example in place of all; repeat.")] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel processes.")] = 2,
 ) -> None:
     """Compile all kernels beforehand, so that no later command does: for images and clusters.
 
-    Every example is run with a few samples, by each engine.
+    Every example is run with a few samples, by each engine. A line says what is done.
 
     Example: mcnav compile
     """
@@ -1161,12 +1162,10 @@ def compile_all(
         except ValueError as wrong:
             raise _fail(f"--level: {wrong}") from None
     from mcnav.entries.examples import example
-    from mcnav.report import progress
     from mcnav.studies.precompile import compile_kernels
 
     names = [example(name).stem for name in only or ()]
-    with progress.shown(err) as shown:
-        count = compile_kernels(names, shown)
+    count = compile_kernels(names, jobs, lambda line: err.print(line, highlight=False, soft_wrap=True))
     out.print(f"{count} functions compiled, all others were stored")
 
 
