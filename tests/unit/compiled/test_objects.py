@@ -120,7 +120,10 @@ SOURCE = (
 
 
 def test_objects_are_used_without_a_folder_to_write_to_and_not_after_a_change(tmp_path: Path) -> None:
-    """In a copy of the package with a file wherever a folder for code would be made; the change is of a constant."""
+    """In a copy of the package with a file wherever a folder for code would be made; the change is of a constant.
+
+    A home that is not known is ``~`` to Python, a folder in the current one.
+    """
     package = tmp_path / "installed" / "mcnav"
     package.mkdir(parents=True)
     for name in ("__init__.py", "constants.py", "progress.py", "_types.py"):
@@ -138,6 +141,9 @@ def test_objects_are_used_without_a_folder_to_write_to_and_not_after_a_change(tm
         assert done.returncode == 0, done.stderr
         return done.stdout.strip(), done.stderr
 
+    homeless = {"HOME": "~", "XDG_CACHE_HOME": "~/.cache"}
+    assert call(2.0, **homeless)[0] == "3.0 compiles"
+    assert not (package.parent / "~").exists()
     assert call(2.0, MCNAV_OBJECTS_INTO=str(package / "compiled" / "objects")) == ("3.0 compiles", "")
     assert call(2.0) == ("3.0 loads", "")
     printed, told = call(4.0)
