@@ -15,10 +15,11 @@ import llvmlite
 import numba
 import numpy as np
 import pytest
+from numba.core import config
 from numba.core.dispatcher import Dispatcher
 
 from mcnav.compiled import objects
-from mcnav.compiled.target import LEVELS, choose_objects, highest_level
+from mcnav.compiled.target import LEVELS, choose_objects, highest_level, target
 from tests.conftest import ROOT
 from tests.processes import run_to_end
 
@@ -37,6 +38,12 @@ def test_a_level_that_the_processor_has_not_is_refused(monkeypatch: pytest.Monke
     monkeypatch.setattr("mcnav.compiled.target._level_here", lambda: "x86-64-v3")
     with pytest.raises(ValueError, match=r"^got x86-64-v4; this processor has x86-64-v3$"):
         choose_objects(tmp_path, "x86-64-v4")
+
+
+def test_functions_of_another_library_are_another_target(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = target()
+    monkeypatch.setattr(config, "USING_SVML", True)
+    assert target() == f"{here} with SVML"
 
 
 @pytest.mark.parametrize(
