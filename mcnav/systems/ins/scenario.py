@@ -23,7 +23,7 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
-from mcnav.contract.recorded import FilteredRecord, Recording
+from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.systems.ins.aided import (
@@ -510,6 +510,11 @@ class Ins:
         if navigation.filter is None:
             return {}
         return believed_shares(navigation.imu, navigation.sensors, navigation.filter, navigation.sigmas)
+
+    @property
+    def logs(self) -> dict[str, MeasurementFile]:
+        """Files of the recorded sensors, by name."""
+        return {sensor.name: sensor.log for sensor in self.navigation.sensors if sensor.log is not None}
 
     def filter_recording(self, recording: Recording, mean: Array, covariance: Array) -> FilteredRecord:
         """Take the filter through a recorded flight; mean and covariance are those of the true sources."""
