@@ -37,6 +37,7 @@ from mcnav.report.lincov import (
     final_rows,
     largest_rows,
     requirement_rows,
+    smoothed_rows,
     statements,
 )
 from mcnav.report.model import humanize, scale_of
@@ -69,7 +70,8 @@ def page(answer: LinearAnswer, outages: drawn.Outages) -> Page:
     verdict = Verdict(
         f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION], noticed(answer.remarks)
     )
-    answers = Answers([final_table(answer), *([largest] if largest.rows else [])])
+    smoothed = smoothed_table(answer)
+    answers = Answers([final_table(answer), *(each for each in (largest, smoothed) if each.rows)])
     moving, meaningful = drawn.sigmas(answer, outages), answer.beyond is None
     sections = []
     if answer.requirements:
@@ -94,6 +96,7 @@ def terminal(answer: LinearAnswer) -> list[Part]:
         None if answer.asked is None else reading_table(answer, answer.asked),
         final_table(answer),
         None if answer.meaningful is None else largest_table(answer),
+        smoothed_table(answer) if smoothed_rows(answer) else None,
     ]
     remarks = [Sentence(remark, "undecided") for remark in noticed(answer.remarks)]
     return [Verdict(words, tone), *(Sentence(*each) for each in others), *remarks, *joined(*tables)]
@@ -175,6 +178,21 @@ def largest_table(answer: LinearAnswer) -> Table[SizeRow]:
     title = f"Largest over time{'' if answer.beyond is None else ' within the range of linear analysis'}"
     caption = f"{title}, one sigma. Causes: share of the variance at that time."
     return _by_kind(answer, Table(caption, columns, largest_rows(answer), f"{title}, 1σ"))
+
+
+def smoothed_table(answer: LinearAnswer) -> Table[SizeRow]:
+    """Tabulate the largest sigmas behind the smoother, with what it claims and the causes of the variances then."""
+    label = "" if answer.smoothed is None else answer.smoothed.readings.label
+    columns: list[Column[SizeRow]] = [
+        Column("Output", _output, "output", "label"),
+        Column("Largest", lambda row: row.sigma, "largest σ", form=_size),
+        Column("Smoother claims", lambda row: row.sigma_filter, "smoother's σ", form=_size),
+        Column(label, lambda row: row.time, f"at {label}", form=five_digits),
+        Column("Largest causes then", lambda row: _causes(row.causes), CAUSES, "words"),
+    ]
+    title = "Largest over time behind the smoother"
+    caption = f"{title}, one sigma. Causes: share of the variance at that time."
+    return _by_kind(answer, Table(caption, columns, smoothed_rows(answer), f"{title}, 1σ"))
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from mcnav.contract.scenario import (
     ScenarioError,
     can_have_filter,
     has_epochs,
+    has_smoother,
     has_updates,
     is_linear_at_any_time,
     is_linear_over_time,
@@ -104,20 +105,28 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         answer = LinearAnswer(
             described.name, scenario.sources, scenario.outputs, model, history, judged, asked, kind=kind
         )
+        smoothed = None
+        if has_smoother(scenario):
+            at = scenario.reading_times if times is None else np.unique(times)
+            smoothed = covariance_over_time(scenario.smoothed(at), names, *moments)
         epochs = None if history is None else history.moments.times
+        known = [each for each in (history, asked) if each is not None]
         return replace(
             answer,
             requirements=within_range(judged, answer.beyond, epochs),
-            filter=_judge_filter(answer, scenario, described),
+            filter=_judge_filter(answer, known, scenario, described),
+            smoothed=smoothed,
+            smoother=None if smoothed is None else _judge_filter(answer, [smoothed], scenario, described),
         )
 
 
-def _judge_filter(answer: LinearAnswer, scenario: Scenario, campaign: Campaign) -> LinearVerdict | None:
-    """Judge the filter at the epochs and at times that were asked for, within the range of linear analysis."""
+def _judge_filter(
+    answer: LinearAnswer, known: Sequence[LinearCovariance], scenario: Scenario, campaign: Campaign
+) -> LinearVerdict | None:
+    """Judge a filter, or a smoother, at the readings that are known, within the range of linear analysis."""
     schema = scenario.filter_schema if can_have_filter(scenario) else None
     if schema is None:
         return None
-    known = [each for each in (answer.history, answer.asked) if each is not None]
     return judge_filter(
         [picked(each, ~answer.readings_beyond(each) & _stated(each)) for each in known],
         [output.name for output in answer.outputs],
@@ -239,12 +248,13 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         **_size_rows(answer, names),
         "mean_by_cause": answer.means,
         "filter": None if answer.filter is None else _filter_entry(answer.filter),
+        **({} if answer.smoother is None else {"smoother": _filter_entry(answer.smoother)}),
         "beyond_range": None if answer.beyond is None else {
             "outputs": [names[output] for output in answer.beyond.outputs],
             "begin": answer.beyond.time,
         },
         "time": None if history is None else history.readings.label,
-        "rows": [] if history is None else _rows(history, answer.readings_beyond(history)),
+        "rows": [] if history is None else _rows(history, answer.readings_beyond(history), answer.smoothed),
     }  # fmt: skip
 
 
@@ -282,7 +292,9 @@ def _budget_rows(answer: LinearAnswer) -> list[Mapping[str, object]]:
     return [*rows, {"cause": "correlations", "sigma": None, "share": budget.cross_terms}]
 
 
-def _rows(covariance: LinearCovariance, beyond: NDArray[np.bool_]) -> list[Mapping[str, object]]:
+def _rows(
+    covariance: LinearCovariance, beyond: NDArray[np.bool_], smoothed: LinearCovariance | None
+) -> list[Mapping[str, object]]:
     rows = list[Mapping[str, object]]()
     for number, time in enumerate(covariance.readings.times):
         own = None if covariance.sigma_filter is None else covariance.sigma_filter[number]
@@ -292,9 +304,21 @@ def _rows(covariance: LinearCovariance, beyond: NDArray[np.bool_]) -> list[Mappi
             "mean": covariance.mean[number],
             "sigma": covariance.sigma[number],
             "sigma_filter": own,
+            **_smoothed_entry(smoothed, number),
             "beyond_range": bool(beyond[number]),
             "variance_by_cause": {name: variance[number] for name, variance in covariance.variances.items()},
             "variance_by_correlations": covariance.correlations[number],
             "mean_by_cause": {name: values[number] for name, values in covariance.means.items()},
         })  # fmt: skip
     return rows
+
+
+def _smoothed_entry(smoothed: LinearCovariance | None, number: int) -> Mapping[str, object]:
+    """Return what a smoother claims at a reading, and what is true of its errors; nothing without a smoother."""
+    if smoothed is None or smoothed.sigma_filter is None:
+        return {}
+    return {
+        "sigma_smoother": smoothed.sigma_filter[number],
+        "sigma_smoothed": smoothed.sigma[number],
+        "smoothed_variance_by_cause": {name: variance[number] for name, variance in smoothed.variances.items()},
+    }

@@ -439,7 +439,9 @@ class Ins:
     @property
     def can(self) -> frozenset[Capability]:
         """What it is capable of."""
-        return CAPABILITIES | {Capability.REMARKS} if self.remarks else CAPABILITIES
+        smoothed = self.navigation.filter is not None and self.navigation.filter.smoothed
+        further = {Capability.REMARKS: bool(self.remarks), Capability.SMOOTHER: smoothed}
+        return CAPABILITIES | {capability for capability, given in further.items() if given}
 
     def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
         """Return `remarks`, whatever the errors."""
@@ -559,6 +561,20 @@ class Ins:
         nominal = np.zeros(linear.partials.shape[:2])
         return LinearSystem(linear.times, linear.partials, nominal, linear.processes, label=TRAJECTORY_TIME)
 
+    def smoothed(self, times: Array) -> LinearSystem:
+        """Linearize the errors behind the smoother at the readings that `linear` has at these times."""
+        self._check_within(times)
+        navigation = self.navigation
+        if navigation.aided is None:
+            raise ScenarioError(
+                "filter", "there is no filter that a smoother could follow; add [[aiding]] and [filter]"
+            )
+        updates, errors = navigation.aided.smoothed(None if np.array_equal(times, navigation.times) else times)
+        return LinearSystem(
+            errors.times, errors.partials, np.zeros(errors.partials.shape[:2]), errors.processes, updates, errors.own,
+            tuple(range(len(OUTPUTS))), TRAJECTORY_TIME, self._believed,
+        )  # fmt: skip
+
     @property
     def further_epochs(self) -> tuple[float, ...]:
         """Times that have been added to the usual epochs, s: samples' noise depends on all of them."""
@@ -670,6 +686,10 @@ class Ins:
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""
         aided, schema = self.navigation.aided, self.filter_schema
+        if self.navigation.filter is not None and self.navigation.filter.smoothed:
+            raise ScenarioError(
+                "smoother", "samples are not smoothed yet: mcnav lincov analyses it; leave it out to run"
+            )
         if engine == "reference":
             if aided is not None and schema is not None:
                 return AidedReferenceEngine(aided, schema)
