@@ -20,7 +20,9 @@ from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
 from mcnav.analysis.requirements import requirements_from
 from mcnav.analysis.vector_sizes import components_of, linear_sizes
-from mcnav.config.read import Campaign, campaign_from
+from mcnav.analysis.what_if import WhatIf
+from mcnav.config.overrides import document_of
+from mcnav.config.read import UNNAMED, Campaign, campaign_from
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import kinds_of
 from mcnav.contract.scenario import (
@@ -43,9 +45,13 @@ from mcnav.report.html import page_html
 from mcnav.report.lincov_page import page
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.units import UnitError, quantity
+from mcnav.workflow.what_if import what_if_of_answer
 
 FILE: Final = "lincov.json"
 PAGE: Final = "lincov.html"
+
+OF_SIZES: Final = ("imu", "filter", "processes", "measurements")
+"""Tables of a campaign file that a campaign has as they are in the file."""
 
 HISTORY_POINTS: Final = 61
 """Times at which a scenario without epochs of its own is read out."""
@@ -211,8 +217,18 @@ def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> 
     covariance, outages = linear_covariance(campaign, times), {}
     if is_ins(campaign.scenario):
         outages = {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
-    files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: page_html(page(covariance, outages))}
+    written = page_html(page(covariance, outages, _what_if(campaign, covariance)))
+    files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
+
+
+def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:
+    """Return what the page lets its reader change; nothing where the campaign was read with entries of no file."""
+    content, file, _ = document_of(campaign)
+    if any(content.get(name) != campaign.resolved.get(name) for name in OF_SIZES):
+        return None
+    beside = "beside the files that it names" if file == UNNAMED else f"beside {Path(file).name}"
+    return what_if_of_answer(answer, content, beside)
 
 
 def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
