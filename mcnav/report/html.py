@@ -15,6 +15,9 @@ from markupsafe import Markup
 from mcnav.report.document import Page, Part
 from mcnav.report.template_cache import TemplateCache
 
+CARD = "&{padding:.6rem .9rem;border:1px solid var(--line);border-radius:.6rem;background:var(--paper);max-width:72rem}"
+"""Style of a card in a notebook."""
+
 
 def page_html(page: Page) -> str:
     """Write a page as HTML: text is escaped, only `markupsafe.Markup` is markup.
@@ -35,6 +38,23 @@ def page_html(page: Page) -> str:
 def parts_html(parts: Sequence[Part]) -> str:
     """Write parts of a page as HTML without style and script, as notebooks show them."""
     return str(_environment().get_template("parts.html").module.shown(parts))  # type: ignore[attr-defined]
+
+
+def card_html(parts: Sequence[Part]) -> str:
+    """Write parts of a page as HTML with their style, which applies to nothing else in a notebook, and no script.
+
+    Names of elements are of this card alone, because a notebook shows several.
+    """
+    environment = _environment()
+    style = re.sub(r":root\b|\b(?:html|body)(?= [{])", "&", _source(environment, "style.css"))
+    text = parts_html(parts)
+    own = hashlib.sha256(text.encode()).hexdigest()[:8]
+    names = sorted(set(re.findall(r' id="([^"]+)"', text)), key=len, reverse=True)
+    for name in names:
+        text = re.sub(
+            rf'(id="|labelledby="|describedby="|url\(#){re.escape(name)}(?=["\s)])', rf"\g<1>{name}-{own}", text
+        )
+    return f'<div class="mcnav"><style>.mcnav {{ {style} {CARD} }}</style>{text}</div>'
 
 
 @cache
