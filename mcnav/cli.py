@@ -783,7 +783,10 @@ def judge(
     imu: Annotated[Path | None, typer.Option(metavar="FILE", help="Recorded gyros and accelerometers.")] = None,
     measurements: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=FILE", help="Recorded measurements of a sensor, such as gnss=gnss.pos; repeat."),
+        typer.Option(
+            metavar="NAME=FILE",
+            help="Measurements of a sensor, such as gnss=gnss.pos; repeat [default: the campaign's logs].",
+        ),
     ] = None,
     reference: Annotated[Path | None, typer.Option(metavar="FILE", help="Track to compare with.")] = None,
     start: Annotated[
@@ -821,8 +824,8 @@ def judge(
         verdicts, files = write_error_judgement(errors, target)
         out.print(printed(judged_errors.terminal(verdicts)))
     else:
-        if campaign is None or imu is None or not measurements:
-            raise _fail("expected CAMPAIGN, --imu FILE and --measurements NAME=FILE, or --errors TABLE", BAD_INPUT)
+        if campaign is None or imu is None:
+            raise _fail("expected CAMPAIGN and --imu FILE, or --errors TABLE", BAD_INPUT)
         from mcnav.config.read import read_campaign
 
         given = {name: Path(file) for name, file in _pairs(measurements, "measurements", "gnss=gnss.pos").items()}
@@ -1266,10 +1269,11 @@ def compile_all(
         typer.Option(help="Processor that objects are for [default: the highest level of this one]."),
     ] = None,
     only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="An example in place of all; repeat.")] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel processes.")] = 2,
 ) -> None:
     """Compile all kernels beforehand, for images and clusters.
 
-    No later command compiles then. Every example is run with a few samples, by each engine.
+    No later command compiles then. Every example is run with a few samples, by each engine. A line says what is done.
 
     Example: mcnav compile
     """
@@ -1283,12 +1287,10 @@ def compile_all(
         except ValueError as wrong:
             raise _fail(f"--level: {wrong}") from None
     from mcnav.entries.examples import example
-    from mcnav.report import progress
     from mcnav.studies.precompile import compile_kernels
 
     names = [example(name).stem for name in only or ()]
-    with progress.shown(err) as shown:
-        count = compile_kernels(names, shown)
+    count = compile_kernels(names, jobs, lambda line: err.print(line, highlight=False, soft_wrap=True))
     out.print(f"{count} functions compiled, all others were stored")
     _print_next(next_command.written("demo"))
 

@@ -33,7 +33,7 @@ from numba.core import event
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import FunctionCache, UserWideCacheLocator
 
-from mcnav.compiled.objects import Code, sources_digest
+from mcnav.compiled.objects import Code, CodeFiles, libraries, sources_digest
 from mcnav.compiled.parts import LoopCompiler, PartCompiler, give_entry
 from mcnav.compiled.target import choose_target
 from mcnav.progress import COMPILATION
@@ -88,7 +88,8 @@ def _stored_code(function: Callable[..., Any]) -> FunctionCache | None:
             raise
         return None
     stored = cached._cache_file
-    stored._source_stamp = (*stored._source_stamp, sources_digest())
+    stamp = (*stored._source_stamp, libraries(), sources_digest())
+    cached._cache_file = CodeFiles(cached.cache_path, cached._impl.filename_base, stamp)
     return cached
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import Protocol, TypeGuard
 
@@ -11,7 +12,7 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import History, StartClock
 from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
-from mcnav.contract.recorded import FilteredRecord, Recording
+from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 
 
 class Capability(StrEnum):
@@ -191,6 +192,10 @@ class Replayable(Scenario, Protocol):
 
 class RecordingScenario(FilterScenario, Protocol):
     """A scenario with `RECORDING`."""
+
+    @property
+    def logs(self) -> Mapping[str, MeasurementFile]:
+        """Files of the recorded sensors, by name."""
 
     def filter_recording(self, recording: Recording, mean: Array, covariance: Array) -> FilteredRecord:
         """Take the filter through a recorded flight, whose errors have a mean and a covariance; or `RecordingError`."""

@@ -262,6 +262,46 @@ class Verdicts:
 
 
 @dataclass(frozen=True)
+class Tile:
+    """The answer to one question, to be seen at a glance.
+
+    Attributes
+    ----------
+    subject, status : str
+        What it is on, and the answer in a word or two.
+    tone : str
+        Tone of the answer.
+    sentence : str
+        The answer in a sentence.
+    value, of : str
+        The number farthest off, in large type, and what it is of; empty where there is none.
+    link : str
+        Section of the page on the subject; empty: none.
+    details : sequence of str
+        Sentences that the reader unfolds.
+    warnings : sequence of str
+        Sentences that stand below all tiles.
+    """
+
+    subject: str
+    status: str
+    tone: str
+    sentence: str
+    value: str = ""
+    of: str = ""
+    link: str = ""
+    details: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Tiles beside each other, the worst first."""
+
+    tiles: Sequence[Tile]
+
+
+@dataclass(frozen=True)
 class Facts:
     """Names with a few words on each, beside each other or, if ``below``, one below the other."""
 
@@ -339,8 +379,8 @@ class MarkKey:
 
 
 Part: TypeAlias = (
-    "Sentence | Note | Verdict | Verdicts | Facts | Findings | Answers | Heading | Folded | Beside | Listing | Lines"
-    " | Formula | MarkKey | Table[Any] | Figure"
+    "Sentence | Note | Verdict | Verdicts | Tiles | Facts | Findings | Answers | Heading | Folded | Beside | Listing"
+    " | Lines | Formula | MarkKey | Table[Any] | Figure"
 )
 """Parts of a page."""
 
@@ -368,6 +408,9 @@ class Page:
         Heading, which may have names that are the user's.
     head, foot : sequence of Part
         Parts above and below the sections.
+    status, tone : str
+        The foremost answer in words, which the title of the window begins with, and its tone, which colours the
+        window's icon; empty: none.
     """
 
     title: str
@@ -376,6 +419,8 @@ class Page:
     head: Sequence[Part] = ()
     sections: Sequence[Section] = ()
     foot: Sequence[Part] = ()
+    status: str = ""
+    tone: str = ""
 
 
 def joined(*parts: Part | None) -> tuple[Part, ...]:

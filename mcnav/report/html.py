@@ -8,6 +8,8 @@ import re
 from collections.abc import Sequence
 from functools import cache
 from itertools import count
+from typing import Final
+from urllib.parse import quote
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -17,6 +19,16 @@ from mcnav.report.template_cache import TemplateCache
 
 CARD = "&{padding:.6rem .9rem;border:1px solid var(--line);border-radius:.6rem;background:var(--paper);max-width:72rem}"
 """Style of a card in a notebook."""
+
+CHECK, CROSS, QUESTION = "M4.5 8.5l2.5 2.5l4.5-5.5", "M5 5l6 6M11 5l-6 6", "M5.8 6q0-2.2 2.2-2.2t2.2 2.2-2.2 3M8 12v0"
+ICONS: Final = {
+    "agrees": ("#0a7a55", CHECK), "differs": ("#c2350a", CROSS), "partly": ("#a87400", QUESTION),
+    "undecided": ("#a87400", QUESTION),
+}  # fmt: skip
+"""Colour and sign of the window's icon, by tone: a tab shows no more."""
+
+SVG: Final = "http://www.w3.org/2000/svg"
+BOX: Final = "0 0 16 16"
 
 
 def page_html(page: Page) -> str:
@@ -30,9 +42,17 @@ def page_html(page: Page) -> str:
     script = re.sub(r"(?m)^\s*(//.*)?\n?", "", script)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     text = environment.get_template("page.html").render(
-        page=page, style=Markup(style), script=Markup(script), script_hash=Markup(f"sha256-{digest}")
+        page=page, style=Markup(style), script=Markup(script), script_hash=Markup(f"sha256-{digest}"), icon=icon
     )
     return _focusable(text)
+
+
+def icon(tone: str) -> Markup:
+    """Return the window's icon of a tone: a sign on a disc of its colour, as an address that holds the image."""
+    colour, sign = ICONS[tone]
+    path = f"<path d='{sign}' fill='none' stroke='#fff' stroke-width='2.2' stroke-linecap='round'/>"
+    disc = f"<circle cx='8' cy='8' r='8' fill='{colour}'/>"
+    return Markup(f"data:image/svg+xml,{quote(f'<svg xmlns={SVG!r} viewBox={BOX!r}>{disc}{path}</svg>')}")
 
 
 def parts_html(parts: Sequence[Part]) -> str:

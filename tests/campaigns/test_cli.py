@@ -16,6 +16,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mcnav.entries.examples import examples
+from mcnav.studies.precompile import Part, find_uses
 from mcnav.systems.reentry.scenario import SOURCES
 from tests.commands import in_process, invoke
 from tests.conftest import ROOT
@@ -402,12 +404,20 @@ def test_failed_samples_give_status_3(workplace: Path) -> None:
     assert "samples failed and are excluded from all results" in finished.stdout.replace("\n", " ")
 
 
+def test_every_example_is_compiled_for() -> None:
+    for parts in ({Part.RUN}, {Part.LINEAR}):
+        assert {use.example for use in find_uses(()) if parts.issubset(use.parts)} == set(examples())
+
+
 def test_compiling_beforehand_leaves_nothing_to_compile(tmp_path: Path) -> None:
-    """A level belongs to objects, which are not asked for."""
-    for _ in range(2):
-        done = invoke("compile", "--only", "11", cwd=tmp_path)
+    """In two processes, and again in one. A level belongs to objects, which are not asked for."""
+    for jobs in (2, 1):
+        done = invoke("compile", "--only", "11", "--jobs", jobs, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
     assert done.stdout == "0 functions compiled, all others were stored\n\nnext: mcnav demo\n"
+    told = [line.rpartition(",")[0] for line in done.stderr.splitlines()]
+    parts = "run", "run by other engines", "linear analysis"
+    assert told == [f"{n} of 3: 11_cruise, {part}: 0 functions" for n, part in enumerate(parts, start=1)]
     refused = invoke("compile", "--level", "x86-64-v3", cwd=tmp_path)
     assert (refused.returncode, refused.stderr) == (2, "error: --level: is for objects; give --out FOLDER\n")
 

@@ -282,14 +282,16 @@ def test_requirements_in_report_index_summary_and_notebook(tmp_path: Path) -> No
     report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     index = write_index(tmp_path)[0].read_text(encoding="utf-8")
     for page, marks in (
-        (report, (f'<div class="verdict differs"><p class="headline">{no}</p>',
-                  f'<div class="verdict partly"><p class="headline">{yes}</p>')),
+        (report, ('<div class="tile differs" role="group" aria-label="Requirements: not met">',
+                  '<div class="tile partly" role="group" aria-label="Linear analysis: holds">')),
         (index, (f'<span class="tag differs" title="{no}">0 of 2 met</span>',
                  f'<span class="tag partly" title="{yes}">linear agrees</span>')),
     ):  # fmt: skip
         first, second = map(page.index, marks)
         assert first < second  # what fails comes first
     assert "tag agrees" not in index
+    assert "tile agrees" not in report
+    assert yes in report
     results = done.results
     least = min(entry.limits[0] / (entry.estimate or 0.0) for entry in results.requirements)
     farthest = max(results.sigma_ratio_paired, key=lambda ratio: abs(math.log(ratio or 0.0)))
@@ -298,7 +300,7 @@ def test_requirements_in_report_index_summary_and_notebook(tmp_path: Path) -> No
     run = mcnav.open_run(tmp_path / "run")
     assert repr(run) == f"test: {no} {yes}"
     shown = run._repr_html_()
-    assert 0 < shown.index(no) < shown.index(yes)
+    assert 0 < shown.index(no.removeprefix("Requirements: ").removesuffix(".")) < shown.index(yes)
     assert run_campaign(campaign(1), tmp_path / "none", "ensemble", 1).summary["requirements_met"] is None
 
 

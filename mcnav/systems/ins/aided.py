@@ -26,6 +26,7 @@ from mcnav.systems.ins.ensemble.aided import (
 from mcnav.systems.ins.ensemble.filters import BEYOND, INDEFINITE, SOUND
 from mcnav.systems.ins.ensemble.free import tabulate
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
+from mcnav.systems.ins.imu.gravity import cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import respond_from_rest
 from mcnav.systems.ins.imu.sample_noise import SampleNoise
@@ -264,7 +265,7 @@ def believed_shares(
     sigmas : mapping of str to float
         True root mean squares of the constant sources.
     """
-    beliefs, states = model.beliefs, {state.name: state for state in model.states}
+    beliefs, states = model.beliefs, {cause_of(state.name): state for state in model.states}
     shares: dict[str, float] = {}
     for name in (*CONSTANTS, *aiding_constants(sensors)):
         true = sigmas.get(name, 0.0)

@@ -22,6 +22,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.filter.tables import FilterTables, same_memory, tabulate_filter
+from mcnav.systems.ins.imu.gravity import add_by_cause
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu
 from mcnav.systems.ins.linear.covariance import (
     constant_inputs,
@@ -214,10 +215,10 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
     return ClosedLoopErrors(
         loop.times[readings],
         maps @ partials,
-        processes,
+        add_by_cause(processes),
         map_covariances(maps, own[:, :NAVIGATION, :NAVIGATION]),
         state_partials,
-        state_variances,
+        add_by_cause(state_variances),
         np.diagonal(own, axis1=1, axis2=2)[:, NAVIGATION:].copy(),
     )
 
