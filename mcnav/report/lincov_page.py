@@ -14,6 +14,7 @@ from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.analysis.what_if import WhatIf
 from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report.document import (
+    STRONG,
     Answers,
     Cell,
     Column,
@@ -30,7 +31,9 @@ from mcnav.report.document import (
     joined,
 )
 from mcnav.report.figures import lincov as drawn
+from mcnav.report.figures.figure import Figure, bare
 from mcnav.report.format import number
+from mcnav.report.html import card_html
 from mcnav.report.left_out import not_modelled
 from mcnav.report.lincov import (
     RequirementRow,
@@ -105,6 +108,16 @@ def terminal(answer: LinearAnswer) -> list[Part]:
     ]
     remarks = [Sentence(remark, "undecided") for remark in noticed(answer.remarks)]
     return [Verdict(words, tone), *(Sentence(*each) for each in others), *remarks, *joined(*tables)]
+
+
+def card(answer: LinearAnswer, outages: drawn.Outages) -> str:
+    """Write the answer as HTML for a notebook: verdict, requirements, sigmas with their causes, budget, over time."""
+    (words, tone), *others = statements(answer)
+    verdict = Verdict(f"{words}.", tone, [f"{sentence}." for sentence, _ in others], noticed(answer.remarks))
+    asked = requirement_table(answer) if answer.requirements else None
+    parts = joined(Sentence(STRONG(answer.campaign)), verdict, asked, final_table(answer))
+    figures = [] if answer.beyond is not None else joined(drawn.budget(answer), drawn.sigmas(answer, outages))
+    return card_html([*parts, *(bare(each) for each in figures if isinstance(each, Figure))])
 
 
 def _causes(causes: Sequence[tuple[str, float]]) -> str:

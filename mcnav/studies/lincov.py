@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -42,7 +43,7 @@ from mcnav.execution.soundness import find_doubt
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.html import page_html
-from mcnav.report.lincov_page import page
+from mcnav.report.lincov_page import card, page
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.units import UnitError, quantity
 from mcnav.workflow.what_if import what_if_of_answer
@@ -80,9 +81,15 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
     described = campaign_from(campaign)
     answer = answer_linearly(described, times)
     with one_thread(), _scenario_errors(described):
-        return replace(
-            answer, remarks=remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
-        )
+        remarks = remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
+    return replace(answer, remarks=remarks, card=partial(card, outages=_outages(described)))
+
+
+def _outages(campaign: Campaign) -> Mapping[str, Sequence[tuple[float, float]]]:
+    """Return the outages of aiding sensors by their names."""
+    if not is_ins(campaign.scenario):
+        return {}
+    return {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
 
 
 def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAnswer:
@@ -214,10 +221,8 @@ def read_times(written: str) -> Array:
 
 def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> tuple[LinearAnswer, list[Path]]:
     """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`."""
-    covariance, outages = linear_covariance(campaign, times), {}
-    if is_ins(campaign.scenario):
-        outages = {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
-    written = page_html(page(covariance, outages, _what_if(campaign, covariance)))
+    covariance = linear_covariance(campaign, times)
+    written = page_html(page(covariance, _outages(campaign), _what_if(campaign, covariance)))
     files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
 
