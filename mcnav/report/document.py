@@ -385,9 +385,16 @@ class MarkKey:
     entries: Sequence[tuple[str, str]]
 
 
+@dataclass(frozen=True)
+class WhatIfPart:
+    """Data of the section "What if", which its script shows: see `mcnav.report.sections.what_if`."""
+
+    json: str
+
+
 Part: TypeAlias = (
     "Sentence | Note | Verdict | Verdicts | Tiles | Facts | Findings | Answers | Heading | Folded | Beside | Listing"
-    " | Lines | Formula | MarkKey | Table[Any] | Figure"
+    " | Lines | Formula | MarkKey | WhatIfPart | Table[Any] | Figure"
 )
 """Parts of a page."""
 
