@@ -82,6 +82,11 @@ class LinearAnswer:
         At times that were asked for.
     filter : LinearVerdict or None
         Verdict on the filter; none without a filter whose covariance is known over time.
+    smoothed : LinearCovariance or None
+        Of the errors behind a smoother at the readings of `asked`, or else of `history`: its ``sigma_filter`` is what
+        the smoother claims.
+    smoother : LinearVerdict or None
+        Verdict on the smoother.
     kind : str
         Type of its scenario.
     remarks : tuple of str
@@ -98,6 +103,8 @@ class LinearAnswer:
     requirements: tuple[LinearRequirement, ...]
     asked: LinearCovariance | None = None
     filter: LinearVerdict | None = None
+    smoothed: LinearCovariance | None = None
+    smoother: LinearVerdict | None = None
     kind: str = ""
     remarks: tuple[str, ...] = ()
     card: Callable[[LinearAnswer], str] | None = field(default=None, repr=False, compare=False)

@@ -54,6 +54,9 @@ class Capability(StrEnum):
     REMARKS = "remarks"
     """It notices where its linear model or its samples are not to be relied on."""
 
+    SMOOTHER = "smoother"
+    """Its filter is followed by a smoother, of which linear analysis is known."""
+
     USER_CODE = "user code"
     """It runs code that may end the process."""
 
@@ -145,6 +148,13 @@ class ScenarioWithUpdates(EpochScenario, Protocol):
 
 class LinearAtAnyTime(EpochScenario, Protocol):
     """A scenario that is `LINEAR_AT_ANY_TIME`."""
+
+
+class SmoothedScenario(LinearAtAnyTime, Protocol):
+    """A scenario with a `SMOOTHER`."""
+
+    def smoothed(self, times: Array) -> LinearSystem:
+        """Linearize the errors behind the smoother, at the readings of `linear`; `own` is what it claims."""
 
 
 class CovarianceScenario(LinearAtAnyTime, Protocol):
@@ -244,6 +254,11 @@ def is_linear_at_any_time(scenario: Scenario) -> TypeGuard[LinearAtAnyTime]:
 def knows_covariance(scenario: Scenario) -> TypeGuard[CovarianceScenario]:
     """Return whether the covariance is known at any time without that of each cause."""
     return Capability.COVARIANCE in scenario.can
+
+
+def has_smoother(scenario: Scenario) -> TypeGuard[SmoothedScenario]:
+    """Return whether the filter of a scenario is followed by a smoother."""
+    return Capability.SMOOTHER in scenario.can
 
 
 def has_start_times(scenario: Scenario) -> TypeGuard[VariableStart]:

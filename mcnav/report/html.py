@@ -14,7 +14,7 @@ from urllib.parse import quote
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from mcnav.report.document import Page, Part
+from mcnav.report.document import Page, Part, WhatIfPart
 from mcnav.report.template_cache import TemplateCache
 
 CARD = "&{padding:.6rem .9rem;border:1px solid var(--line);border-radius:.6rem;background:var(--paper);max-width:72rem}"
@@ -30,6 +30,9 @@ ICONS: Final = {
 SVG: Final = "http://www.w3.org/2000/svg"
 BOX: Final = "0 0 16 16"
 
+END: Final = "})();\n"
+"""End of the page's script, before which that of the section "What if" has its place."""
+
 
 def page_html(page: Page) -> str:
     """Write a page as HTML: text is escaped, only `markupsafe.Markup` is markup.
@@ -39,6 +42,9 @@ def page_html(page: Page) -> str:
     """
     environment = _environment()
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))
+    if any(isinstance(part, WhatIfPart) for section in page.sections for part in section.parts):
+        style += _source(environment, "what_if.css")
+        script = script.removesuffix(END) + _source(environment, "what_if.js") + END
     script = re.sub(r"(?m)^\s*(//.*)?\n?", "", script)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     text = environment.get_template("page.html").render(

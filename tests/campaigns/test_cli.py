@@ -17,7 +17,7 @@ import pandas as pd
 import pytest
 
 from mcnav.entries.examples import examples
-from mcnav.studies.precompile import Part, find_uses
+from mcnav.studies import precompile
 from mcnav.systems.reentry.scenario import SOURCES
 from tests.commands import in_process, invoke
 from tests.conftest import ROOT
@@ -404,9 +404,23 @@ def test_failed_samples_give_status_3(workplace: Path) -> None:
     assert "samples failed and are excluded from all results" in finished.stdout.replace("\n", " ")
 
 
-def test_every_example_is_compiled_for() -> None:
-    for parts in ({Part.RUN}, {Part.LINEAR}):
-        assert {use.example for use in find_uses(()) if parts.issubset(use.parts)} == set(examples())
+def test_every_example_is_compiled_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By every engine if it is of a kind of its own, or named; the lines are those of what is done."""
+    asked: list[tuple[str, bool]] = []
+
+    def compile_for(name: str, every: bool) -> precompile.Compiled:
+        asked.append((name, every))
+        return precompile.Compiled(name, 2, 0.25)
+
+    monkeypatch.setattr(precompile, "compile_for", compile_for)
+    told: list[str] = []
+    names = [name for name in examples() if name not in precompile.LEFT_OUT]
+    assert precompile.compile_kernels((), 1, told.append) == 2 * len(names)
+    assert sorted(asked) == [(name, name in precompile.DISTINCT) for name in names]
+    assert told[0] == f"1 of {len(names)}: {precompile.DISTINCT[0]}: 2 functions, 0.2 s"
+    asked.clear()
+    assert precompile.compile_kernels([names[1]], 1, told.append) == 2
+    assert asked == [(names[1], True)]
 
 
 def test_compiling_beforehand_leaves_nothing_to_compile(tmp_path: Path) -> None:
@@ -416,8 +430,7 @@ def test_compiling_beforehand_leaves_nothing_to_compile(tmp_path: Path) -> None:
         assert done.returncode == 0, done.stderr
     assert done.stdout == "0 functions compiled, all others were stored\n\nnext: mcnav demo\n"
     told = [line.rpartition(",")[0] for line in done.stderr.splitlines()]
-    parts = "run", "run by other engines", "linear analysis"
-    assert told == [f"{n} of 3: 11_cruise, {part}: 0 functions" for n, part in enumerate(parts, start=1)]
+    assert told == ["1 of 1: 11_cruise: 0 functions"]
     refused = invoke("compile", "--level", "x86-64-v3", cwd=tmp_path)
     assert (refused.returncode, refused.stderr) == (2, "error: --level: is for objects; give --out FOLDER\n")
 

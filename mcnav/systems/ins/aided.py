@@ -23,6 +23,7 @@ from mcnav.systems.ins.ensemble.aided import (
     simulate_aided,
     tabulate_aided,
 )
+from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
 from mcnav.systems.ins.ensemble.filters import BEYOND, INDEFINITE, SOUND
 from mcnav.systems.ins.ensemble.free import tabulate
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
@@ -34,6 +35,7 @@ from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ClosedLoopErrors, c
 from mcnav.systems.ins.linear.closed_loop_covariance import ClosedLoopCovariance, propagate_covariance
 from mcnav.systems.ins.linear.covariance import biased_processes
 from mcnav.systems.ins.linear.recent_responses import recent_responses
+from mcnav.systems.ins.linear.smoothed_loop import SmoothedErrors, smooth_closed_loop
 from mcnav.systems.ins.reference.aided import AidedMechanization
 from mcnav.systems.ins.reference.mechanization import Diverged, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants, aiding_processes
@@ -125,6 +127,20 @@ class AidedNavigation:
 
         There are two readings where an update falls on a time.
         """
+        updates, loop, readings, after = self._readings(times)
+        return updates, propagate_closed_loop(loop, readings, after)
+
+    def smoothed(
+        self, times: Array | None = None
+    ) -> tuple[tuple[Literal["before", "after"] | None, ...], SmoothedErrors]:
+        """Compute what is left of the errors behind the smoother, at the readings of `read_out`."""
+        updates, loop, readings, after = self._readings(times)
+        return updates, smooth_closed_loop(loop, readings, after)
+
+    def _readings(
+        self, times: Array | None
+    ) -> tuple[tuple[Literal["before", "after"] | None, ...], ClosedLoop, IndexArray, Array]:
+        """Return updates at readings, the closed loop, numbers of their times, and which are after updates."""
         if times is None:
             loop, times = self.loop, self.times
         else:
@@ -137,7 +153,7 @@ class AidedNavigation:
             readings += [place, place] if updated else [place]
             updates += ["before", "after"] if updated else [None]
         after = np.array([update == "after" for update in updates])
-        return tuple(updates), propagate_closed_loop(loop, np.array(readings), after)
+        return tuple(updates), loop, np.array(readings), after
 
     def covariances(
         self, times: Array, mean: Array, sources: Array, shared: ClosedLoopCovariance | None
@@ -393,6 +409,18 @@ class AidedEngine:
             return self._without_noise(batch.errors)
         aided = simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own)
         return self._result(aided)
+
+    @cached_property
+    def noise(self) -> NoiseSystem:
+        """The noise of samples as a linear system."""
+        return NoiseSystem(self.tables.ensemble, self.tables.adjoint, Measured.of(self.tables))
+
+    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalSamples:
+        """Return the samples with conditions on what noise adds to some outputs."""
+        return ConditionalSamples(self.noise, outputs, self.chunk, self._simulate_given)
+
+    def _simulate_given(self, batch: Batch, noise: GivenNoise) -> SimulationResult:
+        return self._result(simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own, noise))
 
     def _without_noise(self, errors: Array) -> SimulationResult:
         values, outcomes = self.navigation.propagate(self.tables, errors, self.own)

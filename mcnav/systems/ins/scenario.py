@@ -34,7 +34,9 @@ from mcnav.systems.ins.aided import (
     believed_shares,
     filter_schema,
 )
-from mcnav.systems.ins.ensemble.free import EnsembleTables, simulate, tabulate
+from mcnav.systems.ins.ensemble.aided import GivenNoise
+from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
+from mcnav.systems.ins.ensemble.free import EnsembleErrors, EnsembleTables, simulate, simulate_given, tabulate
 from mcnav.systems.ins.filter.model import FilterModel
 from mcnav.systems.ins.filter.tables import same_memory
 from mcnav.systems.ins.imu.fine_noise import draw_noise
@@ -298,12 +300,27 @@ class EnsembleEngine:
         """Simulate samples, with their noise or without."""
         if not noise:
             return self._without_noise(batch.errors)
-        simulated = simulate(self.tables, batch.errors, batch.seed, batch.index)
+        return self._result(simulate(self.tables, batch.errors, batch.seed, batch.index))
+
+    def _result(self, simulated: EnsembleErrors) -> SimulationResult:
         values = simulated.values
         values[~simulated.valid] = np.nan
         return SimulationResult(
             values[:, -1], self._failures(simulated.valid), linear_values=simulated.linear, history=values
         )
+
+    @cached_property
+    def noise(self) -> NoiseSystem:
+        """The noise of samples as a linear system."""
+        tables = self.tables
+        return NoiseSystem(tables, tables.adjoint, Measured.nothing(len(tables.durations), len(tables.sizes)))
+
+    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalSamples:
+        """Return the samples with conditions on what noise adds to some outputs."""
+        return ConditionalSamples(self.noise, outputs, self.chunk, self._simulate_given)
+
+    def _simulate_given(self, batch: Batch, noise: GivenNoise) -> SimulationResult:
+        return self._result(simulate_given(self.tables, batch.errors, noise.added))
 
     def _without_noise(self, errors: Array) -> SimulationResult:
         simulated = simulate(self._quiet, errors, 0, np.arange(len(errors)))
@@ -439,7 +456,9 @@ class Ins:
     @property
     def can(self) -> frozenset[Capability]:
         """What it is capable of."""
-        return CAPABILITIES | {Capability.REMARKS} if self.remarks else CAPABILITIES
+        smoothed = self.navigation.filter is not None and self.navigation.filter.smoothed
+        further = {Capability.REMARKS: bool(self.remarks), Capability.SMOOTHER: smoothed}
+        return CAPABILITIES | {capability for capability, given in further.items() if given}
 
     def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
         """Return `remarks`, whatever the errors."""
@@ -559,6 +578,20 @@ class Ins:
         nominal = np.zeros(linear.partials.shape[:2])
         return LinearSystem(linear.times, linear.partials, nominal, linear.processes, label=TRAJECTORY_TIME)
 
+    def smoothed(self, times: Array) -> LinearSystem:
+        """Linearize the errors behind the smoother at the readings that `linear` has at these times."""
+        self._check_within(times)
+        navigation = self.navigation
+        if navigation.aided is None:
+            raise ScenarioError(
+                "filter", "there is no filter that a smoother could follow; add [[aiding]] and [filter]"
+            )
+        updates, errors = navigation.aided.smoothed(None if np.array_equal(times, navigation.times) else times)
+        return LinearSystem(
+            errors.times, errors.partials, np.zeros(errors.partials.shape[:2]), errors.processes, updates, errors.own,
+            tuple(range(len(OUTPUTS))), TRAJECTORY_TIME, self._believed,
+        )  # fmt: skip
+
     @property
     def further_epochs(self) -> tuple[float, ...]:
         """Times that have been added to the usual epochs, s: samples' noise depends on all of them."""
@@ -670,6 +703,10 @@ class Ins:
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""
         aided, schema = self.navigation.aided, self.filter_schema
+        if self.navigation.filter is not None and self.navigation.filter.smoothed:
+            raise ScenarioError(
+                "smoother", "samples are not smoothed yet: mcnav lincov analyses it; leave it out to run"
+            )
         if engine == "reference":
             if aided is not None and schema is not None:
                 return AidedReferenceEngine(aided, schema)

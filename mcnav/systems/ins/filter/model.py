@@ -81,11 +81,14 @@ class FilterModel:
         Kinds of errors besides position, velocity and attitude, which are always estimated: ``gyro_bias``,
         ``accelerometer_scale_factor``, ``gnss_position_bias``, ``gravity_deflection``, …
     beliefs : Beliefs
+    smoothed : bool
+        Whether a fixed-interval smoother follows it.
     """
 
     estimates: tuple[str, ...]
     considers: tuple[str, ...]
     beliefs: Beliefs
+    smoothed: bool = False
 
     @property
     def states(self) -> tuple[FilterState, ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,6 +101,10 @@ class FilterTable(Table):
         OfConsiders,
     ] = Field(default_factory=list)
     gate: Annotated[Gate | None, OfGate] = None
+    smoother: Annotated[
+        Literal["fixed-interval"] | None,
+        Field(description="Smoother that follows the filter, of all measurements of the navigation: in lincov alone."),
+    ] = None
     believes: BelievesTable = Field(
         default_factory=BelievesTable, description="What the filter takes errors for; the truth where nothing is given."
     )
@@ -120,6 +124,8 @@ class FilterPlan:
         Believed processes.
     sensors : tuple of Sensor
         Believed ones.
+    smoothed : bool
+        Whether a smoother follows the filter.
     """
 
     estimates: tuple[str, ...]
@@ -127,6 +133,7 @@ class FilterPlan:
     sigmas: Mapping[str, float]
     imu: Imu
     sensors: tuple[Sensor, ...]
+    smoothed: bool = False
 
     def completed(self, errors: ErrorModel) -> FilterModel:
         """Return the filter, which believes the statistics of all errors where it does not believe others."""
@@ -136,7 +143,8 @@ class FilterPlan:
         )
         covariance = _scaled(errors.covariance[:NAVIGATION, :NAVIGATION], believed[:NAVIGATION])
         sigmas = dict(zip(errors.names, believed.tolist(), strict=True))
-        return FilterModel(self.estimates, self.considers, Beliefs(sigmas, covariance, self.imu, self.sensors))
+        beliefs = Beliefs(sigmas, covariance, self.imu, self.sensors)
+        return FilterModel(self.estimates, self.considers, beliefs, self.smoothed)
 
 
 def _scaled(covariance: Array, sigmas: Array) -> Array:
@@ -151,6 +159,11 @@ def plan_filter(table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, conte
     """Plan the filter of a navigation with these sensors; mistakes are added to the context."""
     before = len(context.problems)
     _check_states(table, sensors, context)
+    if table.smoother is not None and table.considers:
+        message = (
+            "is not defined with considers, whose errors the filter's gains leave out; estimate them, or leave it out"
+        )
+        context.problem("filter.smoother", message)
     believed = read_imu(table.believes.imu, context, "filter.believes.imu", imu)
     gravity = read_believed_gravity(table.believes.gravity, imu.gravity, context)
     _check_gravity(table, gravity, context)
@@ -170,7 +183,8 @@ def plan_filter(table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, conte
         return None
     estimates = tuple(name for name in table.estimates if name not in ALWAYS)
     processes = replace(believed.processes, gravity=gravity)
-    return FilterPlan(estimates, tuple(table.considers), {**sigmas, **stated}, processes, tuple(seen))
+    smoothed = table.smoother is not None
+    return FilterPlan(estimates, tuple(table.considers), {**sigmas, **stated}, processes, tuple(seen), smoothed)
 
 
 def _check_states(table: FilterTable, sensors: tuple[Sensor, ...], context: FileContext) -> None:
