@@ -66,7 +66,7 @@ CAUSES: Final = "largest causes, share of the variance"
 def page(answer: LinearAnswer, outages: drawn.Outages) -> Page:
     """Return the page; outages are those of the aiding sensors."""
     (words, tone), *others = statements(answer)
-    left_out, largest = not_modelled(answer.kind), largest_table(answer)
+    left_out, largest = not_modelled(answer.kind, answer.causes), largest_table(answer)
     verdict = Verdict(
         f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION], noticed(answer.remarks)
     )
