@@ -105,10 +105,11 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         answer = LinearAnswer(
             described.name, scenario.sources, scenario.outputs, model, history, judged, asked, kind=kind
         )
-        smoothed = None
+        smoothed, smoothed_asked = None, None
         if has_smoother(scenario):
-            at = scenario.reading_times if times is None else np.unique(times)
-            smoothed = covariance_over_time(scenario.smoothed(at), names, *moments)
+            smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)
+            if times is not None:
+                smoothed_asked = covariance_over_time(scenario.smoothed(np.unique(times)), names, *moments)
         epochs = None if history is None else history.moments.times
         known = [each for each in (history, asked) if each is not None]
         return replace(
@@ -116,6 +117,7 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
             requirements=within_range(judged, answer.beyond, epochs),
             filter=_judge_filter(answer, known, scenario, described),
             smoothed=smoothed,
+            smoothed_asked=smoothed_asked,
             smoother=None if smoothed is None else _judge_filter(answer, [smoothed], scenario, described),
         )
 
@@ -254,7 +256,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
             "begin": answer.beyond.time,
         },
         "time": None if history is None else history.readings.label,
-        "rows": [] if history is None else _rows(history, answer.readings_beyond(history), answer.smoothed),
+        "rows": [] if history is None else _rows(history, answer.readings_beyond(history), answer.smoothed_asked or answer.smoothed),
     }  # fmt: skip
 
 

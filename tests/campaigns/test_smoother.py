@@ -11,6 +11,7 @@ from mcnav.config.read import parse_campaign
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError
 from mcnav.report.lincov import statements
+from mcnav.report.lincov_page import reading_table
 from mcnav.studies.lincov import answer_linearly, lincov_table
 
 
@@ -44,6 +45,21 @@ def test_a_matched_smoother_claims_what_is_true_and_less_than_its_filter() -> No
     said = " ".join(words for words, _ in statements(answer_linearly(campaign)))
     assert "The smoother is consistent" in said
     assert "worse" not in said
+
+
+def test_times_that_are_asked_for() -> None:
+    """Between measurements and at one, where it is the same before and after the update."""
+    answer = answer_linearly(parse_campaign(content(), "mine.toml", "mine"), np.array([31.0, 50.0]))
+    rows: Any = lincov_table(answer)["rows"]
+    assert [(row["time"], row["update"]) for row in rows] == [(31.0, None), (50.0, "before"), (50.0, "after")]
+    np.testing.assert_allclose(rows[1]["sigma_smoothed"], rows[2]["sigma_smoothed"], rtol=1e-9)
+    assert answer.smoothed is not None
+    assert answer.history is not None
+    assert len(answer.smoothed.readings.times) == len(answer.history.readings.times)
+    assert answer.asked is not None
+    assert [row.what for row in reading_table(answer, answer.asked).rows][:4] == [
+        "true", "filter's", "smoothed", "smoother's",
+    ]  # fmt: skip
 
 
 def test_a_mismatched_one_is_told() -> None:
