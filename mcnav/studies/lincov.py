@@ -220,7 +220,7 @@ def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> 
 def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
     """Arrange a linear covariance as ``lincov.json`` has it: SI units, and two rows where an update falls on a time."""
     names, kinds = [output.name for output in answer.outputs], kinds_of(answer.outputs)
-    history = answer.asked or answer.history
+    history, smoothed = answer.asked or answer.history, answer.smoothed_asked or answer.smoothed
     return {
         "campaign": answer.campaign,
         **({"remarks": answer.remarks} if answer.remarks else {}),
@@ -256,7 +256,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
             "begin": answer.beyond.time,
         },
         "time": None if history is None else history.readings.label,
-        "rows": [] if history is None else _rows(history, answer.readings_beyond(history), answer.smoothed_asked or answer.smoothed),
+        "rows": [] if history is None else _rows(history, answer.readings_beyond(history), smoothed),
     }  # fmt: skip
 
 
