@@ -195,7 +195,7 @@ class LinearAnswer:
             return causes_of_requirement(
                 judged.requirement, self.final_variances, self.means, self.covariance, self.mean
             )
-        history = self.history
+        history = self.smoothed if judged.requirement.of and self.smoothed is not None else self.history
         at = int(history.settled[np.argmin(np.abs(history.readings.times[history.settled] - judged.time))])
         variances, means = (
             {name: values[at] for name, values in parts.items()} for parts in (history.variances, history.means)

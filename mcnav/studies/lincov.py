@@ -94,9 +94,16 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         history = None if readings is None else covariance_over_time(readings, names, *moments)
         outputs = [{"name": output.name} for output in scenario.outputs]
         entries = [record.model_dump() for record in described.requirements]
-        judged = judge_linearly(
-            requirements_from(entries, outputs), model.outcome_mean, model.outcome_covariance,
-            None if history is None else history.moments, model.sizes, model.nominal,
+        smoothed = None
+        if has_smoother(scenario):
+            smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)
+        judged = tuple(
+            judge_linearly(
+                [each], model.outcome_mean, model.outcome_covariance, None if known is None else known.moments,
+                model.sizes, model.nominal,
+            )[0]
+            for each in requirements_from(entries, outputs)
+            for known in [smoothed if each.of else history]
         )  # fmt: skip
         asked = None
         if times is not None:
@@ -105,11 +112,9 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         answer = LinearAnswer(
             described.name, scenario.sources, scenario.outputs, model, history, judged, asked, kind=kind
         )
-        smoothed, smoothed_asked = None, None
-        if has_smoother(scenario):
-            smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)
-            if times is not None:
-                smoothed_asked = covariance_over_time(scenario.smoothed(np.unique(times)), names, *moments)
+        smoothed_asked = None
+        if has_smoother(scenario) and times is not None:
+            smoothed_asked = covariance_over_time(scenario.smoothed(np.unique(times)), names, *moments)
         epochs = None if history is None else history.moments.times
         known = [each for each in (history, asked) if each is not None]
         return replace(
