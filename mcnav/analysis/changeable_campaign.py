@@ -49,7 +49,9 @@ class Slider:
     sizes : tuple of Size
         All its sizes, which change in proportion; the place of each in the file is its own.
     shown : int
-        Which of them is shown: the largest.
+        Which of them is shown: the largest of those that are sizes, which a location or a limit is not.
+    axes : int
+        How many there are of these.
     grades : tuple of (str, float)
         The catalogue's grades, the finest first, and the factor that leads to the value of each.
     """
@@ -57,6 +59,7 @@ class Slider:
     path: str
     sizes: tuple[Size, ...]
     shown: int
+    axes: int
     grades: tuple[tuple[str, float], ...]
 
 

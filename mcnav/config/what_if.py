@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import tomli_w
@@ -25,13 +25,16 @@ from mcnav.config.data_sheet import (
     is_by_axis,
     largest_size,
 )
-from mcnav.config.overrides import ALL_AXES, Value
+from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.config.toml import Content
 from mcnav.contract.quantities import TRUE, Source
 from mcnav.systems.ins.tables.imu_catalogue import catalogue
 from mcnav.systems.ins.tables.instrument_tables import NEGLECTED
 from mcnav.systems.registry import FURTHER_NAMES, is_code
 from mcnav.units import UnitError, parted
+
+OTHERS: Final = frozenset(SCALED) - frozenset(SIZES)
+"""Keys of a distribution that are multiplied with its size, and are none."""
 
 
 def changeable_campaign(
@@ -103,9 +106,10 @@ def _proportional(entry: Value) -> bool:
 
 
 def _slider(number: DataSheetNumber) -> Slider:
-    sizes = tuple(size for _, size in _sizes_in(number.entry))
-    shown = max(range(len(sizes)), key=lambda place: abs(sizes[place].value))
-    return Slider(number.path, sizes, shown, tuple(_grades(number)))
+    placed = list(_sizes_in(number.entry))
+    axes = [k for k, (place, _) in enumerate(placed) if not OTHERS & set(place)] or list(range(len(placed)))
+    shown = max(axes, key=lambda k: abs(placed[k][1].value))
+    return Slider(number.path, tuple(size for _, size in placed), shown, len(axes), tuple(_grades(number)))
 
 
 def _grades(number: DataSheetNumber) -> Iterator[tuple[str, float]]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -178,6 +179,11 @@ class Part:
     cause: int
     places: IndexArray
     covariance: Array
+
+    @cached_property
+    def block(self) -> tuple[IndexArray, IndexArray]:
+        """Rows and columns of its part of a covariance of all errors, shapes (k, 1), (1, k)."""
+        return self.places[:, None], self.places[None]
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from mcnav.report.format import number
 
 if TYPE_CHECKING:
     from mcnav.report.figures.figure import Figure  # slow to import: a terminal shows none
+    from mcnav.report.strip import Strip
 
 Place = Literal["page", "terminal"]
 """Where a part is shown."""
@@ -76,6 +77,8 @@ class Cell:
         Tone of a coloured label: ``agrees``, ``partly``, ``undecided``, ``differs`` or nothing; none: no label.
     below : str
         Second line, on a page alone.
+    strip : Strip, optional
+        Drawing beside a ratio, on a page alone.
     behind : str
         Words behind a label.
     mark : str
@@ -93,6 +96,7 @@ class Cell:
     unit: str = ""
     tone: str | None = None
     below: str = ""
+    strip: Strip | None = None
     behind: str = ""
     mark: str = ""
     hint: str = ""
@@ -275,6 +279,8 @@ class Tile:
         The answer in a sentence.
     value, of : str
         The number farthest off, in large type, and what it is of; empty where there is none.
+    strip : Strip, optional
+        Its mark, if it is a ratio.
     link : str
         Section of the page on the subject; empty: none.
     details : sequence of str
@@ -289,6 +295,7 @@ class Tile:
     sentence: str
     value: str = ""
     of: str = ""
+    strip: Strip | None = None
     link: str = ""
     details: Sequence[str] = ()
     warnings: Sequence[str] = ()
@@ -378,9 +385,16 @@ class MarkKey:
     entries: Sequence[tuple[str, str]]
 
 
+@dataclass(frozen=True)
+class WhatIfPart:
+    """Data of the section "What if", which its script shows: see `mcnav.report.sections.what_if`."""
+
+    json: str
+
+
 Part: TypeAlias = (
     "Sentence | Note | Verdict | Verdicts | Tiles | Facts | Findings | Answers | Heading | Folded | Beside | Listing"
-    " | Lines | Formula | MarkKey | Table[Any] | Figure"
+    " | Lines | Formula | MarkKey | WhatIfPart | Table[Any] | Figure"
 )
 """Parts of a page."""
 

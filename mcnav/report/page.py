@@ -29,6 +29,7 @@ from mcnav.report.sections.joint import combination_section, joint_section
 from mcnav.report.sections.outputs import dispersion_section, requirements_section, sigmas_section
 from mcnav.report.sections.provenance import provenance_section, simulated_per_second
 from mcnav.report.sections.truth import truth_section
+from mcnav.report.sections.what_if import what_if_section
 from mcnav.report.sentences import Statement
 from mcnav.report.tiles import headline, tiles
 
@@ -89,6 +90,7 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
         *filter_sections(content, drawn),
         None if flown is None else Section("flight", flown.title, [flown]),
         budget_section(content, drawn) if dispersed else None,
+        what_if_section(content.what_if, content.manifest.model.outputs, content.looped),
         joint_section(content, drawn) if dispersed else None,
         dispersion_section(content, drawn) if dispersed else None,
         requirements_section(content),

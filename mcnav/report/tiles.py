@@ -11,11 +11,12 @@ from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.summary import Ends, Summary
 from mcnav.report import sentences
 from mcnav.report.document import Tile
-from mcnav.report.format import number
+from mcnav.report.format import number, rounded
 from mcnav.report.joint_words import BRIEFLY, combination_words
 from mcnav.report.model import humanize, shown_units
 from mcnav.report.requirements import RADII, RequirementRow, requirement_rows
 from mcnav.report.sentences import WORST, Statement, Subject
+from mcnav.report.strip import Strip
 
 DIGITS: Final = 3
 """Significant digits of a tile's numbers."""
@@ -37,10 +38,11 @@ FINDINGS: Final = ("not met", "undecided", "met")
 
 @dataclass(frozen=True)
 class Worst:
-    """The number farthest off: in three digits, what it is of, and its interval."""
+    """The number farthest off: in three digits, what it is of, and its interval; of a ratio its mark."""
 
     value: str = ""
     of: str = ""
+    strip: Strip | None = None
 
 
 NOTHING: Final = Worst()
@@ -64,6 +66,7 @@ def _tile(summary: Summary, statement: Statement, sections: Container[str], time
         sentence=_sentence(summary, statement, time_unit),
         value=worst.value,
         of=worst.of,
+        strip=worst.strip,
         link=link,
         details=statement.details,
         warnings=statement.warnings,
@@ -187,21 +190,21 @@ def _filter(summary: Summary, _: str) -> Worst:
         worst = max(departures, key=lambda each: abs(math.log(each.factor or 1.0)))
         name = group_words(worst.name) if worst.of == "group" else humanize(worst.name)
         when = _at(worst.worst, result.time)
-        return _ratio(worst.factor, worst.factor_interval, f"true σ / filter σ of {name}{when}")
+        return _ratio(worst.factor, worst.factor_interval, f"true σ / filter σ of {name}{when}", result.tolerance)
     if result.factor is None or not math.isfinite(result.factor) or result.factor <= 0.0:
         return NOTHING
     name = group_words(result.group) if result.group else humanize(result.output)
     when = _at(result.worst, result.time)
-    return _ratio(result.factor, result.factor_interval, f"true σ / filter σ of {name}{when}")
+    return _ratio(result.factor, result.factor_interval, f"true σ / filter σ of {name}{when}", result.tolerance)
 
 
 def _at(time: float | None, label: str) -> str:
     return "" if time is None else f" at {instant(time, label)}"
 
 
-def _ratio(value: float | None, ends: Ends | None, of: str) -> Worst:
+def _ratio(value: float | None, ends: Ends | None, of: str, tolerance: float | None) -> Worst:
     """Return a ratio with its interval below it."""
-    return Worst(_rounded(value), f"{of}{_ends(ends)}")
+    return Worst(rounded(value), f"{of}{_ends(ends)}", Strip.of(value, ends, tolerance))
 
 
 def _ends(ends: Ends | None) -> str:
@@ -209,16 +212,7 @@ def _ends(ends: Ends | None) -> str:
     low, high = ends or (None, None)
     if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
         return ""
-    return f" ({_rounded(low)} to {_rounded(high)})"
-
-
-def _rounded(value: float | None) -> str:
-    """Round to three digits, then format: of 0.9999 the digits are 1.00.
-
-    >>> _rounded(0.9999), _rounded(13.06)
-    ('1.00', '13.1')
-    """
-    return number(None if value is None else float(f"{value:.{DIGITS}g}"), DIGITS)
+    return f" ({rounded(low)} to {rounded(high)})"
 
 
 def _linear(summary: Summary, _: str) -> Worst:
@@ -237,7 +231,7 @@ def _linear(summary: Summary, _: str) -> Worst:
     worst = max(picked, key=lambda i: abs((ratios[i] or 1.0) - 1.0))
     intervals = summary.sigma_ratio_paired_interval
     of = f"Monte Carlo σ / linear σ of {humanize(summary.names[worst])}"
-    return _ratio(ratios[worst], intervals[worst] if worst < len(intervals) else None, of)
+    return _ratio(ratios[worst], intervals[worst] if worst < len(intervals) else None, of, summary.tolerance)
 
 
 def _jointly(summary: Summary) -> Worst:
@@ -255,7 +249,7 @@ def _jointly(summary: Summary) -> Worst:
         return Worst(f"{simulated} {unit}".strip(), f"σ of {words}; linear σ {linear} {unit}".strip())
     if summary.direction_ratio is None:
         return NOTHING
-    return _ratio(summary.direction_ratio, None, f"Monte Carlo σ / linear σ of {words}")
+    return _ratio(summary.direction_ratio, None, f"Monte Carlo σ / linear σ of {words}", summary.tolerance)
 
 
 def headline(tile: Tile) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,7 +21,9 @@ from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
 from mcnav.analysis.requirements import requirements_from
 from mcnav.analysis.vector_sizes import components_of, linear_sizes
-from mcnav.config.read import Campaign, campaign_from
+from mcnav.analysis.what_if import WhatIf
+from mcnav.config.overrides import document_of
+from mcnav.config.read import UNNAMED, Campaign, campaign_from
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import kinds_of
 from mcnav.contract.scenario import (
@@ -40,12 +43,16 @@ from mcnav.execution.soundness import find_doubt
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.html import page_html
-from mcnav.report.lincov_page import page
+from mcnav.report.lincov_page import card, page
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.units import UnitError, quantity
+from mcnav.workflow.what_if import what_if_of_answer
 
 FILE: Final = "lincov.json"
 PAGE: Final = "lincov.html"
+
+OF_SIZES: Final = ("imu", "filter", "processes", "measurements")
+"""Tables of a campaign file that a campaign has as they are in the file."""
 
 HISTORY_POINTS: Final = 61
 """Times at which a scenario without epochs of its own is read out."""
@@ -74,9 +81,15 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
     described = campaign_from(campaign)
     answer = answer_linearly(described, times)
     with one_thread(), _scenario_errors(described):
-        return replace(
-            answer, remarks=remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
-        )
+        remarks = remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
+    return replace(answer, remarks=remarks, card=partial(card, outages=_outages(described)))
+
+
+def _outages(campaign: Campaign) -> Mapping[str, Sequence[tuple[float, float]]]:
+    """Return the outages of aiding sensors by their names."""
+    if not is_ins(campaign.scenario):
+        return {}
+    return {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
 
 
 def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAnswer:
@@ -215,11 +228,19 @@ def read_times(written: str) -> Array:
 
 def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> tuple[LinearAnswer, list[Path]]:
     """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`."""
-    covariance, outages = linear_covariance(campaign, times), {}
-    if is_ins(campaign.scenario):
-        outages = {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
-    files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: page_html(page(covariance, outages))}
+    covariance = linear_covariance(campaign, times)
+    written = page_html(page(covariance, _outages(campaign), _what_if(campaign, covariance)))
+    files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
+
+
+def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:
+    """Return what the page lets its reader change; nothing where the campaign was read with entries of no file."""
+    content, file, _ = document_of(campaign)
+    if any(content.get(name) != campaign.resolved.get(name) for name in OF_SIZES):
+        return None
+    beside = "beside the files that it names" if file == UNNAMED else f"beside {Path(file).name}"
+    return what_if_of_answer(answer, content, beside)
 
 
 def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:

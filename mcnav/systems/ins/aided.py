@@ -23,6 +23,7 @@ from mcnav.systems.ins.ensemble.aided import (
     simulate_aided,
     tabulate_aided,
 )
+from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
 from mcnav.systems.ins.ensemble.filters import BEYOND, INDEFINITE, SOUND
 from mcnav.systems.ins.ensemble.free import tabulate
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
@@ -408,6 +409,18 @@ class AidedEngine:
             return self._without_noise(batch.errors)
         aided = simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own)
         return self._result(aided)
+
+    @cached_property
+    def noise(self) -> NoiseSystem:
+        """The noise of samples as a linear system."""
+        return NoiseSystem(self.tables.ensemble, self.tables.adjoint, Measured.of(self.tables))
+
+    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalSamples:
+        """Return the samples with conditions on what noise adds to some outputs."""
+        return ConditionalSamples(self.noise, outputs, self.chunk, self._simulate_given)
+
+    def _simulate_given(self, batch: Batch, noise: GivenNoise) -> SimulationResult:
+        return self._result(simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own, noise))
 
     def _without_noise(self, errors: Array) -> SimulationResult:
         values, outcomes = self.navigation.propagate(self.tables, errors, self.own)

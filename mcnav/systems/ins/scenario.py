@@ -34,7 +34,9 @@ from mcnav.systems.ins.aided import (
     believed_shares,
     filter_schema,
 )
-from mcnav.systems.ins.ensemble.free import EnsembleTables, simulate, tabulate
+from mcnav.systems.ins.ensemble.aided import GivenNoise
+from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
+from mcnav.systems.ins.ensemble.free import EnsembleErrors, EnsembleTables, simulate, simulate_given, tabulate
 from mcnav.systems.ins.filter.model import FilterModel
 from mcnav.systems.ins.filter.tables import same_memory
 from mcnav.systems.ins.imu.fine_noise import draw_noise
@@ -298,12 +300,27 @@ class EnsembleEngine:
         """Simulate samples, with their noise or without."""
         if not noise:
             return self._without_noise(batch.errors)
-        simulated = simulate(self.tables, batch.errors, batch.seed, batch.index)
+        return self._result(simulate(self.tables, batch.errors, batch.seed, batch.index))
+
+    def _result(self, simulated: EnsembleErrors) -> SimulationResult:
         values = simulated.values
         values[~simulated.valid] = np.nan
         return SimulationResult(
             values[:, -1], self._failures(simulated.valid), linear_values=simulated.linear, history=values
         )
+
+    @cached_property
+    def noise(self) -> NoiseSystem:
+        """The noise of samples as a linear system."""
+        tables = self.tables
+        return NoiseSystem(tables, tables.adjoint, Measured.nothing(len(tables.durations), len(tables.sizes)))
+
+    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalSamples:
+        """Return the samples with conditions on what noise adds to some outputs."""
+        return ConditionalSamples(self.noise, outputs, self.chunk, self._simulate_given)
+
+    def _simulate_given(self, batch: Batch, noise: GivenNoise) -> SimulationResult:
+        return self._result(simulate_given(self.tables, batch.errors, noise.added))
 
     def _without_noise(self, errors: Array) -> SimulationResult:
         simulated = simulate(self._quiet, errors, 0, np.arange(len(errors)))

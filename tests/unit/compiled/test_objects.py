@@ -15,10 +15,11 @@ import llvmlite
 import numba
 import numpy as np
 import pytest
+from numba.core import config
 from numba.core.dispatcher import Dispatcher
 
 from mcnav.compiled import objects
-from mcnav.compiled.target import LEVELS, choose_objects, highest_level
+from mcnav.compiled.target import LEVELS, choose_objects, highest_level, target
 from tests.conftest import ROOT
 from tests.processes import run_to_end
 
@@ -37,6 +38,12 @@ def test_a_level_that_the_processor_has_not_is_refused(monkeypatch: pytest.Monke
     monkeypatch.setattr("mcnav.compiled.target._level_here", lambda: "x86-64-v3")
     with pytest.raises(ValueError, match=r"^got x86-64-v4; this processor has x86-64-v3$"):
         choose_objects(tmp_path, "x86-64-v4")
+
+
+def test_functions_of_another_library_are_another_target(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = target()
+    monkeypatch.setattr(config, "USING_SVML", True)
+    assert target() == f"{here} with SVML"
 
 
 @pytest.mark.parametrize(
@@ -120,7 +127,10 @@ SOURCE = (
 
 
 def test_objects_are_used_without_a_folder_to_write_to_and_not_after_a_change(tmp_path: Path) -> None:
-    """In a copy of the package with a file wherever a folder for code would be made; the change is of a constant."""
+    """In a copy of the package with a file wherever a folder for code would be made; the change is of a constant.
+
+    A home that is not known is ``~`` to Python, a folder in the current one.
+    """
     package = tmp_path / "installed" / "mcnav"
     package.mkdir(parents=True)
     for name in ("__init__.py", "constants.py", "progress.py", "_types.py"):
@@ -138,6 +148,9 @@ def test_objects_are_used_without_a_folder_to_write_to_and_not_after_a_change(tm
         assert done.returncode == 0, done.stderr
         return done.stdout.strip(), done.stderr
 
+    homeless = {"HOME": "~", "XDG_CACHE_HOME": "~/.cache"}
+    assert call(2.0, **homeless)[0] == "3.0 compiles"
+    assert not (package.parent / "~").exists()
     assert call(2.0, MCNAV_OBJECTS_INTO=str(package / "compiled" / "objects")) == ("3.0 compiles", "")
     assert call(2.0) == ("3.0 loads", "")
     printed, told = call(4.0)
