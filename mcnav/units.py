@@ -78,6 +78,7 @@ USUAL: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
         "mg": (0.00980665, 101.97162129779284),
         "ug": (9.806649999999999e-06, 101971.62129779284),
         "ft/s^2": (0.3048, 3.280839895013123),
+        "mGal": (1e-05, 100000.0),
     },
     "rad": {
         "rad": (1.0, 1.0),
@@ -263,6 +264,20 @@ def quantity(text: object, unit: str) -> float:
     return value
 
 
+def parted(text: str) -> tuple[float, str]:
+    """Return the number and the unit of a quantity.
+
+    Raises `UnitError` when it is not a quantity.
+
+    >>> parted("0.2 deg/h"), parted("5")
+    ((0.2, 'deg/h'), (5.0, ''))
+    """
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise UnitError(f"got {_quoted(text)}; expected a quantity")
+    return float(match[1]), match[2].strip()
+
+
 def multiplied(text: str, factor: float) -> str:
     """Multiply a quantity and keep its unit, to nine digits.
 
@@ -271,10 +286,8 @@ def multiplied(text: str, factor: float) -> str:
     >>> multiplied("0.2 deg/h", 0.5), multiplied("100 ppm", 0.123)
     ('0.1 deg/h', '12.3 ppm')
     """
-    match = _QUANTITY.fullmatch(text)
-    if match is None:
-        raise UnitError(f"got {_quoted(text)}; expected a quantity")
-    return f"{float(match[1]) * factor:.9g} {match[2]}".rstrip()
+    number, unit = parted(text)
+    return f"{number * factor:.9g} {unit}".rstrip()
 
 
 def _words(unit: pint.Unit) -> str:

@@ -2,8 +2,8 @@
 
 The pages are those that `mcnav docs` shows, the README, the changelog, the page for contributors and the benchmarks.
 They are copied to build/pages, with their links turned to each other, and with the pages of this folder and those that
-`generated.py` and `keys.py` make of the program itself: commands, examples, keys of campaign files. Sphinx then builds
-the site; a warning is an error, and no network is needed.
+`generated.py` and `keys.py` make of the program itself: commands, examples, keys of campaign files. Equations become
+MathML. Sphinx then builds the site; a warning is an error, and no network is needed.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ sys.path[:0] = [str(ROOT), str(HERE)]  # of this working copy, whatever is insta
 
 from mcnav.pages import PAGES  # noqa: E402
 
+import equations  # noqa: E402  # isort: skip
 import generated  # noqa: E402  # isort: skip
 import keys  # noqa: E402  # isort: skip
 
@@ -43,7 +44,7 @@ GENERATED: Final = {
 CONTENTS: Final = {
     "Tutorials": ("guide", *(page for page in PAGES if page.startswith("tutorial-"))),
     "How to": ("questions", *(page for page in PAGES if page.startswith("howto-")), "scaling"),
-    "Explanation": ("method", "report", "notation", "tn-d1772", "story", "textbook"),
+    "Explanation": ("method", "theory", "report", "notation", "tn-d1772", "story", "textbook"),
     "Reference": (
         "commands", "reference/commands", "campaigns", "reference/keys", "reference/examples", "trajectories",
         "scenarios", "notebook", "reference/api",
@@ -126,6 +127,7 @@ def stage(folder: Path) -> None:
     pages = copied_pages()
     names, attached = {str(page.file): page.name for page in pages}, set[str]()
     texts = {page.name: linked((ROOT / page.file).read_text(encoding="utf-8"), page, names, attached) for page in pages}
+    texts = {name: equations.with_equations(text) for name, text in texts.items()}
     texts |= {name: make() for name, make in GENERATED.items()}
     texts |= {f"reference/{page.stem}": page.read_text(encoding="utf-8") for page in (HERE / "pages").glob("*.md")}
     texts["index"] = f"{texts['index'].partition('## Documentation')[0]}\n{contents(texts)}"

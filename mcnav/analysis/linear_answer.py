@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -91,10 +91,17 @@ class LinearAnswer:
         At times that were asked for.
     filter : LinearVerdict or None
         Verdict on the filter; none without a filter whose covariance is known over time.
+    smoothed : LinearCovariance or None
+        Of the errors behind a smoother at the readings of `asked`, or else of `history`: its ``sigma_filter`` is what
+        the smoother claims.
+    smoother : LinearVerdict or None
+        Verdict on the smoother.
     kind : str
         Type of its scenario.
     remarks : tuple of str
         What the scenario notices of itself; see `mcnav.contract.scenario.RemarkingScenario`.
+    card : callable or None
+        Writes it as HTML, for notebooks.
     """
 
     campaign: str
@@ -105,8 +112,20 @@ class LinearAnswer:
     requirements: tuple[LinearRequirement, ...]
     asked: LinearCovariance | None = None
     filter: LinearVerdict | None = None
+    smoothed: LinearCovariance | None = None
+    smoother: LinearVerdict | None = None
     kind: str = ""
     remarks: tuple[str, ...] = ()
+    card: Callable[[LinearAnswer], str] | None = field(default=None, repr=False, compare=False)
+
+    def _repr_html_(self) -> str | None:
+        """Show verdict, requirements, sigmas with their causes, and errors over time, in a notebook."""
+        return None if self.card is None else self.card(self)
+
+    def __repr__(self) -> str:
+        judged = [each for each in self.requirements if each.judged]
+        met = f", {sum(each.met for each in judged)} of {len(judged)} requirements met" if judged else ""
+        return f"{self.campaign}: linear covariance of {len(self.outputs)} outputs{met}"
 
     @cached_property
     def covariance(self) -> Array:

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.contract.quantities import Source
+from mcnav.systems.ins.sensors.quantity import SensorType
 from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
 from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, KINDS, CatalogueUnit, catalogue, catalogue_units
@@ -42,7 +43,7 @@ class DataSheetNumber:
     entry : Value
         As the file or the catalogue has it.
     causes : frozenset of str
-        Names of the sources that it sizes; those of the unit's errors without the axis.
+        Names of the sources and processes that it sizes; those of the unit and of sensors without the axis.
     kept : mapping of str to Value
         Entries that a change of this one must leave as they are, by path.
     """
@@ -54,7 +55,9 @@ class DataSheetNumber:
 
     def covers(self, cause: str) -> bool:
         """Return whether it sizes a source or process."""
-        return cause in self.causes or (self.path.startswith("imu.") and cause.rpartition("_")[0] in self.causes)
+        kind, _, axis = cause.rpartition("_")
+        of_axis = self.path.startswith(("imu.", "aiding.")) and any(axis in axes for axes in ALL_AXES)
+        return cause in self.causes or (of_axis and kind in self.causes)
 
     def multiplied(self, factor: float) -> dict[str, Value]:
         """Return the values to be set for a multiple of it, by path."""
@@ -121,12 +124,13 @@ def _multiplied(entry: Value, factor: float) -> Value:
         return multiplied(entry, factor)
     if isinstance(entry, list):
         return [_multiplied(each, factor) for each in entry]
-    if _by_axis(entry):
+    if is_by_axis(entry):
         return {axis: _multiplied(each, factor) for axis, each in entry.items()}
     return {name: _multiplied(each, factor) if name in SCALED else each for name, each in entry.items()}
 
 
-def _by_axis(entry: Mapping[str, Any]) -> bool:
+def is_by_axis(entry: Mapping[str, Any]) -> bool:
+    """Return whether a table has sizes by axis."""
     return any(set(entry) <= set(axes) for axes in ALL_AXES)
 
 
@@ -140,7 +144,7 @@ def shown(entry: Value) -> str:
         return ", ".join(shown(each) for each in entry)
     if not isinstance(entry, dict):
         return str(entry)
-    if _by_axis(entry):
+    if is_by_axis(entry):
         return ", ".join(f"{axis} {shown(each)}" for axis, each in entry.items())
     sizes = [name for name in SIZES if name in entry]
     return shown(entry[sizes[0]]) if sizes else str(entry)
@@ -156,22 +160,38 @@ def data_sheet_numbers(content: Mapping[str, Any], sources: tuple[Source, ...]) 
     sources : tuple of Source
         Of its scenario.
     """
+    gravity = content.get("gravity", {}).items()
     numbers = [*_of_imu(content.get("imu", {})), *_of_errors(content.get("errors", {}), sources)]
+    numbers += [DataSheetNumber(f"gravity.{key}", entry, frozenset([f"gravity_{key}"]), {}) for key, entry in gravity]
     for sensor in content.get("aiding", []):
-        name = sensor.get("name", sensor["type"].replace("-", "_"))
-        keys = [key for key in keys_of_errors(SENSOR_TYPES[sensor["type"]]) if key in sensor and key != "lever_arm"]
-        numbers += [DataSheetNumber(f"aiding.{name}.{key}", sensor[key], frozenset(), {}) for key in keys]
+        name, kind = sensor.get("name", sensor["type"].replace("-", "_")), SENSOR_TYPES[sensor["type"]]
+        keys = [key for key in keys_of_errors(kind) if key in sensor and key != "lever_arm"]
+        numbers += [
+            DataSheetNumber(f"aiding.{name}.{key}", sensor[key], frozenset([f"{name}_{_error(kind, key)}"]), {})
+            for key in keys
+        ]
     for table in OF_LOOPS:
         entries = content.get(table, {}).items()
         numbers += [DataSheetNumber(f"{table}.{name}", entry, frozenset([name]), {}) for name, entry in entries]
     return [number for number in numbers if _multiplied(number.entry, 0.0) != _multiplied(number.entry, 1.0)]
 
 
+def _error(kind: SensorType, key: str) -> str:
+    """Return the kind of a sensor's errors that a key of its table sizes.
+
+    >>> _error(SENSOR_TYPES["gnss"], "position"), _error(SENSOR_TYPES["altimeter"], "altitude")
+    ('position_noise', 'noise')
+    >>> _error(SENSOR_TYPES["gnss"], "lever_arm_error")
+    'lever_arm'
+    """
+    return kind.key(key, "noise") if key in kind.quantities else key.replace("lever_arm_error", "lever_arm")
+
+
 def believed_numbers(content: Mapping[str, Any]) -> list[DataSheetNumber]:
     """List the sizes that a filter believes in place of the true ones: they are settings, and change no error."""
     believes = content.get("filter", {}).get("believes", {})
     tables = {f"imu.{name}": believes.get("imu", {}).get(name, {}) for name in KINDS}
-    tables |= {name: believes.get(name, {}) for name in ("errors", *OF_LOOPS)}
+    tables |= {name: believes.get(name, {}) for name in ("gravity", "errors", *OF_LOOPS)}
     tables |= {f"aiding.{name}": entries for name, entries in believes.get("aiding", {}).items()}
     numbers = [
         DataSheetNumber(f"filter.believes.{table}.{key}", entry, frozenset(), {})
@@ -223,25 +243,25 @@ def next_grade(number: DataSheetNumber, finer: bool) -> GradedValue | None:
     """
     root, _, rest = number.path.partition(".")
     instrument, _, key = rest.partition(".")
-    present = _largest(number.entry, instrument, key) if root == "imu" else None
+    present = largest_size(number.entry, instrument, key) if root == "imu" else None
     if present is None:
         return None
     for unit in reversed(grades()) if finer else grades():
         entry: Value | None = unit.table[instrument].get(key)
-        size = None if entry is None else _largest(entry, instrument, key)
+        size = None if entry is None else largest_size(entry, instrument, key)
         if entry is None or size is None:
             continue
         if size < present * (1.0 - 1e-9) if finer else size > present * (1.0 + 1e-9):
-            axes = number.entry if isinstance(number.entry, dict) and _by_axis(number.entry) else None
+            axes = number.entry if isinstance(number.entry, dict) and is_by_axis(number.entry) else None
             return GradedValue(unit.name, entry if axes is None else dict.fromkeys(axes, entry))
     return None
 
 
-def _largest(entry: Any, instrument: str, key: str) -> float | None:
+def largest_size(entry: Any, instrument: str, key: str) -> float | None:
     """Return the largest size of an entry over its axes, SI; none where it has no single kind of size."""
-    if isinstance(entry, dict) and not _by_axis(entry):
+    if isinstance(entry, dict) and not is_by_axis(entry):
         sizes = [name for name in SIZES if name in entry]
-        largest = _largest(entry[sizes[0]], instrument, f"{key}.{sizes[0]}") if len(sizes) == 1 else None
+        largest = largest_size(entry[sizes[0]], instrument, f"{key}.{sizes[0]}") if len(sizes) == 1 else None
         allan = key == INSTABILITY and sizes == ["allan_minimum"]
         return largest / ALLAN_MINIMUM if allan and largest is not None else largest
     parts = entry if isinstance(entry, list) else list(entry.values()) if isinstance(entry, dict) else [entry]

@@ -225,6 +225,22 @@ def largest_rows(answer: LinearAnswer) -> list[SizeRow]:
     return rows
 
 
+def smoothed_rows(answer: LinearAnswer) -> list[SizeRow]:
+    """List the largest sigma of each output behind the smoother, with what it claims and the causes then."""
+    smoothed, scale = answer.smoothed, scale_of(answer.outputs)
+    if smoothed is None or smoothed.sigma_filter is None or answer.beyond is not None:
+        return []
+    worst = np.argmax(smoothed.sigma, axis=0)
+    return [
+        SizeRow(
+            output.name, output.shown_in, None, float(smoothed.sigma[at, i] * scale[i]),
+            float(smoothed.sigma_filter[at, i] * scale[i]), cause_words(answer, causes_at(smoothed, at, i)),
+            float(smoothed.readings.times[at]),
+        )
+        for i, (output, at) in enumerate(zip(answer.outputs, worst.tolist(), strict=True))
+    ]  # fmt: skip
+
+
 def reading_rows(answer: LinearAnswer) -> list[ReadingRow]:
     """List means and sigmas at all readings, a row for each reading and output; else at the end.
 

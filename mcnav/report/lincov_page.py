@@ -11,8 +11,10 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import LinearCovariance
+from mcnav.analysis.what_if import WhatIf
 from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report.document import (
+    STRONG,
     Answers,
     Cell,
     Column,
@@ -29,7 +31,9 @@ from mcnav.report.document import (
     joined,
 )
 from mcnav.report.figures import lincov as drawn
+from mcnav.report.figures.figure import Figure, bare
 from mcnav.report.format import number
+from mcnav.report.html import card_html
 from mcnav.report.left_out import not_modelled
 from mcnav.report.lincov import (
     RequirementRow,
@@ -37,10 +41,12 @@ from mcnav.report.lincov import (
     final_rows,
     largest_rows,
     requirement_rows,
+    smoothed_rows,
     statements,
 )
 from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import listed
+from mcnav.report.sections.what_if import what_if_section
 from mcnav.report.sentences import BEYOND, noticed
 from mcnav.report.share_table import ShareRow, each_cause, share_tables, together
 
@@ -62,14 +68,15 @@ CAUSES: Final = "largest causes, share of the variance"
 """Heading in the terminal of the column that lists them."""
 
 
-def page(answer: LinearAnswer, outages: drawn.Outages) -> Page:
+def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = None) -> Page:
     """Return the page; outages are those of the aiding sensors."""
     (words, tone), *others = statements(answer)
     left_out, largest = not_modelled(answer.kind), largest_table(answer)
     verdict = Verdict(
         f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION], noticed(answer.remarks)
     )
-    answers = Answers([final_table(answer), *([largest] if largest.rows else [])])
+    smoothed = smoothed_table(answer)
+    answers = Answers([final_table(answer), *(each for each in (largest, smoothed) if each.rows)])
     moving, meaningful = drawn.sigmas(answer, outages), answer.beyond is None
     sections = []
     if answer.requirements:
@@ -80,6 +87,9 @@ def page(answer: LinearAnswer, outages: drawn.Outages) -> Page:
         sections.append(Section("over-time", over_time, [*joined(moving, drawn.truth(answer))]))
     if meaningful and (budget := drawn.budget(answer)) is not None:
         sections.append(Section("budget", "Error budget", [budget, *_budget_parts(answer, outages)]))
+    looped = ".py:" in answer.kind and any(each.of == "truth" for each in answer.outputs)
+    if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped)) is not None:
+        sections.append(changeable)
     if meaningful and answer.sigma.any() and (correlations := drawn.correlations(answer)) is not None:
         sections.append(Section("correlations", "Covariance and correlation", [correlations]))
     head = joined(verdict, answers, Note(left_out) if left_out else None)
@@ -94,9 +104,20 @@ def terminal(answer: LinearAnswer) -> list[Part]:
         None if answer.asked is None else reading_table(answer, answer.asked),
         final_table(answer),
         None if answer.meaningful is None else largest_table(answer),
+        smoothed_table(answer) if smoothed_rows(answer) else None,
     ]
     remarks = [Sentence(remark, "undecided") for remark in noticed(answer.remarks)]
     return [Verdict(words, tone), *(Sentence(*each) for each in others), *remarks, *joined(*tables)]
+
+
+def card(answer: LinearAnswer, outages: drawn.Outages) -> str:
+    """Write the answer as HTML for a notebook: verdict, requirements, sigmas with their causes, budget, over time."""
+    (words, tone), *others = statements(answer)
+    verdict = Verdict(f"{words}.", tone, [f"{sentence}." for sentence, _ in others], noticed(answer.remarks))
+    asked = requirement_table(answer) if answer.requirements else None
+    parts = joined(Sentence(STRONG(answer.campaign)), verdict, asked, final_table(answer))
+    figures = [] if answer.beyond is not None else joined(drawn.budget(answer), drawn.sigmas(answer, outages))
+    return card_html([*parts, *(bare(each) for each in figures if isinstance(each, Figure))])
 
 
 def _causes(causes: Sequence[tuple[str, float]]) -> str:
@@ -183,6 +204,21 @@ def largest_table(answer: LinearAnswer) -> Table[SizeRow]:
     title = f"Largest over time{'' if answer.beyond is None else ' within the range of linear analysis'}"
     caption = f"{title}, one sigma. Causes: share of the variance at that time."
     return _by_kind(answer, Table(caption, columns, largest_rows(answer), f"{title}, 1σ"))
+
+
+def smoothed_table(answer: LinearAnswer) -> Table[SizeRow]:
+    """Tabulate the largest sigmas behind the smoother, with what it claims and the causes of the variances then."""
+    label = "" if answer.smoothed is None else answer.smoothed.readings.label
+    columns: list[Column[SizeRow]] = [
+        Column("Output", _output, "output", "label"),
+        Column("Largest", lambda row: row.sigma, "largest σ", form=_size),
+        Column("Smoother claims", lambda row: row.sigma_filter, "smoother's σ", form=_size),
+        Column(label, lambda row: row.time, f"at {label}", form=five_digits),
+        Column("Largest causes then", lambda row: _causes(row.causes), CAUSES, "words"),
+    ]
+    title = "Largest over time behind the smoother"
+    caption = f"{title}, one sigma. Causes: share of the variance at that time."
+    return _by_kind(answer, Table(caption, columns, smoothed_rows(answer), f"{title}, 1σ"))
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from mcnav.analysis.summary import HigherOrder, Summary
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.analysis.vector_sizes import SampledSize
+from mcnav.analysis.what_if import WhatIf
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import EndWords, Output, Source, end_words, kinds_of, source_labels
@@ -37,7 +38,8 @@ class RunAnalysis:
 
     Of a run that stores a summary, ``samples`` are the first ones. ``failures`` gives for each reason how many samples
     failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter, and ``beyond``
-    where linear errors leave the range in which they have a meaning, none where they do not.
+    where linear errors leave the range in which they have a meaning, none where they do not. ``what_if`` is known where
+    a page is to be written.
     """
 
     folder: RunFolder
@@ -56,6 +58,7 @@ class RunAnalysis:
     filter: FilterConsistency | None = None
     beyond: BeyondRange | None = None
     sizes: tuple[SampledSize, ...] = ()
+    what_if: WhatIf | None = None
 
     @cached_property
     def summary(self) -> Summary:
@@ -154,6 +157,12 @@ class RunAnalysis:
     def several_kinds(self) -> bool:
         """True unless all outputs are navigation errors."""
         return any(self.kinds)
+
+    @property
+    def looped(self) -> bool:
+        """True of a closed loop of the user's: a class of which an output is true dispersion."""
+        kind = str(self.manifest.identity.campaign.get("scenario", {}).get("type", ""))
+        return ".py:" in kind and any(each.of == "truth" for each in self.manifest.model.outputs)
 
     @property
     def source_names(self) -> list[str]:

@@ -1,15 +1,16 @@
-"""The report of a run as a page: verdicts, answers, and the sections of `mcnav.report.sections`."""
+"""The report of a run as a page: tiles with the verdicts, answers, and the sections of `mcnav.report.sections`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Final
 
 from markupsafe import Markup
 
 from mcnav.analysis.heading import heading_remark
 from mcnav.report import filter_tables, sentences
-from mcnav.report.document import Findings, Note, Page, Part, Section, Verdict, Verdicts, joined
+from mcnav.report.document import Findings, Note, Page, Section, Tiles, joined
 from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios, truth
 from mcnav.report.figures.combination import combination
 from mcnav.report.figures.envelopes import envelopes
@@ -28,7 +29,9 @@ from mcnav.report.sections.joint import combination_section, joint_section
 from mcnav.report.sections.outputs import dispersion_section, requirements_section, sigmas_section
 from mcnav.report.sections.provenance import provenance_section, simulated_per_second
 from mcnav.report.sections.truth import truth_section
+from mcnav.report.sections.what_if import what_if_section
 from mcnav.report.sentences import Statement
+from mcnav.report.tiles import headline, tiles
 
 FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices,
@@ -44,8 +47,8 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
 FOREMOST: Final = ("not met", "undecided", "met")
 """Findings in the order in which requirements are listed above everything else."""
 
-REQUIREMENTS: Final = 4
-"""Requirements listed there; the section on requirements has all."""
+REQUIREMENTS: Final = 3
+"""Requirements listed there where there are more than one more; the section on requirements has all."""
 
 FIRST: Final = (
     "Sigmas, ratios, biases, mean NEES, correlations, skewness, kurtosis and their intervals are computed from all "
@@ -70,9 +73,11 @@ def render(content: RunAnalysis) -> str:
 
 def page(content: RunAnalysis) -> Page:
     """Return the report."""
-    name, drawn = content.summary.campaign, figures(content)
-    head = [*_verdicts(content), *joined(_requirements(content), answers(content)), *map(Note, _notes(content))]
-    return Page(name, "Linear covariance analysis and Monte Carlo", name, head, _sections(content, drawn))
+    name, sections = content.summary.campaign, _sections(content, figures(content))
+    made = tiles(content.summary, _stated(content), {section.name for section in sections}, content.time_unit)
+    head = [Tiles(made), *joined(_requirements(content), answers(content)), *map(Note, _notes(content))]
+    kind, foremost = "Linear covariance analysis and Monte Carlo", made[0]
+    return Page(name, kind, name, head, sections, status=headline(foremost), tone=foremost.tone)
 
 
 def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section]:
@@ -85,6 +90,7 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
         *filter_sections(content, drawn),
         None if flown is None else Section("flight", flown.title, [flown]),
         budget_section(content, drawn) if dispersed else None,
+        what_if_section(content.what_if, content.manifest.model.outputs, content.looped),
         joint_section(content, drawn) if dispersed else None,
         dispersion_section(content, drawn) if dispersed else None,
         requirements_section(content),
@@ -95,13 +101,12 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
     return [section for section in sections if section is not None]
 
 
-def _verdicts(content: RunAnalysis) -> list[Part]:
+def _stated(content: RunAnalysis) -> list[Statement]:
     """State the verdicts, the worst first."""
-    stated = [_on_page(content, statement) for statement in sentences.statements(content.summary)]
-    return [Verdicts(stated)] if len(stated) > 1 else [*stated]
+    return [_on_page(content, statement) for statement in sentences.statements(content.summary)]
 
 
-def _on_page(content: RunAnalysis, statement: Statement) -> Verdict:
+def _on_page(content: RunAnalysis, statement: Statement) -> Statement:
     """Leave out of a verdict what the page has elsewhere, and add what only the whole run tells."""
     details, warnings = statement.details, statement.warnings
     if statement.subject == "linear":
@@ -112,7 +117,7 @@ def _on_page(content: RunAnalysis, statement: Statement) -> Verdict:
     elif statement.subject == "filter" and content.filter is not None:
         where = filter_tables.at_worst(content.filter)
         details = (" ".join(filter(None, (where, *details))),)
-    return Verdict(statement.words, statement.tone, details, warnings)
+    return replace(statement, details=details, warnings=warnings)
 
 
 def _further(content: RunAnalysis) -> list[str]:
@@ -122,16 +127,17 @@ def _further(content: RunAnalysis) -> list[str]:
 
 
 def _requirements(content: RunAnalysis) -> Findings | None:
-    """List the foremost requirements with their estimates; none without requirements."""
+    """List the foremost requirements with their estimates; none where a tile has the only one, or none is asked."""
     rows = sorted(
         requirement_rows(content.summary, "shown", content.time_unit),
         key=lambda row: FOREMOST.index(row.entry.finding),
     )
-    if not rows:
+    if len(rows) < 2:
         return None
-    more = len(rows) - REQUIREMENTS
+    more = len(rows) - REQUIREMENTS if len(rows) > REQUIREMENTS + 1 else 0
     further = Markup('<a href="#requirements">and {} more</a>').format(more) if more > 0 else ""
-    entries = [(row.entry.finding, row.tone, f"{row.words}: {row.estimate.text}") for row in rows[:REQUIREMENTS]]
+    listed = rows[:REQUIREMENTS] if more else rows
+    entries = [(row.entry.finding, row.tone, f"{row.words}: {row.estimate.text}") for row in listed]
     return Findings(entries, further)
 
 

@@ -39,7 +39,7 @@ class ManifestError(ValueError):
 class Variable(Record):
     """An error source or an output: its name, SI unit, and the unit in which it is shown.
 
-    ``limit``, ``of`` and ``size_of`` are those of `mcnav.contract.quantities.Output`.
+    ``limit``, ``of`` and ``size_of`` are those of `mcnav.contract.quantities.Output`, ``group`` that of `Source`.
     """
 
     name: Name
@@ -48,6 +48,7 @@ class Variable(Record):
     limit: Annotated[float, Field(gt=0.0)] | None = None
     of: Of = "navigation"
     size_of: tuple[Name, ...] = ()
+    group: Words | None = None
 
     @model_validator(mode="after")
     def _units(self) -> Self:
@@ -63,7 +64,9 @@ class PartialsRecord(Record):
 
     ``processes`` are the variances that each process of noise has added, shape (n, outputs). ``covariance`` is the
     whole linear covariance, where it is not that of the sources alone, shape (n, outputs, outputs). ``nominal`` are the
-    errors of a system without errors, shape (n, outputs), where it has some.
+    errors of a system without errors, shape (n, outputs), where it has some. ``process_pairs`` are the covariances that
+    each process has added between the ``pairs`` of outputs that requirements over time limit together, shape
+    (n, pairs).
     """
 
     label: Words
@@ -72,6 +75,8 @@ class PartialsRecord(Record):
     nominal: Matrix | None = None
     processes: Mapping[Name, Matrix] = {}
     covariance: Matrices | None = None
+    pairs: tuple[tuple[Count, Count], ...] = ()
+    process_pairs: Mapping[Name, Matrix] = {}
 
 
 class FilterPredictionRecord(Record):

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,7 +22,9 @@ from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
 from mcnav.analysis.requirements import requirements_from
 from mcnav.analysis.vector_sizes import components_of, linear_sizes
-from mcnav.config.read import Campaign, campaign_from
+from mcnav.analysis.what_if import WhatIf
+from mcnav.config.overrides import document_of
+from mcnav.config.read import UNNAMED, Campaign, campaign_from
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import kinds_of
 from mcnav.contract.scenario import (
@@ -29,6 +32,7 @@ from mcnav.contract.scenario import (
     ScenarioError,
     can_have_filter,
     has_epochs,
+    has_smoother,
     has_updates,
     is_linear_at_any_time,
     is_linear_over_time,
@@ -40,12 +44,16 @@ from mcnav.execution.soundness import find_doubt
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.html import page_html
-from mcnav.report.lincov_page import page
+from mcnav.report.lincov_page import card, page
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.units import UnitError, quantity
+from mcnav.workflow.what_if import what_if_of_answer
 
 FILE: Final = "lincov.json"
 PAGE: Final = "lincov.html"
+
+OF_SIZES: Final = ("imu", "filter", "processes", "measurements")
+"""Tables of a campaign file that a campaign has as they are in the file."""
 
 HISTORY_POINTS: Final = 61
 """Times at which a scenario without epochs of its own is read out."""
@@ -74,9 +82,15 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
     described = campaign_from(campaign)
     answer = answer_linearly(described, times)
     with one_thread(), _scenario_errors(described):
-        return replace(
-            answer, remarks=remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
-        )
+        remarks = remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
+    return replace(answer, remarks=remarks, card=partial(card, outages=_outages(described)))
+
+
+def _outages(campaign: Campaign) -> Mapping[str, Sequence[tuple[float, float]]]:
+    """Return the outages of aiding sensors by their names."""
+    if not is_ins(campaign.scenario):
+        return {}
+    return {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
 
 
 def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAnswer:
@@ -105,20 +119,28 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         answer = LinearAnswer(
             described.name, scenario.sources, scenario.outputs, model, history, judged, asked, kind=kind
         )
+        smoothed = None
+        if has_smoother(scenario):
+            at = scenario.reading_times if times is None else np.unique(times)
+            smoothed = covariance_over_time(scenario.smoothed(at), names, *moments)
         epochs = None if history is None else history.moments.times
+        known = [each for each in (history, asked) if each is not None]
         return replace(
             answer,
             requirements=within_range(judged, answer.beyond, epochs),
-            filter=_judge_filter(answer, scenario, described),
+            filter=_judge_filter(answer, known, scenario, described),
+            smoothed=smoothed,
+            smoother=None if smoothed is None else _judge_filter(answer, [smoothed], scenario, described),
         )
 
 
-def _judge_filter(answer: LinearAnswer, scenario: Scenario, campaign: Campaign) -> LinearVerdict | None:
-    """Judge the filter at the epochs and at times that were asked for, within the range of linear analysis."""
+def _judge_filter(
+    answer: LinearAnswer, known: Sequence[LinearCovariance], scenario: Scenario, campaign: Campaign
+) -> LinearVerdict | None:
+    """Judge a filter, or a smoother, at the readings that are known, within the range of linear analysis."""
     schema = scenario.filter_schema if can_have_filter(scenario) else None
     if schema is None:
         return None
-    known = [each for each in (answer.history, answer.asked) if each is not None]
     return judge_filter(
         [picked(each, ~answer.readings_beyond(each) & _stated(each)) for each in known],
         [output.name for output in answer.outputs],
@@ -200,11 +222,19 @@ def read_times(written: str) -> Array:
 
 def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> tuple[LinearAnswer, list[Path]]:
     """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`."""
-    covariance, outages = linear_covariance(campaign, times), {}
-    if is_ins(campaign.scenario):
-        outages = {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
-    files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: page_html(page(covariance, outages))}
+    covariance = linear_covariance(campaign, times)
+    written = page_html(page(covariance, _outages(campaign), _what_if(campaign, covariance)))
+    files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
+
+
+def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:
+    """Return what the page lets its reader change; nothing where the campaign was read with entries of no file."""
+    content, file, _ = document_of(campaign)
+    if any(content.get(name) != campaign.resolved.get(name) for name in OF_SIZES):
+        return None
+    beside = "beside the files that it names" if file == UNNAMED else f"beside {Path(file).name}"
+    return what_if_of_answer(answer, content, beside)
 
 
 def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
@@ -241,12 +271,13 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         **_size_rows(answer, names),
         "mean_by_cause": answer.means,
         "filter": None if answer.filter is None else _filter_entry(answer.filter),
+        **({} if answer.smoother is None else {"smoother": _filter_entry(answer.smoother)}),
         "beyond_range": None if answer.beyond is None else {
             "outputs": [names[output] for output in answer.beyond.outputs],
             "begin": answer.beyond.time,
         },
         "time": None if history is None else history.readings.label,
-        "rows": [] if history is None else _rows(history, answer.readings_beyond(history)),
+        "rows": [] if history is None else _rows(history, answer.readings_beyond(history), answer.smoothed),
     }  # fmt: skip
 
 
@@ -284,7 +315,9 @@ def _budget_rows(answer: LinearAnswer) -> list[Mapping[str, object]]:
     return [*rows, {"cause": "correlations", "sigma": None, "share": budget.cross_terms}]
 
 
-def _rows(covariance: LinearCovariance, beyond: NDArray[np.bool_]) -> list[Mapping[str, object]]:
+def _rows(
+    covariance: LinearCovariance, beyond: NDArray[np.bool_], smoothed: LinearCovariance | None
+) -> list[Mapping[str, object]]:
     rows = list[Mapping[str, object]]()
     for number, time in enumerate(covariance.readings.times):
         own = None if covariance.sigma_filter is None else covariance.sigma_filter[number]
@@ -294,9 +327,21 @@ def _rows(covariance: LinearCovariance, beyond: NDArray[np.bool_]) -> list[Mappi
             "mean": covariance.mean[number],
             "sigma": covariance.sigma[number],
             "sigma_filter": own,
+            **_smoothed_entry(smoothed, number),
             "beyond_range": bool(beyond[number]),
             "variance_by_cause": {name: variance[number] for name, variance in covariance.variances.items()},
             "variance_by_correlations": covariance.correlations[number],
             "mean_by_cause": {name: values[number] for name, values in covariance.means.items()},
         })  # fmt: skip
     return rows
+
+
+def _smoothed_entry(smoothed: LinearCovariance | None, number: int) -> Mapping[str, object]:
+    """Return what a smoother claims at a reading, and what is true of its errors; nothing without a smoother."""
+    if smoothed is None or smoothed.sigma_filter is None:
+        return {}
+    return {
+        "sigma_smoother": smoothed.sigma_filter[number],
+        "sigma_smoothed": smoothed.sigma[number],
+        "smoothed_variance_by_cause": {name: variance[number] for name, variance in smoothed.variances.items()},
+    }

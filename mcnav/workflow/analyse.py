@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +44,7 @@ from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, collect_summary
 from mcnav.store.totals import read_totals
 from mcnav.workflow.linear_extremes import beyond_range, explain, linear_moments
+from mcnav.workflow.what_if import what_if_of_run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -295,7 +296,9 @@ def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True)
     if report:
         from mcnav.report.page import render
 
-        page = render(analysis).encode()  # refuses a folder without history or campaign before anything is written
+        page = render(
+            replace(analysis, what_if=what_if_of_run(analysis))
+        ).encode()  # refuses a folder without history or campaign before anything is written
     else:
         (folder.path / REPORT).unlink(missing_ok=True)
     summary = analysis.summary.as_stored

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.analysis.what_if import entries_of, picked_entries
 from mcnav.contract.engine import Engine, has_histories
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History
@@ -96,6 +97,7 @@ def prepare_system(
     timeout: float | None,
     file: str,
     force: bool = False,
+    together: Sequence[Sequence[str]] = (),
 ) -> PreparedSystem:
     """Prepare a scenario and its errors for one of its engines.
 
@@ -109,6 +111,8 @@ def prepare_system(
         The campaign file, for messages.
     force : bool
         Whether to continue when partial derivatives do not converge.
+    together : sequence of sequence of str
+        Outputs that requirements over time limit together.
 
     Raises
     ------
@@ -122,7 +126,7 @@ def prepare_system(
             raise CampaignError([Problem(file, "scenario", str(doubt))])
         engine = prepare_engine(scenario, engine_name, probes, errors.mean, errors.standard_deviations)
         throughout = linear_history(scenario, engine)
-        model, history = _linear(scenario, errors, engine, throughout), scenario.nominal()
+        model, history = _linear(scenario, errors, engine, throughout, together), scenario.nominal()
         remarks = remarks_of(scenario, errors.mean, errors.covariance)
     record = None if doubt is None else unsettled_record(doubt)
     return PreparedSystem(
@@ -148,7 +152,10 @@ def scenario_errors(file: str) -> Iterator[None]:
         raise CampaignError([Problem(file, "engine", str(wrong))]) from None
 
 
-def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine, throughout: LinearHistory | None) -> ModelRecord:
+def _linear(
+    scenario: Scenario, errors: ErrorModel, engine: Engine, throughout: LinearHistory | None,
+    together: Sequence[Sequence[str]],
+) -> ModelRecord:  # fmt: skip
     """Compute the linear model, at the end and, where it is known, throughout the flight."""
     linear = scenario.linear().end
     record = ModelRecord(
@@ -162,13 +169,15 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine, throughout: 
     return record.completed(
         {
             "processes": dict(linear.processes) or None,
-            "development": _development(scenario, errors, throughout),
+            "development": _development(scenario, errors, throughout, together),
             "filter": _filter_record(engine.filter, engine.epochs, scenario, errors),
         }
     )
 
 
-def _development(scenario: Scenario, errors: ErrorModel, throughout: LinearHistory | None) -> PartialsRecord | None:
+def _development(
+    scenario: Scenario, errors: ErrorModel, throughout: LinearHistory | None, together: Sequence[Sequence[str]]
+) -> PartialsRecord | None:
     """Return partial derivatives throughout the flight; none where they are not known."""
     if is_linear_over_time(scenario):
         known = scenario.linear_over_time(DEVELOPMENT_POINTS)
@@ -176,11 +185,26 @@ def _development(scenario: Scenario, errors: ErrorModel, throughout: LinearHisto
         variances = {name: np.diagonal(each, axis1=1, axis2=2) for name, each in known.processes.items()}
         covariance = known.covariance(errors.covariance) if variances else None
         nominal = known.nominal if known.nominal is not None and np.any(known.nominal) else None
-        return record.completed({"processes": variances or None, "covariance": covariance, "nominal": nominal})
+        record = record.completed({"processes": variances or None, "covariance": covariance, "nominal": nominal})
+        pairs = _pairs(scenario.outputs, together) if variances else ()
+        if not pairs:
+            return record
+        added = {name: picked_entries(each, pairs) for name, each in known.processes.items()}
+        return record.completed({"pairs": pairs, "process_pairs": added})
     if throughout is None:
         return None
     epochs = throughout.epochs
     return PartialsRecord(label=epochs.label, times=epochs.times, partials=throughout.partials)
+
+
+def _pairs(outputs: Sequence[Output], together: Sequence[Sequence[str]]) -> tuple[tuple[int, int], ...]:
+    """Return the pairs of outputs that requirements limit together; the size of some stands for them."""
+    places = {output.name: place for place, output in enumerate(outputs)}
+    groups = [
+        [places[each] for each in (outputs[places[names[0]]].size_of or names if len(names) == 1 else names)]
+        for names in together
+    ]
+    return entries_of(len(outputs), groups)[len(outputs) :]
 
 
 def linear_history(scenario: Scenario, engine: Engine) -> LinearHistory | None:
@@ -243,6 +267,7 @@ def _variables(entries: Sequence[Source | Output]) -> tuple[Variable, ...]:
         plain = Variable(name=entry.name, unit=entry.unit, shown_in=entry.shown_in)
         size_of = entry.size_of or None if isinstance(entry, Output) else None
         of = None if entry.of == "navigation" else entry.of
-        return plain.completed({"limit": limit, "of": of, "size_of": size_of})
+        group = entry.group or None if isinstance(entry, Source) else None
+        return plain.completed({"limit": limit, "of": of, "size_of": size_of, "group": group})
 
     return tuple(map(variable, entries))

@@ -29,7 +29,8 @@ def test_every_figure_has_its_plots(browser: Browser, report: Path) -> None:
             assert page.locator(f"#figure-{key} svg").count() == plots
             assert page.locator(f"#{key}-0-c").count() == 1
         assert page.locator("h1").inner_text() == NAME
-        assert "yes for the dispersion of each output." in page.locator(".verdict .headline").first.inner_text()
+        assert "yes for the dispersion of each output." in page.locator(".tile .headline").first.inner_text()
+        assert page.title() == f"Linear analysis holds output by output – {NAME} – mcnav"
 
 
 def test_tables_sort_series_toggle_and_data_is_copied(browser: Browser, report: Path) -> None:

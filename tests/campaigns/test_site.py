@@ -53,6 +53,13 @@ def test_nothing_is_fetched_from_a_network(site: Path, pages: dict[str, str]) ->
         assert not re.search(r"(?:url\(|@import)\s*[\"']?(?:https?:)?//", style.read_text(encoding="utf-8")), style.name
 
 
+def test_equations_are_set(pages: dict[str, str]) -> None:
+    source = (ROOT / "mcnav" / "THEORY.md").read_text(encoding="utf-8")
+    assert pages["theory.html"].count("<math ") == source.count("```math") > 10
+    for name, text in pages.items():
+        assert "highlight-math" not in text, name
+
+
 def test_every_link_leads_to_a_page_and_an_anchor(site: Path, pages: dict[str, str]) -> None:
     anchors = {name: set(re.findall(r'\bid="([^"]+)"', text)) for name, text in pages.items()}
     count = 0

@@ -174,3 +174,11 @@ def _plain(values: NDArray[Any]) -> list[str]:
         (f"{value:.6g}" if math.isfinite(value) else "") if isinstance(value, float) else str(escape(value))
         for value in values.tolist()
     ]
+
+
+def bare(figure: Figure) -> Figure:
+    """Return a figure for a notebook's card: its first row of panels, two rows where two stand side by side.
+
+    It has none of the numbers behind it, which tables of a notebook have.
+    """
+    return replace(figure, panels=figure.panels[: 4 if figure.beside == 2 else 3], shown=0, columns={}, file="")

@@ -1,0 +1,205 @@
+"""Linear covariance with some numbers of a data sheet multiplied: a sum over the numbers and their pairs.
+
+Each source, and each process of noise, is sized by one number n, or by none (number -1). With the numbers multiplied by
+factors k_n and what a filter believes, so that its gains, held as they are, mean and covariance of the errors are ::
+
+    m(t) = nominal(t) + sum k_n m_n(t)            C(t) = sum k_n^2 C_nn(t) + sum_{n < q} k_n k_q C_nq(t)
+
+with ``C_nn = P_n S_nn P_n^T + sum Q_j`` over the sources and processes of n, and of correlated sources that different
+numbers size ``C_nq = P_n S_nq P_q^T + P_q S_qn P_n^T``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.analysis.changeable_campaign import ChangeableCampaign
+from mcnav.analysis.requirements import Requirement
+
+FIXED: Final = -1
+"""Number of what no number of the data sheet sizes."""
+
+Entries = tuple[tuple[int, int], ...]
+"""Places of a covariance matrix that are known: pairs of outputs, the first not after the second."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """Part of the covariance that is multiplied by the factors of two numbers, or of one twice; SI.
+
+    Attributes
+    ----------
+    first, second : int
+        Numbers from zero, or `FIXED`.
+    values : ndarray, shape (r, entries)
+    """
+
+    first: int
+    second: int
+    values: Array
+
+
+@dataclass(frozen=True)
+class ScaledCovariance:
+    """Mean and covariance of errors at r readings as functions of the factors of the numbers.
+
+    Attributes
+    ----------
+    times : ndarray, shape (r,)
+        In the unit of the label; NaN for an end whose time is not told.
+    label : str
+        What the times are, as ``name [unit]``.
+    entries : tuple of (int, int)
+    nominal : ndarray, shape (r, outputs)
+    terms : tuple of Term
+    means : mapping of int to ndarray, shape (r, outputs)
+        Part of the mean that is multiplied by the factor of a number, or `FIXED`.
+    own : ndarray, shape (r, outputs), optional
+        Sigmas that the filter states; NaN of what it does not know.
+    """
+
+    times: Array
+    label: str
+    entries: Entries
+    nominal: Array
+    terms: tuple[Term, ...]
+    means: Mapping[int, Array]
+    own: Array | None = None
+
+    @property
+    def crossed(self) -> bool:
+        """Return whether different numbers size correlated errors, whose terms may cancel others."""
+        return any(term.first != term.second for term in self.terms)
+
+    def covariance(self, factors: Sequence[float]) -> Array:
+        """Compute the known places of the covariance with the numbers multiplied, shape (r, entries)."""
+        by_number = [*factors, 1.0]  # the last one is that of FIXED
+        parts = (by_number[term.first] * by_number[term.second] * term.values for term in self.terms)
+        return np.asarray(sum(parts, np.zeros((len(self.times), len(self.entries)))))
+
+    def mean(self, factors: Sequence[float]) -> Array:
+        """Compute the mean errors with the numbers multiplied, shape (r, outputs)."""
+        by_number = [*factors, 1.0]
+        return np.asarray(sum((by_number[number] * each for number, each in self.means.items()), self.nominal))
+
+    def sigma(self, factors: Sequence[float]) -> Array:
+        """Compute the sigmas with the numbers multiplied, shape (r, outputs)."""
+        diagonal = [self.entries.index((i, i)) for i in range(self.nominal.shape[1])]
+        return np.asarray(np.sqrt(np.maximum(self.covariance(factors)[:, diagonal], 0.0)))
+
+    def at(self, readings: IndexArray) -> ScaledCovariance:
+        """Return the same at some of the readings."""
+        return replace(
+            self,
+            times=self.times[readings],
+            nominal=self.nominal[readings],
+            terms=tuple(replace(term, values=term.values[readings]) for term in self.terms),
+            means={number: each[readings] for number, each in self.means.items()},
+            own=None if self.own is None else self.own[readings],
+        )
+
+
+@dataclass(frozen=True)
+class SizedSystem:
+    """A linear system at r readings, with the number that sizes each of its causes.
+
+    Attributes
+    ----------
+    partials : ndarray, shape (r, outputs, sources)
+    nominal : ndarray, shape (r, outputs)
+    processes : mapping of str to ndarray, shape (r, entries)
+        What each process of noise has added to the places of the covariance.
+    mean, covariance : ndarray, shapes (sources,) and (sources, sources)
+        Of the sources.
+    source_numbers : ndarray of int, shape (sources,)
+    process_numbers : mapping of str to int
+    """
+
+    partials: Array
+    nominal: Array
+    processes: Mapping[str, Array]
+    mean: Array
+    covariance: Array
+    source_numbers: IndexArray
+    process_numbers: Mapping[str, int]
+
+
+def entries_of(outputs: int, together: Sequence[Sequence[int]]) -> Entries:
+    """Return the places of variances, and of covariances between outputs that requirements limit together.
+
+    >>> entries_of(3, [(2, 0)])
+    ((0, 0), (1, 1), (2, 2), (0, 2))
+    """
+    pairs = {(min(i, j), max(i, j)) for group in together for i in group for j in group if i != j}
+    return (*((i, i) for i in range(outputs)), *sorted(pairs))
+
+
+def picked_entries(covariance: Array, entries: Entries) -> Array:
+    """Return the entries of covariances of shape (..., outputs, outputs), shape (..., entries)."""
+    rows, columns = np.array(entries).T
+    return np.asarray(covariance[..., rows, columns])
+
+
+def scaled_covariance(system: SizedSystem, times: Array, label: str, entries: Entries,
+                      own: Array | None = None) -> ScaledCovariance:  # fmt: skip
+    """Split mean and covariance of a linear system over the numbers that size its causes."""
+    members = {
+        int(number): np.flatnonzero(system.source_numbers == number) for number in np.unique(system.source_numbers)
+    }
+    known: dict[tuple[int, int], Array] = {}
+    for first, ours in members.items():
+        for second, theirs in members.items():
+            block = system.covariance[np.ix_(ours, theirs)]
+            if first <= second and block.any():
+                part = system.partials[:, :, ours] @ block @ system.partials[:, :, theirs].swapaxes(1, 2)
+                whole = part if first == second else part + part.swapaxes(1, 2)
+                known[first, second] = picked_entries(whole, entries)
+    for name, added in system.processes.items():
+        number = system.process_numbers[name]
+        known[number, number] = known[number, number] + added if (number, number) in known else added
+    means = {
+        number: system.partials[:, :, ours] @ system.mean[ours]
+        for number, ours in members.items()
+        if system.mean[ours].any()
+    }
+    terms = tuple(Term(*pair, values) for pair, values in sorted(known.items()) if values.any())
+    return ScaledCovariance(times, label, entries, system.nominal, terms, means, own)
+
+
+@dataclass(frozen=True)
+class LimitedErrors:
+    """What a requirement limits: outputs, or those whose size one output is (``of_size``), at some readings."""
+
+    requirement: Requirement
+    members: tuple[int, ...]
+    of_size: bool
+    readings: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class WhatIf:
+    """Linear covariance of a campaign as a function of the numbers of its data sheet.
+
+    Attributes
+    ----------
+    campaign : ChangeableCampaign
+    covariance : ScaledCovariance
+        The last reading is the end.
+    requirements : tuple of LimitedErrors
+        In the order of the campaign, without those that need samples.
+    unsized : tuple of str
+        Causes that no number sizes.
+    beside : str
+        Where the file with changed numbers is to be saved, as the end of a sentence.
+    """
+
+    campaign: ChangeableCampaign
+    covariance: ScaledCovariance
+    requirements: tuple[LimitedErrors, ...]
+    unsized: tuple[str, ...]
+    beside: str

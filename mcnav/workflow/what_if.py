@@ -1,0 +1,178 @@
+"""Linear covariance as a function of the numbers of a campaign's data sheet: of a linear answer, and of a run."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.analysis.comparison import Model
+from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.requirements import Requirement, size_members
+from mcnav.analysis.what_if import (
+    Entries,
+    LimitedErrors,
+    ScaledCovariance,
+    SizedSystem,
+    WhatIf,
+    entries_of,
+    picked_entries,
+    scaled_covariance,
+)
+from mcnav.config.what_if import changeable_campaign, unsized_causes
+from mcnav.contract.quantities import Source
+from mcnav.report.model import RunAnalysis
+
+MOST_READINGS: Final = 160
+"""Readings that a page has; of more, some are left out, and none of a requirement."""
+
+
+@dataclass(frozen=True)
+class _Throughout:
+    """A linear system over time; ``processes`` by entry, and ``settled`` the numbers of the readings after updates."""
+
+    times: Array
+    label: str
+    partials: Array
+    nominal: Array | None
+    processes: Mapping[str, Array]
+    own: Array | None
+    settled: IndexArray
+    believed: Mapping[str, float]
+
+
+def what_if_of_answer(answer: LinearAnswer, content: Mapping[str, Any], beside: str) -> WhatIf | None:
+    """Return what `WhatIf` describes of a linear answer; none where no number sizes anything.
+
+    Parameters
+    ----------
+    content : mapping
+        Of the campaign file.
+    beside : str
+        See `WhatIf`.
+    """
+    requirements = [each.requirement for each in answer.requirements]
+    entries, throughout = _entries(requirements, answer.model), None
+    if answer.history is not None:
+        readings = answer.history.readings
+        added = {name: picked_entries(each, entries) for name, each in readings.processes.items()}
+        throughout = _Throughout(
+            readings.times, readings.label, readings.partials, readings.nominal, added, answer.history.sigma_filter,
+            answer.history.settled, readings.believed,
+        )  # fmt: skip
+    return _what_if(content, answer.sources, answer.model, requirements, entries, throughout, beside)
+
+
+def what_if_of_run(content: RunAnalysis) -> WhatIf | None:
+    """Return what `WhatIf` describes of a run; none where no number sizes anything, or nothing is dispersed."""
+    if not content.dispersed:
+        return None
+    record = content.manifest.model
+    requirements = [each.requirement for each in content.requirements]
+    entries = _entries(requirements, content.model)
+    sources = tuple(Source(each.name, each.unit, each.shown_in, 0.0, group=each.group or "") for each in record.sources)
+    throughout = _throughout(content, entries)
+    if throughout is None or any(np.isnan(each).any() for each in throughout.processes.values()):
+        requirements = [each for each in requirements if not each.epochs]  # an earlier manifest knows no more
+    campaign = tomllib.loads(content.campaign)
+    return _what_if(campaign, sources, content.model, requirements, entries, throughout, "in the folder of this report")
+
+
+def _throughout(content: RunAnalysis, entries: Entries) -> _Throughout | None:
+    """Return the linear system of a run over time; none where it is not known."""
+    record = content.manifest.model
+    known, filtered = record.development, record.filter
+    if known is None or not len(known.times) or bool(known.processes) != bool(record.processes):
+        return None
+    count, believed, own = len(record.outputs), dict[str, float](), None
+    if filtered is not None and filtered.prediction is not None:
+        believed = dict(filtered.prediction.believed)
+        if filtered.times.shape == known.times.shape and np.allclose(filtered.times, known.times, rtol=1e-9):
+            stated = np.diagonal(filtered.prediction.covariance, axis1=1, axis2=2)
+            own = np.sqrt(np.maximum(stated, 0.0))
+    added = {}
+    for name, variances in known.processes.items():
+        by_entry = np.full((len(known.times), len(entries)), np.nan)
+        by_entry[:, :count] = variances
+        for place, pair in enumerate(known.pairs):
+            by_entry[:, entries.index(pair)] = known.process_pairs[name][:, place]
+        for place, pair in enumerate(entries[count:], count):
+            if pair not in known.pairs and not _over_time(content, pair):
+                by_entry[:, place] = 0.0  # a requirement at the end alone
+        added[name] = by_entry
+    return _Throughout(
+        known.times, known.label, known.partials, known.nominal, added, own, np.arange(len(known.times)), believed
+    )
+
+
+def _over_time(content: RunAnalysis, pair: tuple[int, int]) -> bool:
+    """Return whether a requirement over time limits two outputs together."""
+    sizes = content.model.sizes
+    return any(
+        set(pair) <= set(size_members(each.requirement.outputs, sizes) or each.requirement.outputs)
+        for each in content.requirements
+        if each.requirement.epochs
+    )
+
+
+def _entries(requirements: Sequence[Requirement], model: Model) -> Entries:
+    limited = [size_members(each.outputs, model.sizes) or each.outputs for each in _judged(requirements)]
+    return entries_of(len(model.partials), limited)
+
+
+def _judged(requirements: Sequence[Requirement]) -> list[Requirement]:
+    return [each for each in requirements if each.kind != "sigma_ratio"]
+
+
+def _what_if(
+    content: Mapping[str, Any], sources: Sequence[Source], model: Model, requirements: Sequence[Requirement],
+    entries: Entries, throughout: _Throughout | None, beside: str,
+) -> WhatIf | None:  # fmt: skip
+    believed = {} if throughout is None else throughout.believed
+    campaign = changeable_campaign(content, sources, list(model.processes), model.mean, model.covariance, believed)
+    if not campaign.sliders:
+        return None
+    numbers = campaign.source_numbers, campaign.process_numbers
+    moments = model.mean, model.covariance
+    ends = {name: picked_entries(each, entries)[None] for name, each in model.processes.items()}
+    end = SizedSystem(model.partials[None], model.nominal[None], ends, *moments, *numbers)
+    if throughout is None:
+        covariance, kept, settled = scaled_covariance(end, np.array([np.nan]), "", entries), np.array([0]), np.array([])
+    else:
+        nominal = np.zeros(throughout.partials.shape[:2]) if throughout.nominal is None else throughout.nominal
+        over_time = SizedSystem(
+            np.concatenate([throughout.partials, end.partials]), np.concatenate([nominal, end.nominal]),
+            {name: np.concatenate([each, ends[name]]) for name, each in throughout.processes.items()},
+            *moments, *numbers,
+        )  # fmt: skip
+        times, own, settled = throughout.times, throughout.own, throughout.settled
+        if own is not None:
+            own = np.concatenate([own, own[-1:]])
+        covariance = scaled_covariance(over_time, np.append(times, times[-1]), throughout.label, entries, own)
+        kept = _kept(len(times), [int(settled[epoch]) for each in requirements for epoch in each.epochs])
+    limited = tuple(
+        LimitedErrors(
+            each, members or each.outputs, bool(members),
+            tuple(int(np.searchsorted(kept, settled[epoch])) for epoch in each.epochs) or (len(kept) - 1,),
+        )
+        for each in _judged(requirements)
+        for members in [size_members(each.outputs, model.sizes)]
+    )  # fmt: skip
+    without = tuple(unsized_causes(campaign, sources, model.covariance))
+    return WhatIf(campaign, _with_readings(covariance, kept), limited, without, beside)
+
+
+def _with_readings(covariance: ScaledCovariance, kept: IndexArray) -> ScaledCovariance:
+    return covariance if len(kept) == len(covariance.times) else covariance.at(kept)
+
+
+def _kept(count: int, required: Sequence[int]) -> IndexArray:
+    """Choose readings out of so many, evenly, and those of requirements; the end after them."""
+    if count <= MOST_READINGS:
+        return np.arange(count + 1)
+    even = np.linspace(0, count - 1, MOST_READINGS).round().astype(np.int64)
+    return np.append(np.union1d(even, np.array(required, dtype=np.int64)), count)

@@ -1,0 +1,161 @@
+"""The section "What if" against `mcnav lincov` of the campaign file that it copies.
+
+The page adds numbers of single precision, each good to 6e-8, or of double precision where terms may cancel: 1e-6 of a
+sigma. Requirements are compared with the values of linear analysis, whose circles and quantiles are good to 1e-9, and
+whose boxes are to 1e-7 by another rule.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mcnav.config.read import parse_campaign, read_campaign
+from mcnav.report.html import page_html
+from mcnav.report.lincov_page import page as lincov_page
+from mcnav.studies.lincov import answer_linearly
+from mcnav.workflow.what_if import what_if_of_answer
+from tests.browser.conftest import Browser
+from tests.campaigns.test_what_if import AIDED, CAMPAIGNS
+from tests.conftest import campaign
+
+SETTINGS = 2
+"""Random settings of all sliders, of each campaign."""
+
+MOVE = """(factors) => {
+  const sliders = Array.from(document.querySelectorAll(".what-if input[type=range]"));
+  sliders.forEach((each, n) => { each.value = factors[n]; each.dispatchEvent(new Event("input")); });
+  return sliders.length;
+}"""
+
+RESULTS = "document.querySelector('.what-if').results()"
+
+
+def settings(page: Any, seed: int) -> list[dict[str, Any]]:
+    """Move all sliders at random and return what the page has each time."""
+    rng, found = np.random.default_rng(seed), []
+    for _ in range(SETTINGS):
+        count = page.evaluate(MOVE, np.zeros(99).tolist())
+        page.evaluate(MOVE, rng.uniform(-1.5, 1.5, count).tolist())
+        found.append(page.evaluate(RESULTS))
+    return found
+
+
+def compare(page: Any, file: str, seed: int) -> None:
+    """Compare sigmas and requirements with the linear answer to the copied file, and the answer with the first one."""
+    before = page.evaluate(RESULTS)["sigmas"]
+    for found in settings(page, seed):
+        answer = answer_linearly(parse_campaign(tomllib.loads(found["toml"]), file, "what if"))
+        expected = np.concatenate([answer.history.sigma, answer.sigma[None]]) if answer.history else answer.sigma[None]
+        sigmas = np.array(found["sigmas"])
+        assert np.abs(sigmas - before).max() > 0.0
+        np.testing.assert_allclose(sigmas, expected, rtol=1e-6, atol=1e-12 * float(expected.max()))
+        judged = [each for each in answer.requirements if each.judged]
+        assert len(judged) == len(found["requirements"])
+        for linear, (value, margin) in zip(judged, found["requirements"], strict=True):
+            boxed = linear.requirement.kind == "box"
+            assert value == pytest.approx(linear.value, rel=1e-6, abs=1e-6 if boxed else 0.0)
+            assert margin == pytest.approx(linear.margin, rel=1e-5 if boxed else 2e-6)
+
+
+def written(content: dict[str, Any], file: str, folder: Path) -> Path:
+    """Write the page of `mcnav lincov` on a campaign."""
+    answer = answer_linearly(parse_campaign(content, file, "what if"))
+    page = folder / "lincov.html"
+    page.write_text(page_html(lincov_page(answer, {}, what_if_of_answer(answer, content, "here"))), encoding="utf-8")
+    return page
+
+
+def test_sigmas_of_an_aided_navigation_with_its_gains_held(browser: Browser, tmp_path: Path) -> None:
+    """Beliefs of some axes, correlated errors, a requirement on a radius over time."""
+    file = str(CAMPAIGNS / "aided.toml")
+    with browser.opened(written(AIDED, file, tmp_path)) as page:
+        compare(page, file, 1)
+        assert "Filter not tuned anew" in page.locator(".what-if .filter").inner_text()
+
+
+def test_sigmas_without_a_filter(browser: Browser, tmp_path: Path) -> None:
+    """A strapdown navigation with noise, in single precision."""
+    file = str(CAMPAIGNS / "16_flight_tactical_grade.toml")
+    content = tomllib.loads(Path(file).read_text(encoding="utf-8"))
+    spheres = [{"outputs": ["position_north", "position_east", "position_down"], "below": "9 km", "after": "3000 s"}]
+    content["accept"] = {"sep": spheres}
+    with browser.opened(written(content, file, tmp_path)) as page:
+        assert page.locator(".what-if .filter").count() == 0
+        compare(page, file, 2)
+
+
+def test_sigmas_of_a_reentry(browser: Browser, tmp_path: Path) -> None:
+    """Correlated errors, means, distributions, a circle and boxes of two and three sides."""
+    file = str(CAMPAIGNS / "08_every_option.toml")
+    content = tomllib.loads(Path(file).read_text(encoding="utf-8"))
+    content["accept"]["box"].append(
+        {"within": {"altitude": "15 km", "range": "20 km", "range_rate": "6 m/s"}, "probability": 0.9}
+    )
+    with browser.opened(written(content, file, tmp_path)) as page:
+        compare(page, file, 3)
+
+
+def test_report_of_a_run(browser: Browser, page_of: Callable[[str], Path]) -> None:
+    """The file that it copies is one of its folder; its sigmas are those after updates."""
+    report = page_of("aided")
+    with browser.opened(report) as page:
+        for found in settings(page, 4):
+            (report.parent / "what_if.toml").write_text(found["toml"], encoding="utf-8")
+            answer = answer_linearly(read_campaign(report.parent / "what_if.toml"))
+            assert answer.history is not None
+            settled = answer.history.sigma[answer.history.settled]
+            np.testing.assert_allclose(np.array(found["sigmas"])[:-1], settled, rtol=1e-6)
+            np.testing.assert_allclose(found["sigmas"][-1], answer.sigma, rtol=1e-6)
+
+
+def test_by_keyboard(browser: Browser, page_of: Callable[[str], Path]) -> None:
+    """Arrow keys move a slider, a typed value is taken, a wrong one is refused; reset, and copy."""
+    with browser.opened(page_of("report")) as page:
+        page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        before = page.evaluate(RESULTS)
+        slider, typed = (
+            page.get_by_role("slider", name="errors.altitude", exact=True),
+            page.get_by_label("errors.altitude in km"),
+        )
+        state, reset = page.locator(".what-if .state"), page.get_by_role("button", name="Reset")
+        assert state.inner_text().startswith("As in the campaign.")
+        assert reset.is_disabled()
+        slider.press("ArrowRight")
+        assert "5.24 km" in (slider.get_attribute("aria-valuetext") or "")
+        assert state.inner_text().startswith("1 number changed.")
+        typed.fill("10")
+        typed.press("Enter")
+        ratio = np.array(page.evaluate(RESULTS)["sigmas"])[-1] / np.array(before["sigmas"])[-1]
+        assert "10 km, 2.00 times" in (slider.get_attribute("aria-valuetext") or "")
+        assert (ratio >= 1.0).all()
+        assert ratio.max() > 1.2
+        typed.fill("-3 km")
+        typed.press("Enter")
+        assert typed.get_attribute("aria-invalid") == "true"
+        assert (np.array(page.evaluate(RESULTS)["sigmas"])[-1] / before["sigmas"][-1] == ratio).all()
+        page.get_by_role("button", name="Copy as TOML").press("Enter")
+        page.get_by_role("button", name="Copied").wait_for()
+        copied = page.evaluate("navigator.clipboard.readText()")
+        assert tomllib.loads(copied)["errors"]["altitude"] == "10 km"
+        assert "#   errors.altitude: 5 becomes 10 km" in copied.splitlines()
+        reset.press("Enter")
+        assert page.evaluate(RESULTS) == before
+        assert typed.input_value() == "5"
+
+
+def test_grades_are_one_click_away(browser: Browser, page_of: Callable[[str], Path]) -> None:
+    with browser.opened(page_of("aided")) as page:
+        page.locator(".what-if .row", has_text="bias").first.locator(".grade", has_text="N").click()
+        assert tomllib.loads(page.evaluate(RESULTS)["toml"])["imu"]["gyro"]["bias"] == "0.008 deg/h"
+
+
+def test_nothing_to_change(browser: Browser) -> None:
+    """A campaign whose errors have no size that a file states has no such section."""
+    answer = answer_linearly(campaign(1))
+    assert what_if_of_answer(answer, {"scenario": {"type": "reentry"}}, "") is None
