@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -268,6 +269,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
                 "value": each.value,
                 "met": each.met if each.judged else None,
                 "margin": each.margin,
+                **({"exceedance": each.beyond} if math.isfinite(each.beyond) else {}),
                 "time": each.time,
                 "causes": [asdict(cause) for cause in answer.requirement_causes(number)],
             }
