@@ -3,8 +3,8 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint .ci/constraints.txt
 
-# Modules are compiled on all processors, where pip uses one; some packages hold files that are not for this Python.
-install = $(PIP) --no-compile --editable '.$(1)' && { $(BIN)/python -m compileall -qq -j 0 .venv/lib mcnav || true; }
+# Python compiles a module when it first imports it: a quarter of what is installed.
+install = $(PIP) --no-compile --editable '.$(1)'
 
 .PHONY: demo test quick lint check docs bench examples dist clean
 
@@ -57,9 +57,11 @@ $(BIN)/python:
 	$(call install,)
 	touch $@
 
-# What the tests need includes all of the rest.
+# What the tests need includes all of the rest. Their processes would compile modules side by side; some packages hold
+# files that are not for this Python.
 .venv/tested: pyproject.toml .ci/constraints.txt | $(BIN)/python
 	$(call install,[test])
+	$(BIN)/python -m compileall -qq -j 0 -x '/tests?/' .venv/lib mcnav || true
 	touch .venv/installed .venv/documented $@
 
 .venv/documented: .venv/installed
@@ -76,7 +78,7 @@ OBJECTS := mcnav/compiled/objects
 dist: .venv/installed
 	$(PIP) build
 	rm -rf dist build/lib $(OBJECTS)
-	for level in x86-64-v3 x86-64-v4; do $(BIN)/mcnav compile --into $(OBJECTS) --level $$level || exit 1; done
+	for level in x86-64-v3 x86-64-v4; do $(BIN)/mcnav compile --out $(OBJECTS) --level $$level || exit 1; done
 	$(BIN)/python -m build --sdist
 	$(BIN)/python -m build --wheel
 	rm -rf $(OBJECTS)

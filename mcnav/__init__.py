@@ -169,3 +169,8 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'mcnav' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """List the public names, and none of the modules that happen to be imported."""
+    return sorted(__all__)

@@ -11,13 +11,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, ParamSpec, TypeVar
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
+from mcnav import next_command
 from mcnav import shell_completion as completion
 from mcnav._interrupts import RESUMES, interruptible, interrupts
+from mcnav.output_place import output_file, output_folder
 from mcnav.pages import Page, page_text
 from mcnav.report.fitted_table import OpenConsole
 from mcnav.systems.templates import templates
@@ -37,8 +39,41 @@ LONGEST_CHOICE = 60
 GARBAGE_THRESHOLD = 50_000
 """New objects after which Python looks for cycles to free."""
 
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=True)
-new = typer.Typer(no_args_is_help=True, help="Write a new campaign, or a new scenario with its test, ready to run.")
+GROUPS: Final = {
+    "Start": ("demo", "new", "check", "run", "docs"),
+    "Analyse": ("lincov", "sweep", "allocate", "linearity", "start-times", "identify", "judge"),
+    "Look": ("show", "report", "compare", "index", "figure", "export", "replay", "trajectory", "imu"),
+    "Advanced": ("partials", "record", "schema", "compile", "reproduce", "calibrate"),
+}
+"""Commands in the order and under the headings of ``mcnav --help``."""
+
+
+EARLIER: Final = {"check-scenario": "check"}
+"""Former names of commands, which still work."""
+
+
+class _Groups(TyperGroup):
+    """Commands under the headings of `GROUPS`, one line each."""
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by its name or a former one."""
+        return super().get_command(ctx, EARLIER.get(cmd_name, cmd_name))
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands into the help."""
+        wide = max(map(len, self.commands))
+        for heading, names in GROUPS.items():
+            with formatter.section(heading):
+                limit = formatter.width - 6 - wide
+                formatter.write_dl(
+                    [(f"{name:{wide}}", self.commands[name].get_short_help_str(limit)) for name in names]
+                )
+
+
+app = typer.Typer(
+    cls=_Groups, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=True
+)
+new = typer.Typer(no_args_is_help=True, help="Write a new campaign or scenario, ready to run.")
 out, err = OpenConsole(highlight=False, soft_wrap=True), OpenConsole(stderr=True, highlight=False, soft_wrap=True)
 
 Parameters = ParamSpec("Parameters")
@@ -62,7 +97,7 @@ OutFolder = Annotated[
 ]
 ChosenAxes = Annotated[Axes | None, typer.Option(help="Where the reference axes are aligned [default: start].")]
 Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the files: letters, digits and _.")]
-Into = Annotated[Path, typer.Option("--in", help="Output folder.")]
+Into = Annotated[Path, typer.Option("--out", "--in", metavar="FOLDER", help="Output folder.")]
 Engine = Annotated[
     str | None,
     typer.Option(
@@ -183,6 +218,19 @@ def _print_written(paths: Iterable[Path]) -> None:
         _print(f"written: {path}")
 
 
+def _print_next(command: str) -> None:
+    """Print the command that one would type next, below what is read by people."""
+    _print(f"\nnext: {command}")
+
+
+def _open(page: Path) -> None:
+    """Show a page in the browser."""
+    import webbrowser
+
+    if not webbrowser.open(page.resolve().as_uri()):
+        _print_notes(["no browser is found; open the file yourself"])
+
+
 def _export(chosen: Format, rows: Sequence[Mapping[str, Any]], tables: Mapping[str, Any]) -> None:
     """Print rows as CSV, or tables by name as JSON."""
     from mcnav.report import export
@@ -247,9 +295,10 @@ def run(
     no_report: Annotated[
         bool, typer.Option("--no-report", help="Write only the summary; mcnav report writes the report later.")
     ] = False,
+    show: Annotated[bool, typer.Option("--open", help="Open the report in the browser.")] = False,
     form: FormatOption = "table",
 ) -> None:
-    """Run a campaign: simulate, compare with linear analysis, write the report.
+    """Simulate a campaign, compare with linear analysis, report.
 
     Exit status: 0 success, 1 a requirement is not met or undecided (with --check), 2 bad input,
     3 some samples failed, 4 folder in use, 130 interrupted.
@@ -265,7 +314,9 @@ def run(
     content = read_campaign(campaign, {key: value for key, value in options.items() if value is not None})
     if check and not content.requirements:
         raise _fail(f"{campaign}: accept: is missing; --check needs requirements")
-    target = folder or run_folder(campaign)
+    if show and no_report:
+        raise _fail("--open: shows the report; leave out --no-report")
+    target = output_folder(folder, run_folder(campaign))
     chosen = engine or engine_of(target, campaign)
     with open_executor(scheduler, dask, jobs) as (executor, workers, notes), progress.shown(err) as shown:
         done = run_campaign(
@@ -273,6 +324,10 @@ def run(
         )
     _print_notes((*notes, *done.notices))
     _print_run(content.name, done, target, form, with_report=not no_report)
+    if show:
+        _open(target / "report.html")
+    if form == "table":
+        _print_next(next_command.after_run(campaign, target, done.results, not no_report, show))
     if check and any(entry.finding != "met" for entry in done.results.requirements):
         raise typer.Exit(CHECK_FAILED)
     if done.results.failed:
@@ -317,7 +372,9 @@ def demo(
         Path | None, typer.Option("--copy", metavar="FOLDER", help="Copy the examples into a folder.")
     ] = None,
 ) -> None:
-    """Run an example campaign that comes with mcnav into reports/ of the current folder.
+    """Run an example campaign that comes with mcnav.
+
+    It is run into reports/ of the current folder.
 
     Example: mcnav demo 14
     """
@@ -326,8 +383,10 @@ def demo(
     if listed:
         for each, question in examples().items():
             _print(f"{each}\n    {question}")
+        _print_next(next_command.written("demo", next(iter(examples()))))
     elif copy is not None:
         _print(f"{len(copy_examples(copy))} files\n\nwritten: {copy}")
+        _print_next(next_command.written("run", copy / f"{next(iter(examples()))}.toml"))
     else:
         run(campaign=example(name))
 
@@ -341,16 +400,15 @@ def report(
 
     Example: mcnav report reports/11_cruise --open
     """
-    import webbrowser
-
     from mcnav.workflow.analyse import report_run
 
     for folder in folders:
         report_run(folder)
         written = folder / "report.html"
         _print(f"report: {written}")
-        if show and not webbrowser.open(written.resolve().as_uri()):
-            _print_notes(["no browser is found; open the file yourself"])
+        if show:
+            _open(written)
+    _print_next(next_command.written("compare" if len(folders) > 1 else "show", *folders))
 
 
 @_command()
@@ -362,10 +420,11 @@ def show(
     units: UnitsOption = "shown",
     form: FormatOption = "table",
 ) -> None:
-    """Show the verdicts, sigmas, budget and requirements of a finished run, and the consistency of its filter.
+    """Show verdicts, sigmas, budget and requirements of a run.
 
-    They are read from the run folder's summary; nothing is simulated. Example:
-    mcnav show reports/mine --table budget --format csv
+    They, and the consistency of a filter, are read from the run folder's summary; nothing is simulated.
+
+    Example: mcnav show reports/mine --table budget --format csv
     """
     from mcnav.workflow.show import show_run
 
@@ -373,6 +432,7 @@ def show(
     sys.stdout.write(text)
     if shown is not None:
         out.print(shown, soft_wrap=False)
+        _print_next(next_command.after_show(folder, table))
 
 
 @_command()
@@ -381,13 +441,16 @@ def export(
     into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: RUN_export].")] = None,
     units: UnitsOption = "shown",
 ) -> None:
-    """Write all tables of a run as CSV files, and its matrices for numpy and MATLAB.
+    """Write all tables of a run as CSV, and its matrices.
+
+    The matrices are for numpy and MATLAB.
 
     Example: mcnav export reports/mine --units SI --out mine_in_si
     """
     from mcnav.workflow.export import default_folder, export_run
 
-    _print_written(export_run(folder, into or default_folder(folder), units))
+    _print_written(export_run(folder, output_folder(into, default_folder(folder)), units))
+    _print_next(next_command.written("docs", "howto-export"))
 
 
 @_command()
@@ -401,7 +464,7 @@ def figure(
             autocompletion=completion.for_words(completion.figures),
         ),
     ],
-    into: Annotated[Path, typer.Option("--out", help="File to write: .pdf, .svg or .png.")],
+    into: Annotated[Path, typer.Option("--out", help="File to write, .pdf, .svg or .png; or a folder, for NAME.pdf.")],
     size: Annotated[
         str | None, typer.Option(metavar="WxH", help="Width and height, such as 88x60mm [default: the page's].")
     ] = None,
@@ -412,33 +475,37 @@ def figure(
     ] = None,
     columns: Annotated[int | None, typer.Option(min=1, max=10, help="Panels side by side.")] = None,
 ) -> None:
-    """Draw a figure of a run's report by itself, for a paper.
+    """Draw a figure of a run's report for a paper.
 
     Example: mcnav figure reports/mine scatter --size 88x60mm --font-scale 0.8 --out scatter.pdf
     """
     from mcnav.report.figures.paper import read_size
-    from mcnav.workflow.figure import draw_figure
+    from mcnav.workflow.figure import ENDINGS, draw_figure
 
     try:
         wide, high = (width, None) if size is None else read_size(size)
     except ValueError as wrong:
         raise _fail(f"--size: {wrong}") from None
-    _print_notes(draw_figure(folder, name, into, wide, high, font_scale, panel or (), columns))
-    _print_written([into])
+    file = output_file(into, f"{name}.pdf", ENDINGS)
+    _print_notes(draw_figure(folder, name, file, wide, high, font_scale, panel or (), columns))
+    _print_written([file])
+    _print_next(next_command.written("export", folder))
 
 
 @_command()
 def compare(
     folders: Folders,
-    html: Annotated[Path | None, typer.Option("--html", help="Also write the comparison as an HTML page.")] = None,
+    html: Annotated[
+        Path | None, typer.Option("--out", "--html", help="Also write a page: a folder, or a file ending in .html.")
+    ] = None,
     form: FormatOption = "table",
 ) -> None:
-    """Show linear and Monte Carlo results of one or several runs.
+    """Compare runs: inputs, sigmas, verdicts, error budgets.
 
     With several runs, show the inputs that differ and the change of each output from the first run, with intervals.
     Runs with the same seed, design and sources are compared on common draws.
 
-    Example: mcnav compare reports/11_cruise reports/other --html both.html
+    Example: mcnav compare reports/11_cruise reports/other --out reports
     """
     from mcnav.analysis.summary import Summary
     from mcnav.errors import reading_file
@@ -448,8 +515,9 @@ def compare(
     from mcnav.report.show import escaped
     from mcnav.report.terminal_parts import printed
     from mcnav.workflow.analyse import summary_of
-    from mcnav.workflow.compare import compare_runs
+    from mcnav.workflow.compare import compare_runs, page_name
 
+    page = None if html is None else output_file(html, page_name(folders), [".html"])
     runs, verdicts = dict[str, Summary](), []
     for name, summary in {str(folder): summary_of(folder) for folder in folders}.items():
         with reading_file(Path(name) / "summary.json"):
@@ -457,7 +525,7 @@ def compare(
             terminal.comparison({name: shown})
             verdicts.append((f"\n{name}: {shown.campaign}", terminal.verdict(shown)))
     several = len(folders) > 1
-    result = compare_runs(folders) if several or html is not None else None
+    result = compare_runs(folders) if several or page is not None else None
     console = out if form == "table" else err
     if (warning := terminal.warnings(runs)) is not None:
         console.print(warning)
@@ -478,10 +546,12 @@ def compare(
             console.print()
             parts = comparison.terminal(result.titles, result.manifests, result.rows, result.confidence)
             console.print(printed(parts))
-    if html is not None and result is not None:
-        html.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(html, result.page.encode())
-        console.print(f"\nwritten: {html}", markup=False)
+    if page is not None and result is not None:
+        page.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(page, result.page.encode())
+        console.print(f"\nwritten: {page}", markup=False)
+    if form == "table":
+        _print_next(next_command.after_comparison(folders, page))
 
 
 @_command()
@@ -497,7 +567,9 @@ def replay(
     ] = None,
     into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: the run folder].")] = None,
 ) -> None:
-    """Simulate one sample of a run again; write its errors, outcome and time history as a page and a CSV file.
+    """Simulate one sample of a run again, with its history.
+
+    Its errors, its outcome and its history are written as a page and a CSV file.
 
     Exit status: 0 the outcome is as stored, 1 it is different, 2 bad input.
 
@@ -511,7 +583,8 @@ def replay(
     _print_notes(result.notes)
     out.print(printed(terminal(result)))
     out.print()
-    _print_written(replaying.write_replay(result, into or folder))
+    _print_written(replaying.write_replay(result, output_folder(into, folder)))
+    _print_next(next_command.written("show", folder))
     if not replaying.as_stored(result):
         raise _fail(f"the outcome of sample {index} differs from the stored one", CHECK_FAILED)
 
@@ -522,14 +595,17 @@ def index(
         "reports"
     ),
 ) -> None:
-    """Write index.html, a list of all runs in a folder and its subfolders.
+    """List all runs of a folder and below it on a page.
+
+    The page is index.html in that folder.
 
     Example: mcnav index reports
     """
     from mcnav.workflow.index import write_index
 
-    written, count = write_index(folder)
+    written, count, latest = write_index(folder)
     _print(f"{count} runs\n\nwritten: {written}")
+    _print_next(next_command.after_index(latest))
 
 
 @_command()
@@ -546,9 +622,10 @@ def partials(
     folder: OutFolder = None,
     form: FormatOption = "table",
 ) -> None:
-    """Show the partial derivatives P of the final errors, and the differences between three methods.
+    """Show the partial derivatives P of the final errors.
 
-    With --start-times, write P and the linear dispersion as functions of the start of navigation.
+    They are computed by three methods, whose differences are shown. With --start-times, write P and the linear
+    dispersion as functions of the start of navigation.
 
     Example: mcnav partials campaigns/11_cruise.toml --method variational
     """
@@ -578,6 +655,8 @@ def partials(
         console = out if form == "table" else err
         console.print()
         console.print(terminal.agreement(scenario.outputs, differences))
+    if form == "table":
+        _print_next(next_command.written("lincov", campaign))
 
 
 @_command("start-times")
@@ -587,10 +666,10 @@ def start_times(
     axes: ChosenAxes = None,
     folder: OutFolder = None,
 ) -> None:
-    """Find the best start of navigation: linear dispersion by start time, with Monte Carlo checks.
+    """Find the best start of navigation.
 
-    The campaign's optional table [start_times] sets errors that vary with the start time, weights of the outputs, and
-    the start times to check.
+    It shows linear dispersion by start time, with Monte Carlo checks. The campaign's optional table [start_times]
+    sets errors that vary with the start time, weights of the outputs, and the start times to check.
 
     Example: mcnav start-times campaigns/09_start_times.toml
     """
@@ -603,12 +682,13 @@ def _start_times(campaign: Path, folder: Path | None, axes: Axes | None, count: 
     from mcnav.studies.start_times import write_start_times
 
     content = read_campaign(campaign)
-    target = folder or Path("reports") / f"{campaign.stem}_start_times"
+    target = output_folder(folder, Path("reports") / f"{campaign.stem}_start_times")
     with progress.shown(err) as shown:
         times, files = write_start_times(content, target, axes, count, checks, shown)
     out.print(terminal.best_starts(times.study, times.checks, times.own_sigma, content.scenario.outputs))
     out.print()
     _print_written(files)
+    _print_next(next_command.written("lincov", campaign))
 
 
 @_command()
@@ -621,7 +701,9 @@ def linearity(
     largest: Annotated[float, typer.Option(min=0.2, max=1_000.0, help="Largest multiple of all errors.")] = 50.0,
     folder: OutFolder = None,
 ) -> None:
-    """Find the multiples of the errors at which linear analysis fails, for each source alone and all together.
+    """Find the size of errors at which linear analysis fails.
+
+    It is a multiple of the campaign's errors, for each source alone and for all together.
 
     Example: mcnav linearity campaigns/14_polar.toml --samples 500
     """
@@ -632,7 +714,7 @@ def linearity(
     from mcnav.studies.linearity import write_linearity
 
     content = read_campaign(campaign)
-    target = folder or Path("reports") / f"{campaign.stem}_linearity"
+    target = output_folder(folder, Path("reports") / f"{campaign.stem}_linearity")
     with progress.shown(err) as shown:
         study, files = write_linearity(content, target, tolerance, samples, largest, shown)
     out.print(printed(terminal(content.scenario.outputs, study.together, study.tolerance)))
@@ -640,6 +722,7 @@ def linearity(
         out.print(sentence)
     out.print()
     _print_written(files)
+    _print_next(next_command.written("run", campaign))
 
 
 @_command()
@@ -651,10 +734,10 @@ def lincov(
     ] = None,
     form: FormatOption = "table",
 ) -> None:
-    """Compute the linear covariance at the end and over time, its causes, and requirements; not of samples.
+    """Compute the linear covariance, its causes, and requirements.
 
-    With aiding, it is that of the closed loop: true sigmas and those that the filter states, twice where an update
-    falls on a time.
+    They are of the end and over time; nothing is simulated. With aiding, it is that of the closed loop: true sigmas
+    and those that the filter states, twice where an update falls on a time.
 
     Example: mcnav lincov campaigns/19_flight_with_gnss.toml --at "1800 s"
     """
@@ -665,7 +748,8 @@ def lincov(
     from mcnav.studies.lincov import read_times, write_lincov
 
     times = None if at is None else read_times(at)
-    result, files = write_lincov(read_campaign(campaign), folder or Path("reports") / f"{campaign.stem}_lincov", times)
+    target = output_folder(folder, Path("reports") / f"{campaign.stem}_lincov")
+    result, files = write_lincov(read_campaign(campaign), target, times)
     if form != "table":
         tables = exported(result)
         _export(form, tables["sigmas"], tables)
@@ -673,6 +757,7 @@ def lincov(
     out.print(printed(terminal(result)))
     out.print()
     _print_written(files)
+    _print_next(next_command.after_lincov(campaign, result))
 
 
 @_command()
@@ -682,15 +767,19 @@ def record(
     sample: Annotated[int, typer.Option(help="Number of the sample.")] = 0,
     rate: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Readings per second.")] = 50.0,
 ) -> None:
-    """Write what the instruments and sensors of one sample read: files as of a recorded flight.
+    """Write what the instruments of one sample read, as a flight.
+
+    The files of instruments and sensors are like those of a recorded flight.
 
     Example: mcnav record flight.toml --sample 3 --out log
     """
     from mcnav.config.read import read_campaign
     from mcnav.studies.recordings import write_recording
 
-    target = folder or Path("reports") / f"{campaign.stem}_record"
-    _print_written(write_recording(read_campaign(campaign), sample, 1.0 / rate, target))
+    target = output_folder(folder, Path("reports") / f"{campaign.stem}_record")
+    files = write_recording(read_campaign(campaign), sample, 1.0 / rate, target)
+    _print_written(files)
+    _print_next(next_command.after_recording(campaign, files))
 
 
 @_command()
@@ -702,7 +791,10 @@ def judge(
     imu: Annotated[Path | None, typer.Option(metavar="FILE", help="Recorded gyros and accelerometers.")] = None,
     measurements: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=FILE", help="Recorded measurements of a sensor, such as gnss=gnss.pos; repeat."),
+        typer.Option(
+            metavar="NAME=FILE",
+            help="Measurements of a sensor, such as gnss=gnss.pos; repeat [default: the campaign's logs].",
+        ),
     ] = None,
     reference: Annotated[Path | None, typer.Option(metavar="FILE", help="Track to compare with.")] = None,
     start: Annotated[
@@ -722,7 +814,9 @@ def judge(
     records: Annotated[int, typer.Option(min=200, max=100_000, help="Simulated records to compare with.")] = 1000,
     folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_judge].")] = None,
 ) -> None:
-    """Take a campaign's filter through a recorded flight: which number is wrong, by how much, and what could be seen.
+    """Judge the filter of a campaign by a recorded flight.
+
+    It says which number is wrong, by how much, and what the record could have shown.
 
     Example: mcnav judge flight.toml --imu imu.csv --measurements gnss=gnss.csv --reference truth.csv
     """
@@ -734,21 +828,23 @@ def judge(
     if errors is not None:
         if campaign is not None or imu is not None:
             raise _fail("--errors: is judged alone, without a campaign; leave one of them out", BAD_INPUT)
-        verdicts, files = write_error_judgement(errors, folder or Path("reports") / f"{errors.stem}_judge")
+        target = output_folder(folder, Path("reports") / f"{errors.stem}_judge")
+        verdicts, files = write_error_judgement(errors, target)
         out.print(printed(judged_errors.terminal(verdicts)))
     else:
-        if campaign is None or imu is None or not measurements:
-            raise _fail("expected CAMPAIGN, --imu FILE and --measurements NAME=FILE, or --errors TABLE", BAD_INPUT)
+        if campaign is None or imu is None:
+            raise _fail("expected CAMPAIGN and --imu FILE, or --errors TABLE", BAD_INPUT)
         from mcnav.config.read import read_campaign
 
         given = {name: Path(file) for name, file in _pairs(measurements, "measurements", "gnss=gnss.pos").items()}
         columns, units = _pairs(column, "column", "gyro_x=wx"), _pairs(unit, "unit", "gyro=deg/s")
-        target = folder or Path("reports") / f"{campaign.stem}_judge"
+        target = output_folder(folder, Path("reports") / f"{campaign.stem}_judge")
         described = RecordingFiles(imu, given, reference, start, columns, units)
         judgement, files = write_judgement(read_campaign(campaign), described, target, records)
         out.print(printed(judged.terminal(judgement)))
     out.print()
     _print_written(files)
+    _print_next(next_command.after_judgement(campaign))
 
 
 def _pairs(given: Sequence[str] | None, option: str, example: str) -> dict[str, str]:
@@ -770,11 +866,12 @@ def allocate(
     ] = None,
     form: FormatOption = "table",
 ) -> None:
-    """Find the data-sheet numbers with which the requirements are just met, by linear analysis.
+    """Find the data-sheet numbers that just meet requirements.
 
-    Each number is changed alone, all are changed together, and for type ins numbers are moved by one grade of the
-    catalogue. Where the requirements are met, numbers are loosened. Example:
-    mcnav allocate campaigns/19_flight_with_gnss.toml
+    It uses linear analysis. Each number is changed alone, all are changed together, and for type ins numbers are
+    moved by one grade of the catalogue. Where the requirements are met, numbers are loosened.
+
+    Example: mcnav allocate campaigns/19_flight_with_gnss.toml
     """
     from mcnav.report import allocate as tables
     from mcnav.report import progress
@@ -782,13 +879,15 @@ def allocate(
     from mcnav.studies.allocate import write_allocation
 
     with progress.shown(err) as shown:
-        result, files = write_allocation(campaign, folder or Path("reports") / f"{campaign.stem}_allocate", shown)
+        target = output_folder(folder, Path("reports") / f"{campaign.stem}_allocate")
+        result, files = write_allocation(campaign, target, shown)
     if form != "table":
         _export(form, [vars(row) for row in tables.change_rows(result)], tables.table(result))
         return
     out.print(printed(tables.terminal(result)))
     out.print()
     _print_written(files)
+    _print_next(next_command.after_allocation(campaign, result))
 
 
 @_command(resumes=True)
@@ -821,10 +920,11 @@ def sweep(
     folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_sweep].")] = None,
     form: FormatOption = "table",
 ) -> None:
-    """Vary one or two keys of a campaign: accuracy by linear analysis, and the values at which requirements are met.
+    """Vary one or two keys of a campaign by linear analysis.
 
-    VALUES is a range ("0.001..1 deg/h", logarithmic from a decade on) or a list ("1, 2, 5 deg/h"). A MEASURE is an
-    output, position_horizontal, velocity_horizontal, or drms, cep, r95, sep of outputs; a limit may follow.
+    It finds the values at which requirements are just met. VALUES is a range ("0.001..1 deg/h", logarithmic from a
+    decade on) or a list ("1, 2, 5 deg/h"). A MEASURE is an output, position_horizontal, velocity_horizontal, or drms,
+    cep, r95, sep of outputs; a limit may follow.
 
     Example: mcnav sweep campaigns/19_flight_with_gnss.toml --vary imu.gyro.bias="0.001..1 deg/h"
     --against "position_horizontal < 20 m"
@@ -840,32 +940,49 @@ def sweep(
     times = () if at is None else tuple(read_times(at).tolist())
     plan = SweepPlan(split_varied(vary), against or (), points, times, jobs)
     with progress.shown(err) as shown:
-        result, files = write_sweep(
-            campaign, plan, folder or Path("reports") / f"{campaign.stem}_sweep", confirm, shown
-        )
+        target = output_folder(folder, Path("reports") / f"{campaign.stem}_sweep")
+        result, files = write_sweep(campaign, plan, target, confirm, shown)
     if form != "table":
         _export(form, tables.frame(result).to_dict("records"), {"sweep": tables.table(result)})
         return
     out.print(printed(terminal(result)))
     out.print()
     _print_written(files)
+    _print_next(next_command.after_sweep(campaign, target, vary, against or (), confirm))
 
 
-@_command("check-scenario")
-def check_scenario(campaign: CampaignFile) -> None:
-    """Check a campaign's scenario: determinism, shapes, units, linearity near zero, partials against differences.
+@_command("check")
+def check_file(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="Campaign (.toml), code of scenarios (.py), or trajectory (.csv, .parquet, .pos, …).",
+            autocompletion=completion.checkable,
+        ),
+    ],
+    column: NamedColumns = None,
+) -> None:
+    """Check a campaign, the code of a scenario, or a trajectory.
+
+    Of campaigns and scenarios it checks determinism, shapes, units, linearity near zero, and partials against
+    differences; of a trajectory whether it can be flown, and its heading against its track. Nothing is written.
 
     Exit status: 0 all checks passed, 1 a check failed, 2 bad input.
 
-    Example: mcnav check-scenario campaigns/14_polar.toml
+    Example: mcnav check campaigns/14_polar.toml
     """
-    from mcnav.config.read import read_campaign
     from mcnav.report import terminal
-    from mcnav.workflow.run import check_scenario
+    from mcnav.workflow.check import check_any
 
-    checks = check_scenario(read_campaign(campaign))
-    out.print(terminal.checks([(check.name, check.passed, check.told) for check in checks]))
-    if not all(check.passed for check in checks):
+    checked = check_any(file, _named_columns(column))
+    for place, each in enumerate(checked):
+        if place:
+            out.print()
+        out.print(terminal.checks(each.title, [(check.name, check.passed, check.told) for check in each.checks]))
+    passed = all(check.passed for each in checked for check in each.checks)
+    _print_next(next_command.after_check(file, checked[0].campaign, passed))
+    if not passed:
         raise typer.Exit(CHECK_FAILED)
 
 
@@ -891,11 +1008,15 @@ def trajectory(
             autocompletion=completion.campaigns_and_trajectories,
         ),
     ],
-    page: Annotated[Path | None, typer.Option("--out", help="Also write figures as an HTML page.")] = None,
+    page: Annotated[
+        Path | None, typer.Option("--out", help="Also write a page: a folder, or a file ending in .html.")
+    ] = None,
     column: NamedColumns = None,
     form: FormatOption = "table",
 ) -> None:
-    """Check and describe a trajectory: rows, ranges, largest force and turn rate, agreement of the velocities.
+    """Describe a trajectory: rows, ranges, forces, turn rates.
+
+    It also shows how well velocities agree with positions.
 
     Example: mcnav trajectory campaigns/flight.csv --out flight.html
     """
@@ -915,7 +1036,10 @@ def trajectory(
     else:
         out.print(printed(described.terminal(result)))
     if page is not None:
-        _print_written(write_texts(page.parent, {page.name: page_html(described.page(result))}))
+        file = output_file(page, f"{campaign.stem}_trajectory.html", [".html"])
+        _print_written(write_texts(file.parent, {file.name: page_html(described.page(result))}))
+    if form == "table":
+        _print_next(next_command.after_trajectory(campaign))
 
 
 @_command()
@@ -959,9 +1083,10 @@ def identify(
     ] = None,
     form: FormatOption = "table",
 ) -> None:
-    """Identify the noise of an inertial measurement unit from logs at rest, with intervals and a test of fit.
+    """Identify the noise of an inertial unit from logs at rest.
 
-    Several logs of one unit give its noise in common, and the bias from one turn-on to the next.
+    Every value has an interval, and the model a test of fit. Several logs of one unit give its noise in common, and
+    the bias from one turn-on to the next.
 
     Example: mcnav identify static.csv --unit gyro=deg/s --out reports/unit
     """
@@ -979,7 +1104,9 @@ def identify(
         _export(form, [vars(row) for row in report.parameters], identification_table(report))
     if folder is not None:
         out.print()
-        _print_written(write_texts(folder, files_of(report)))
+        _print_written(write_texts(output_folder(folder, folder), files_of(report)))
+    if form == "table":
+        _print_next(next_command.after_identification(logs, folder, campaign))
 
 
 @_command()
@@ -994,9 +1121,9 @@ def imu(
     ] = None,
     form: FormatOption = "table",
 ) -> None:
-    """List the catalogue of inertial measurement units, or the values of one with their sources.
+    """List the catalogue of inertial measurement units.
 
-    A campaign takes one with grade = "NAME" in [imu].
+    With NAME, list the values of one with their sources. A campaign takes one with grade = "NAME" in [imu].
 
     Example: mcnav imu navigation
     """
@@ -1018,8 +1145,10 @@ def imu(
         _export(form, rows, {"values": rows})
     elif name is None:
         out.print(fitted(instruments.catalogue({unit.name: unit.title for unit in units.values()}, values)))
+        _print_next(next_command.written("imu", next(iter(units))))
     else:
         out.print(fitted(instruments.values(units[name].title, values)))
+        _print_next(next_command.written("new", "ins", "mine", "--imu", name))
 
 
 app.add_typer(new, name="new")
@@ -1040,7 +1169,7 @@ def new_campaign(
 
     (written,) = new_campaign(name, into, kind)
     _print_written((written, *write_schema(written.parent)))
-    _print(f"\nnext: mcnav run {written}")
+    _print_next(next_command.written("run", written))
 
 
 @_command("ins", new)
@@ -1075,9 +1204,10 @@ def new_ins(
     column: NamedColumns = None,
     into: Into = Path(),
 ) -> None:
-    """Write a commented campaign file of an inertial navigation in three dimensions, and its schema for editors.
+    """Write a campaign of an inertial navigation, with comments.
 
-    --aid repeats; --trajectory FILE takes a flight of your own.
+    It is in three dimensions; the schema for editors stands beside it. --aid repeats; --trajectory FILE takes a
+    flight of your own.
 
     Example: mcnav new ins mine --imu tactical --aid gnss --aid altimeter
     """
@@ -1087,7 +1217,7 @@ def new_ins(
     wanted = NewIns(unit, tuple(aid or ()), platform, trajectory, _named_columns(column))
     (written,) = new_ins(name, into, wanted)
     _print_written((written, *write_schema(written.parent)))
-    _print(f"\nnext: mcnav run {written}")
+    _print_next(next_command.written("run", written))
 
 
 @_command("scenario", new)
@@ -1099,7 +1229,7 @@ def new_scenario(
     ] = False,
     into: Into = Path(),
 ) -> None:
-    """Write a scenario class, a campaign that uses it, and its test.
+    """Write a scenario class, a campaign that uses it, its test.
 
     Example: mcnav new scenario my_system
     """
@@ -1109,47 +1239,54 @@ def new_scenario(
     code, campaign, test = new_scenario(name, into, stochastic, closed_loop)
     method = "rates and guide" if closed_loop else "fly" if stochastic else "propagate"
     _print_written((code, campaign, test, *write_schema(code.parent)))
-    _print(f"\nnext: mcnav run {campaign}, then change {method} in {code}")
+    _print_next(f"{next_command.written('run', campaign)}, then change {method} in {code}")
 
 
 @_command()
 def schema(
-    file: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write it into a file.")] = None,
+    into: Annotated[
+        Path | None, typer.Option("--out", help="Write it into a folder, or a file ending in .json.")
+    ] = None,
 ) -> None:
-    """Print the JSON schema of campaign files, by which editors complete, describe and check them.
+    """Print the JSON schema of campaign files, for editors.
 
-    A campaign names it in its first line: #:schema ./mcnav.schema.json
+    Editors complete, describe and check campaigns by it. A campaign names it in its first line: #:schema
+    ./mcnav.schema.json
 
     Example: mcnav schema --out mcnav.schema.json
     """
-    from mcnav.config.json_schema.files import schema_text
+    from mcnav.config.json_schema.files import SCHEMA_FILE, schema_text
     from mcnav.files import write_texts
 
-    if file is None:
+    if into is None:
         sys.stdout.write(schema_text())
     else:
+        file = output_file(into, SCHEMA_FILE, [".json"])
         _print_written(write_texts(file.parent, {file.name: schema_text()}))
+        _print_next(next_command.written("docs", "campaigns"))
 
 
 @_command("compile")
 def compile_all(
     into: Annotated[
-        Path | None, typer.Option("--into", metavar="FOLDER", help="Write objects there, which a wheel may hold.")
+        Path | None,
+        typer.Option("--out", "--into", metavar="FOLDER", help="Write objects there, which a wheel may hold."),
     ] = None,
     level: Annotated[
         Literal["x86-64-v3", "x86-64-v4"] | None,
         typer.Option(help="Processor that objects are for [default: the highest level of this one]."),
     ] = None,
     only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="An example in place of all; repeat.")] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel processes.")] = 2,
 ) -> None:
-    """Compile all kernels beforehand, so that no later command does: for images and clusters.
+    """Compile all kernels beforehand, for images and clusters.
 
-    Every example is run with a few samples, by each engine.
+    No later command compiles then. Every example is run with a few samples, by each engine. A line says what is done.
 
     Example: mcnav compile
     """
     if level is not None and into is None:
-        raise _fail("--level: is for objects; give --into FOLDER")
+        raise _fail("--level: is for objects; give --out FOLDER")
     if into is not None:
         from mcnav.compiled.target import choose_objects
 
@@ -1158,13 +1295,12 @@ def compile_all(
         except ValueError as wrong:
             raise _fail(f"--level: {wrong}") from None
     from mcnav.entries.examples import example
-    from mcnav.report import progress
     from mcnav.studies.precompile import compile_kernels
 
     names = [example(name).stem for name in only or ()]
-    with progress.shown(err) as shown:
-        count = compile_kernels(names, shown)
+    count = compile_kernels(names, jobs, lambda line: err.print(line, highlight=False, soft_wrap=True))
     out.print(f"{count} functions compiled, all others were stored")
+    _print_next(next_command.written("demo"))
 
 
 @app.command(cls=_Command)
@@ -1193,7 +1329,9 @@ def reproduce(
     ],
     folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/DOCUMENT].")] = None,
 ) -> None:
-    """Recompute the numbers and figures of a published document; write a page and CSV files.
+    """Recompute the numbers and figures of a publication.
+
+    They are written as a page and CSV files.
 
     Example: mcnav reproduce textbook --out recomputed
     """
@@ -1203,9 +1341,11 @@ def reproduce(
     from mcnav.validation.reproduce.textbook import page as textbook_page
     from mcnav.validation.reproduce.tn_d1772 import page
 
-    target = folder or Path("reports") / document
+    target = output_folder(folder, Path("reports") / document)
+    following = next_command.written("docs", "story" if document == "story-of-84-minutes" else document)
     if document == "story-of-84-minutes":
         _print_written(story_page.write(target))
+        _print_next(following)
         return
     if document == "textbook":
         numbers, written = textbook_page.write(target)
@@ -1213,12 +1353,14 @@ def reproduce(
         for agreement, count in Counter(number.agreement for number in numbers).most_common():
             out.print(f"{count:6} {textbook_page.PHRASES[agreement]}")
         _print_written(written)
+        _print_next(following)
         return
     cells, files = page.write_reproduction(target)
     out.print(f"{len(cells)} printed numbers")
     for mark, count in Counter(cell.mark for cell in cells).most_common():
         out.print(f"{count:6} {page.PHRASES[mark]}")
     _print(f"\nwritten: {files[0]}\nand {len(files) - 1} tables in the same folder")
+    _print_next(following)
 
 
 @_command()
@@ -1227,19 +1369,21 @@ def calibrate(
     jobs: Annotated[int, typer.Option(min=1, help="Parallel processes.")] = 2,
     folder: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("reports/calibration"),
 ) -> None:
-    """Validate the statistics: coverage of intervals, false alarms and power; write a page and a CSV file.
+    """Measure error rates of intervals, tests and verdicts.
 
-    The campaigns are synthetic and their moments known. Every measured rate has its binomial interval.
+    Coverage, false alarms and power are written as a page and a CSV file. The campaigns are synthetic and their
+    moments known. Every measured rate has its binomial interval.
 
     Example: mcnav calibrate --trials 100
     """
     from mcnav.validation.calibration import page
 
-    table, files = page.write_calibration(folder, trials, jobs)
+    table, files = page.write_calibration(output_folder(folder, folder), trials, jobs)
     for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
         out.print(f"{count:6} rates {finding}")
     out.print()
     _print_written(files)
+    _print_next(next_command.written("docs", "method"))
 
 
 def _prepare_process() -> None:

@@ -128,18 +128,31 @@ def read_whole(path: Path, most: int) -> bytes:
         return file.read(most)
 
 
-def parquet_bytes(table: pa.Table, text: Sequence[str] = ()) -> bytes:
-    """Encode a parquet file with page checksums; the same table gives the same bytes."""
+def parquet_bytes(table: pa.Table, text: Sequence[str] = (), described_twice: bool = False) -> bytes:
+    """Encode a parquet file with page checksums; the same table gives the same bytes.
+
+    Parameters
+    ----------
+    text : sequence of str
+        Columns of texts.
+    described_twice : bool
+        Whether the file has Arrow's own description besides that of parquet, as files of earlier versions have: it
+        repeats all metadata, and adds nothing to numbers and texts.
+    """
     numbers = [name for name in table.column_names if name not in text]
-    buffer = io.BytesIO()
-    pq.write_table(
-        table,
+    marks, buffer = table.schema.metadata or {}, io.BytesIO()
+    with pq.ParquetWriter(
         buffer,
+        table.schema,
         compression="zstd",
         use_dictionary=list(text),
         use_byte_stream_split=[name for name in numbers if pa.types.is_floating(table.schema.field(name).type)],
         write_page_checksum=True,
-    )
+        store_schema=described_twice,
+    ) as file:
+        file.write_table(table)
+        if not described_twice:
+            file.add_key_value_metadata(marks)
     return buffer.getvalue()
 
 

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
-from jinja2 import Environment
 from numpy.typing import NDArray
 
 from mcnav._threads import one_thread
@@ -28,6 +27,7 @@ from mcnav.config.sweep_values import POINTS
 from mcnav.errors import reading_file, suggestion
 from mcnav.report import sentences
 from mcnav.report.arrays import arrays
+from mcnav.report.card import run_card
 from mcnav.report.dataset import dataset
 from mcnav.report.figures.figure import Figure
 from mcnav.report.model import RunAnalysis
@@ -47,13 +47,6 @@ from mcnav.workflow.export import result_tables, write_export
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure as MplFigure
-
-SHOWN = """<div><p><strong>{{ name }}</strong>: {{ headline }}</p><p>{{ explanation }}</p>
-<table><thead><tr><th></th>{% for column in table.columns %}<th>{{ column }}</th>{% endfor %}</tr></thead>
-<tbody>{% for index, row in table.iterrows() %}<tr><th>{{ index }}</th>
-{% for value in row %}<td>{{ "%.5g" | format(value) if value is number else value }}</td>{% endfor %}</tr>{% endfor %}
-</tbody></table></div>"""
-
 
 NAMES: Final = {
     "ratio_paired": "paired ratio", "ratio_paired_from": "from", "ratio_paired_to": "to",
@@ -228,17 +221,9 @@ class FlownRun:
         return self.drawings[name].figure()
 
     def _repr_html_(self) -> str:
-        """Show the verdict, and linear and Monte Carlo sigmas."""
-        return (
-            Environment(autoescape=True)
-            .from_string(SHOWN)
-            .render(
-                name=self.content.summary.campaign,
-                headline=self._headline,
-                explanation=sentences.explanation(self.content.summary),
-                table=self.outputs,
-            )
-        )
+        """Show the verdicts, sigmas, error budget and errors over time, as a card."""
+        with one_thread():
+            return run_card(self.content)
 
     def __repr__(self) -> str:
         return f"{self.content.summary.campaign}: {self._headline}"

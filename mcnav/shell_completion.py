@@ -77,6 +77,11 @@ def campaigns_and_trajectories(incomplete: str) -> list[str]:
     return campaigns(incomplete) + trajectories(incomplete)
 
 
+def checkable(incomplete: str) -> list[str]:
+    """Return campaign files, code, and trajectory files."""
+    return [*campaigns_and_trajectories(incomplete), *_quoted(_walk(incomplete, ".py"))]
+
+
 def runs(incomplete: str) -> list[str]:
     """Return run folders: those with a manifest."""
     return _quoted(path.removesuffix("/manifest.json") for path in _walk(incomplete, "/manifest.json"))

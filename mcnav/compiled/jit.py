@@ -33,7 +33,7 @@ from numba.core import event
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import FunctionCache, UserWideCacheLocator
 
-from mcnav.compiled.objects import Code, sources_digest
+from mcnav.compiled.objects import Code, CodeFiles, libraries, sources_digest
 from mcnav.compiled.parts import LoopCompiler, PartCompiler, give_entry
 from mcnav.compiled.target import choose_target
 from mcnav.progress import COMPILATION
@@ -79,6 +79,21 @@ TOLD: Final = "MCNAV_TOLD_THAT_CODE_CANNOT_BE_STORED"
 """Variable of the environment that a command's worker processes have from it: they do not say it again."""
 
 
+class _HomeLocator(UserWideCacheLocator):  # type: ignore[misc]
+    """Place of stored code in the home folder; none for a user without one, where numba makes a folder named ~."""
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> _HomeLocator | None:
+        """Return the place for a function."""
+        if not Path(cls(function, file).get_cache_path()).is_absolute():
+            return None
+        return cast(_HomeLocator | None, super().from_function(function, file))
+
+
+_PLACES: Final = FunctionCache._impl_class._locator_classes
+_PLACES[_PLACES.index(UserWideCacheLocator)] = _HomeLocator
+
+
 def _stored_code(function: Callable[..., Any]) -> FunctionCache | None:
     """Return numba's cache of a function, valid for the sources; none where no folder for it can be written to."""
     try:
@@ -88,7 +103,8 @@ def _stored_code(function: Callable[..., Any]) -> FunctionCache | None:
             raise
         return None
     stored = cached._cache_file
-    stored._source_stamp = (*stored._source_stamp, sources_digest())
+    stamp = (*stored._source_stamp, libraries(), sources_digest())
+    cached._cache_file = CodeFiles(cached.cache_path, cached._impl.filename_base, stamp)
     return cached
 
 

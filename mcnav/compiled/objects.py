@@ -1,26 +1,32 @@
 """Machine code of kernels: that which comes with an installation, and that which is stored where it was compiled.
 
 An installation's objects are in one folder for each processor (`mcnav.compiled.target`) and version. Its name,
-`objects_folder`, has a digest of all that machine code depends on: the processor, Python, numba, llvmlite and the
-content of all files whose functions and constants it may contain. Where one differs there is no such folder, and code
-is compiled. Within it numba asks, as in a cache of its own, for the content of the function's file, the types of its
-arguments and its byte code.
+`objects_folder`, has a digest of all that machine code depends on: the processor, Python, the libraries of which some
+compile it and others have constants that it contains, and the content of all files whose functions and constants it may
+contain. Where one differs there is no such folder, and code is compiled.
+
+Within it a file is one function for one set of types (`CodeFiles`), and begins with what it was compiled from: the
+content of the function's file, the types of its arguments, its byte code, and the processor. It is not read on where
+one of them differs. Code that is stored where it was compiled is in such files as well.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import pickle
 import re
 import sys
 from collections.abc import Callable
 from functools import cache, cached_property
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
 import llvmlite
 import llvmlite.binding as llvm
 import numba
+import numpy as np
 from numba.core.caching import Cache, FunctionCache, IndexDataCacheFile
 from numba.core.compiler import CompileResult
 
@@ -48,10 +54,16 @@ def sources_digest() -> str:
 
 
 @cache
+def libraries() -> tuple[str, ...]:
+    """Return the versions of libraries that compile, and of those from which constants are taken: steps of DOP853."""
+    return numba.__version__, llvmlite.__version__, np.__version__, version("scipy")
+
+
+@cache
 def objects_folder() -> Path:
     """Return the folder of objects that this process may use, whether it exists or not."""
     python = f"{sys.implementation.cache_tag}{sys.abiflags}"
-    needs = (target(), llvm.get_process_triple(), python, numba.__version__, llvmlite.__version__, sources_digest())
+    needs = (target(), llvm.get_process_triple(), python, *libraries(), sources_digest())
     name = f"{target()}-{python}-{hashlib.sha256(chr(10).join(needs).encode()).hexdigest()[:32]}"
     return Path(os.environ.get(INTO, OBJECTS)) / name
 
@@ -59,6 +71,37 @@ def objects_folder() -> Path:
 @cache
 def _digest_of_file(path: str) -> str:
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+
+
+class CodeFiles(IndexDataCacheFile):  # type: ignore[misc]
+    """Files of a function's code, one for each set of types of its arguments.
+
+    numba lists its files in an index and numbers them. Processes that store code at the same time would take the same
+    number, and one of them could load the code of the other. Here a file is named after what it is compiled from and
+    begins with it; whichever process writes it last, it is whole and says what it is.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        """Store the code for a key, which has types, byte code and processor."""
+        with self._open_for_write(str(self._path(key))) as file:
+            for part in (self._version, (self._source_stamp, key), data):
+                file.write(self._dump(part))
+
+    def load(self, key: Any) -> Any:
+        """Return the code for a key, if it is stored for the same version of numba and the same sources."""
+        try:
+            file = self._path(key).open("rb")
+        except FileNotFoundError:
+            return None
+        with file:
+            for part in (self._version, (self._source_stamp, key)):
+                if pickle.load(file) != part:
+                    return None
+            return pickle.load(file)
+
+    def _path(self, key: Any) -> Path:
+        name = self._data_name_pattern.format(number=0).removesuffix("0.nbc")
+        return Path(self._cache_path, f"{name}{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc")
 
 
 class Code(Cache):  # type: ignore[misc]
@@ -81,14 +124,14 @@ class Code(Cache):  # type: ignore[misc]
         self._py_func, self._find_stored, self._tell = function, stored, tell
 
     @cached_property
-    def _objects(self) -> IndexDataCacheFile | None:
+    def _objects(self) -> CodeFiles | None:
         folder, code = objects_folder(), self._py_func.__code__
         if INTO in os.environ:
             folder.mkdir(parents=True, exist_ok=True)
         elif not folder.is_dir():
             return None
         name = f"{self._py_func.__module__}.{self._py_func.__qualname__}-{code.co_firstlineno}"
-        return IndexDataCacheFile(str(folder), re.sub("[<>]", "", name), _digest_of_file(code.co_filename))
+        return CodeFiles(str(folder), re.sub("[<>]", "", name), _digest_of_file(code.co_filename))
 
     @cached_property
     def _stored(self) -> FunctionCache | None:

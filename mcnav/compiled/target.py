@@ -73,6 +73,10 @@ def choose_objects(into: Path, level: str | None) -> None:
 
 
 def target() -> str:
-    """Return the name of the processor that code is compiled for."""
+    """Return the name of the processor that code is compiled for, and whether it calls functions of Intel's SVML.
+
+    numba uses this library where it is installed; its functions round otherwise.
+    """
     choose_target()
-    return str(config.CPU_NAME or llvm.get_host_cpu_name())
+    name = str(config.CPU_NAME or llvm.get_host_cpu_name())
+    return f"{name} with SVML" if config.USING_SVML else name

@@ -160,7 +160,9 @@ def data_sheet_numbers(content: Mapping[str, Any], sources: tuple[Source, ...]) 
     sources : tuple of Source
         Of its scenario.
     """
+    gravity = content.get("gravity", {}).items()
     numbers = [*_of_imu(content.get("imu", {})), *_of_errors(content.get("errors", {}), sources)]
+    numbers += [DataSheetNumber(f"gravity.{key}", entry, frozenset([f"gravity_{key}"]), {}) for key, entry in gravity]
     for sensor in content.get("aiding", []):
         name, kind = sensor.get("name", sensor["type"].replace("-", "_")), SENSOR_TYPES[sensor["type"]]
         keys = [key for key in keys_of_errors(kind) if key in sensor and key != "lever_arm"]
@@ -189,7 +191,7 @@ def believed_numbers(content: Mapping[str, Any]) -> list[DataSheetNumber]:
     """List the sizes that a filter believes in place of the true ones: they are settings, and change no error."""
     believes = content.get("filter", {}).get("believes", {})
     tables = {f"imu.{name}": believes.get("imu", {}).get(name, {}) for name in KINDS}
-    tables |= {name: believes.get(name, {}) for name in ("errors", *OF_LOOPS)}
+    tables |= {name: believes.get(name, {}) for name in ("gravity", "errors", *OF_LOOPS)}
     tables |= {f"aiding.{name}": entries for name, entries in believes.get("aiding", {}).items()}
     numbers = [
         DataSheetNumber(f"filter.believes.{table}.{key}", entry, frozenset(), {})

@@ -37,7 +37,10 @@ SIZES: Final = ("sigma", "allan_minimum", "step", "half_width", "value", "scale"
 
 ALL_AXES: Final = (AXES, CROSS_AXES, LEVEL_AXES)
 
-PROCESSES: Final = ("bias_instability", "quantization", "correlated", "position_correlated", "velocity_correlated")
+PROCESSES: Final = (
+    "bias_instability", "quantization", "correlated", "position_correlated", "velocity_correlated", "deflection",
+    "anomaly",
+)  # fmt: skip
 """Keys whose tables have a ``sigma``."""
 
 

@@ -65,6 +65,25 @@ class ScalableEngine(Engine, Protocol):
         """
 
 
+class ConditionalNoise(Protocol):
+    """Samples whose noise is given what it adds to the linear outcomes of some outputs, and is random otherwise."""
+
+    def simulate(self, batch: Batch, added: Array) -> SimulationResult:
+        """Simulate samples whose noise adds so much to the linear outcomes of these outputs, shape (n, m), SI."""
+
+
+class ConditionalEngine(Engine, Protocol):
+    """An engine that simulates samples under conditions on their noise."""
+
+    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalNoise:
+        """Return the samples with conditions on what noise adds to some outputs, by number."""
+
+
+def conditions_noise(engine: Engine) -> TypeGuard[ConditionalEngine]:
+    """Return whether an engine simulates samples under conditions on their noise."""
+    return engine.noisy and hasattr(engine, "conditional_noise")
+
+
 def scales_noise(engine: Engine) -> TypeGuard[ScalableEngine]:
     """Return whether the noise of an engine can be multiplied."""
     return engine.noisy and hasattr(engine, "with_noise")

@@ -23,6 +23,7 @@ from mcnav.contract.scenario import (
     Scenario,
     ScenarioError,
     ScenarioWithUpdates,
+    SmoothedScenario,
     VariableStart,
 )
 
@@ -33,6 +34,7 @@ PROTOCOLS: Final[Mapping[frozenset[Capability], type]] = {
     frozenset({Capability.EPOCHS}): EpochScenario,
     frozenset({Capability.LINEAR_AT_ANY_TIME}): LinearAtAnyTime,
     frozenset({Capability.COVARIANCE}): CovarianceScenario,
+    frozenset({Capability.SMOOTHER}): SmoothedScenario,
     frozenset({Capability.START_TIMES}): VariableStart,
     frozenset({Capability.START_TIMES, Capability.NOISE}): NoisyStart,
     frozenset({Capability.UPDATES}): ScenarioWithUpdates,

@@ -13,7 +13,9 @@ are those that the filter used on this record. The covariances of the start, of 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 from typing import Final
 
 from mcnav._types import Array, IndexArray
@@ -30,10 +32,33 @@ class RecordedMeasurements:
     values : mapping of str to ndarray, shape (u, a)
         By quantity, along its axes, SI. A position is latitude, longitude and altitude; an attitude is roll, pitch and
         heading.
+
+    sigmas : mapping of str to ndarray, shape (u, a)
+        Of each measurement, of the quantities of which they are recorded.
     """
 
     times: Array
     values: Mapping[str, Array]
+    sigmas: Mapping[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class MeasurementFile:
+    """File with the measurements of a sensor.
+
+    Attributes
+    ----------
+    path : Path
+    columns, units : mapping of str to str
+        As `mcnav.read_track` takes them.
+    factor : float
+        Of the sigmas that the file states.
+    """
+
+    path: Path
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    factor: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -101,6 +126,8 @@ class Cause:
     unit, shown_in : str
     key : str
         Where the campaign has it, such as ``[imu.gyro] angle_random_walk``.
+    log_factor : float, optional
+        Factor of the sigmas of a log, whose root mean square is the size; the key is that of the factor.
     """
 
     name: str
@@ -108,6 +135,7 @@ class Cause:
     unit: str
     shown_in: str
     key: str
+    log_factor: float | None = None
 
 
 @dataclass(frozen=True)
@@ -151,6 +179,11 @@ class Part:
     cause: int
     places: IndexArray
     covariance: Array
+
+    @cached_property
+    def block(self) -> tuple[IndexArray, IndexArray]:
+        """Rows and columns of its part of a covariance of all errors, shapes (k, 1), (1, k)."""
+        return self.places[:, None], self.places[None]
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import Protocol, TypeGuard
 
@@ -11,7 +12,7 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import History, StartClock
 from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
-from mcnav.contract.recorded import FilteredRecord, Recording
+from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 
 
 class Capability(StrEnum):
@@ -52,6 +53,9 @@ class Capability(StrEnum):
 
     REMARKS = "remarks"
     """It notices where its linear model or its samples are not to be relied on."""
+
+    SMOOTHER = "smoother"
+    """Its filter is followed by a smoother, of which linear analysis is known."""
 
     USER_CODE = "user code"
     """It runs code that may end the process."""
@@ -146,6 +150,13 @@ class LinearAtAnyTime(EpochScenario, Protocol):
     """A scenario that is `LINEAR_AT_ANY_TIME`."""
 
 
+class SmoothedScenario(LinearAtAnyTime, Protocol):
+    """A scenario with a `SMOOTHER`."""
+
+    def smoothed(self, times: Array) -> LinearSystem:
+        """Linearize the errors behind the smoother, at the readings of `linear`; `own` is what it claims."""
+
+
 class CovarianceScenario(LinearAtAnyTime, Protocol):
     """A scenario that knows its `COVARIANCE`."""
 
@@ -191,6 +202,10 @@ class Replayable(Scenario, Protocol):
 
 class RecordingScenario(FilterScenario, Protocol):
     """A scenario with `RECORDING`."""
+
+    @property
+    def logs(self) -> Mapping[str, MeasurementFile]:
+        """Files of the recorded sensors, by name."""
 
     def filter_recording(self, recording: Recording, mean: Array, covariance: Array) -> FilteredRecord:
         """Take the filter through a recorded flight, whose errors have a mean and a covariance; or `RecordingError`."""
@@ -239,6 +254,11 @@ def is_linear_at_any_time(scenario: Scenario) -> TypeGuard[LinearAtAnyTime]:
 def knows_covariance(scenario: Scenario) -> TypeGuard[CovarianceScenario]:
     """Return whether the covariance is known at any time without that of each cause."""
     return Capability.COVARIANCE in scenario.can
+
+
+def has_smoother(scenario: Scenario) -> TypeGuard[SmoothedScenario]:
+    """Return whether the filter of a scenario is followed by a smoother."""
+    return Capability.SMOOTHER in scenario.can
 
 
 def has_start_times(scenario: Scenario) -> TypeGuard[VariableStart]:

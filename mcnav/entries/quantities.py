@@ -72,6 +72,9 @@ TimePerLength = Annotated[float, QuantityIn("s/m")]
 PerLength = Annotated[float, QuantityIn("1/m")]
 
 
+Angle = Annotated[float, QuantityIn("rad")]
+
+
 AngularRate = Annotated[float, QuantityIn("rad/s")]
 
 

@@ -94,15 +94,17 @@ def _summary_layout(identity: Identity, design: str, samples: int) -> dict[str, 
     return {"summed": {"block": block, "chunk": summary_chunk(SLOW, samples)}}
 
 
-def check_resumable(folder: RunFolder, identity: Identity, design: str, samples: int) -> list[str]:
+def check_resumable(folder: RunFolder, identity: Identity, design: str, samples: int) -> tuple[list[str], str]:
     """Raise `RunFolderError` when a folder holds another run: its results are neither mixed with nor overwritten.
 
     A damaged manifest is replaced when the chunks beside it are of this very run.
 
     Returns
     -------
-    list of str
-        Notices for the user.
+    notices : list of str
+        For the user.
+    processors : str
+        All processors for which code has simulated the run's samples, or does now.
     """
     damage: RunFolderError | None = None
     try:
@@ -111,7 +113,7 @@ def check_resumable(folder: RunFolder, identity: Identity, design: str, samples:
         earlier, damage = None, failure
     if earlier is not None:
         _refuse_changed(folder, earlier.identity, identity, design, samples)
-        return _other_processor(folder, earlier.processor)
+        return _processors(folder, earlier.processor)
     stored = identities_in(folder.chunk_folder)
     if stored - {chunk_digest(identity, design, samples)}:
         state = "missing" if damage is None else "damaged"
@@ -119,18 +121,21 @@ def check_resumable(folder: RunFolder, identity: Identity, design: str, samples:
             f"{folder.path}: holds samples of another run, and the {MANIFEST} that would say which is {state}; {REMEDY}"
         )
     if damage is None:
-        return []
-    return [f"{folder.path / MANIFEST}: was damaged; it is written again, and stored samples are believed by content"]
+        return [], target()
+    notice = f"{folder.path / MANIFEST}: was damaged; it is written again, and stored samples are believed by content"
+    return [notice], target()
 
 
-def _other_processor(folder: RunFolder, earlier: str | None) -> list[str]:
-    """Return a notice where a run was begun with code for another processor than this one's."""
-    if earlier in (None, target()):
-        return []
-    return [
-        f"{folder.path}: was begun with code for {earlier}, and continues with code for {target()}; "
-        "samples of the two may differ in their last digits"
-    ]
+def _processors(folder: RunFolder, earlier: str | None) -> tuple[list[str], str]:
+    """Return a notice where a run has samples by code for another processor than this one's, and all processors."""
+    here = target()
+    if earlier in (None, here):
+        return [], here
+    notice = (
+        f"{folder.path}: has samples by code for {earlier}, and continues with code for {here}; "
+        "samples for different processors may differ in their last digits"
+    )
+    return [notice], ", ".join(dict.fromkeys([*earlier.split(", "), here]))
 
 
 def check_no_foreign_files(folder: RunFolder) -> None:

@@ -1,7 +1,7 @@
 """The noise model of one axis from its record: candidates, the choice among them, estimates with intervals.
 
 Every candidate has white noise; quantization and one slow process, a rate random walk or a Gauss-Markov process, may
-come with it. The candidate with the smallest ``−2 log L + 4 (number of parameters)`` is chosen, and its margin over the
+come with it. The candidate with the smallest ``−2 log L + 6 (number of parameters)`` is chosen, and its margin over the
 next is stated: a margin below 4 tells little.
 """
 
@@ -45,8 +45,8 @@ LONGEST_RECORD: Final = 10 * 365.25 * 86_400.0
 ROUGHLY: Final = 1e-2
 """Decrement of −2 log L at which a first maximum, from which others start, is near enough."""
 
-PENALTY: Final = 4.0
-"""Price of a parameter, in −2 log L: one that is not there is taken in 2 of 100 records."""
+PENALTY: Final = 6.0
+"""Price of a parameter, in −2 log L: one that is not there is taken in 0.7 of 100 records."""
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,9 @@ from mcnav.judgement.statistics import mean_nees, sensor_statistics
 GRID: Final = (0.1, 0.3, 0.6, 0.9, 1.0, 1.1, 1.7, 3.0, 10.0)
 """Factors of a size that are tried."""
 
+TOGETHER: Final = 4_000
+"""Records, over all sets of sizes, that are whitened together: few of them take as long as these."""
+
 LEVEL: Final = 0.05
 """Probability of a false alarm."""
 
@@ -216,19 +219,19 @@ class _Everything:
             names.append(f"{group} NEES")
         return np.array(values), names
 
-    def _sums(self, factors: dict[int, float]) -> Sums:
-        """Whiten all but the offsets' records and sum."""
-        p, first = self.trials, self.given + self.count
+    def _sums(self, factors: Sequence[dict[int, float]]) -> list[Sums]:
+        """Whiten all but the offsets' records with each set of sizes, and sum."""
+        p, first, f = self.trials, self.given + self.count, len(factors)
         wanted = slice(0, first + self.causes * p)
-        squares = np.zeros(first)
-        pairs, added, total = np.zeros((self.causes, p)), np.zeros((self.causes, p)), 0.0
-        for whitened, log_determinant in whiten(self.record, self.columns.chosen(wanted), factors):
-            total += log_determinant
-            squares += np.einsum("cr,cr->r", whitened[:, :first], whitened[:, :first])
-            alone = whitened[:, first:].reshape(len(whitened), self.causes, p)
-            pairs += np.einsum("cp,cjp->jp", whitened[:, self.given : self.given + p], alone)
-            added += np.einsum("cjp,cjp->jp", alone, alone)
-        return Sums(squares, pairs, added, total)
+        squares = np.zeros((f, first))
+        pairs, added, total = np.zeros((f, self.causes, p)), np.zeros((f, self.causes, p)), np.zeros(f)
+        for whitened, log_determinants in whiten(self.record, self.columns.chosen(wanted), factors):
+            total += log_determinants
+            squares += np.einsum("fcr,fcr->fr", whitened[:, :, :first], whitened[:, :, :first])
+            alone = whitened[:, :, first:].reshape(f, whitened.shape[1], self.causes, p)
+            pairs += np.einsum("fcp,fcjp->fjp", whitened[:, :, self.given : self.given + p], alone)
+            added += np.einsum("fcjp,fcjp->fjp", alone, alone)
+        return [Sums(*each) for each in zip(squares, pairs, added, total.tolist(), strict=True)]
 
     def _gains_of_causes(self, base: Sums) -> tuple[Array, Array]:
         """Compute the gains of all causes: of records, (j, given + N), and with one size multiplied, (j, j, f, p)."""
@@ -243,14 +246,14 @@ class _Everything:
             return np.asarray(sums.squares[here] + 2.0 * extra[:, None] * pairs + extra[:, None] ** 2 * added)
 
         at_one = changed(base)
-        for cause in range(self.causes):
-            for place, factor in enumerate(GRID):
-                if factor == 1.0:
-                    continue
-                sums = self._sums({cause: factor})
+        places = [(cause, place) for cause in range(self.causes) for place, factor in enumerate(GRID) if factor != 1.0]
+        together = max(1, TOGETHER // (self.given + self.count + self.causes * self.trials))
+        for begin in range(0, len(places), together):
+            some = places[begin : begin + together]
+            for at, sums in zip(some, self._sums([{cause: GRID[place]} for cause, place in some]), strict=True):
                 grown = base.log_determinant - sums.log_determinant
-                values[cause, place] = 0.5 * (base.squares - sums.squares + grown)
-                powers[cause, place] = 0.5 * (at_one - changed(sums) + grown)
+                values[at] = 0.5 * (base.squares - sums.squares + grown)
+                powers[at] = 0.5 * (at_one - changed(sums) + grown)
         return _highest(values), _highest(powers)
 
     def _base(self) -> tuple[Sums, list[_OffsetSums]]:
@@ -260,8 +263,8 @@ class _Everything:
         sizes = [len(offset.states) for offset in self.record.offsets]
         offsets = [_OffsetSums.empty(size, first, self.causes, p) for size in sizes]
         squares, pairs, added, total = np.zeros(first), np.zeros((self.causes, p)), np.zeros((self.causes, p)), 0.0
-        for whitened, log_determinant in whiten(self.record, self.columns, {}):
-            total += log_determinant
+        for (whitened,), (log_determinant,) in whiten(self.record, self.columns, [{}]):
+            total += float(log_determinant)
             squares += np.einsum("cr,cr->r", whitened[:, :first], whitened[:, :first])
             alone = whitened[:, first:last].reshape(len(whitened), self.causes, p)
             pairs += np.einsum("cp,cjp->jp", whitened[:, self.given : self.given + p], alone)

@@ -12,13 +12,12 @@ Anderson and Moore 1979, *Optimal Filtering*, section 10.5).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import brentq, minimize_scalar
 
 from mcnav._types import Array
@@ -33,55 +32,60 @@ DROP: Final = 1.920729410347062
 
 
 def whiten(
-    record: FilteredRecord, innovations: Innovations, factors: Mapping[int, float]
-) -> Iterator[tuple[Array, float]]:
-    """Whiten the innovations of R records, stage by stage.
+    record: FilteredRecord, innovations: Innovations, factors: Sequence[Mapping[int, float]]
+) -> Iterator[tuple[Array, Array]]:
+    """Whiten the innovations of R records, stage by stage, with each of f sets of sizes.
 
     Parameters
     ----------
-    factors : mapping of int to float
+    factors : sequence of mapping of int to float
         By cause; of others one.
 
     Yields
     ------
-    tuple of ndarray, float
-        Whitened innovations, shape (c, R), and log det S.
+    tuple of ndarray
+        Whitened innovations, shape (f, c, R), and log det S, shape (f,).
     """
-    scale = np.array([factors.get(int(cause), 1.0) for cause in record.initial_causes])
-    covariance = record.to_states @ (record.initial * np.outer(scale, scale)) @ record.to_states.T
-    mean = np.repeat(record.mean[:, None], len(innovations), axis=1)
+    scale = np.ones((len(factors), len(record.causes) + 1))  # the last column is that of no cause, -1
+    for row, each in zip(scale, factors, strict=True):
+        row[list(each)] = list(each.values())
+    initial = scale[:, record.initial_causes]
+    covariance = record.to_states @ (record.initial * initial[:, :, None] * initial[:, None, :]) @ record.to_states.T
+    mean = np.repeat(np.repeat(record.mean[:, None], len(innovations), axis=1)[None], len(factors), axis=0)
     estimates = np.zeros((len(record.stages[0].decay), len(innovations)))
+    squared = scale[:, :, None, None] ** 2
     for stage, innovation in zip(record.stages, innovations.values, strict=True):
         if stage.transition is not None:
             mean = stage.transition @ mean
-            mean[:9] -= stage.feedback @ estimates
+            mean[:, :9] -= stage.feedback @ estimates
             estimates = stage.decay[:, None] * estimates
             covariance = stage.transition @ covariance @ stage.transition.T
             for part in stage.processes:
-                covariance[np.ix_(part.places, part.places)] += part.covariance * factors.get(part.cause, 1.0) ** 2
+                covariance[:, *part.block] += part.covariance * squared[:, part.cause]
         cross = stage.response @ covariance
         total = cross @ stage.response.T
         for part in stage.noise:
-            total[np.ix_(part.places, part.places)] += part.covariance * factors.get(part.cause, 1.0) ** 2
+            total[:, *part.block] += part.covariance * squared[:, part.cause]
         try:
-            root = cholesky(total, lower=True, check_finite=False)
+            root = np.linalg.cholesky(total)
         except LinAlgError:
             raise LinAlgError(f"the covariance of an innovation lost its definiteness at {stage.time:.6g} s") from None
         residual = innovation - (stage.response @ mean - stage.own_response @ estimates)
-        whitened = solve_triangular(root, residual, lower=True, check_finite=False)
-        half = solve_triangular(root, cross, lower=True, check_finite=False)  # S^-1/2 H P
-        mean += half.T @ whitened
-        covariance -= half.T @ half
-        mean[:9] -= stage.gain[:9] @ innovation
+        whitened = np.linalg.solve(root, residual)
+        half = np.linalg.solve(root, cross)  # S^-1/2 H P
+        back = np.swapaxes(half, -1, -2)
+        mean += back @ whitened
+        covariance -= back @ half
+        mean[:, :9] -= stage.gain[:9] @ innovation
         estimates = estimates + stage.gain[9:] @ innovation
-        yield whitened, 2.0 * float(np.sum(np.log(np.diag(root))))
+        yield whitened, 2.0 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
 
 
-def log_likelihood(record: FilteredRecord, innovations: Innovations, factors: Mapping[int, float]) -> Array:
-    """Compute the log-likelihoods of R records, but for a constant, shape (R,)."""
-    total = np.zeros(len(innovations))
-    for whitened, log_determinant in whiten(record, innovations, factors):
-        total -= 0.5 * (np.einsum("cr,cr->r", whitened, whitened) + log_determinant)
+def log_likelihood(record: FilteredRecord, innovations: Innovations, factors: Sequence[Mapping[int, float]]) -> Array:
+    """Compute the log-likelihoods of R records with each of f sets of sizes, but for a constant, shape (f, R)."""
+    total = np.zeros((len(factors), len(innovations)))
+    for whitened, log_determinants in whiten(record, innovations, factors):
+        total -= 0.5 * (np.einsum("fcr,fcr->fr", whitened, whitened) + log_determinants[:, None])
     return total
 
 
@@ -113,13 +117,15 @@ def estimate_factor(record: FilteredRecord, innovations: Innovations, cause: int
         What the log-likelihood falls by at the ends of the interval.
     """
 
+    def values(logarithms: Array) -> Array:
+        return log_likelihood(record, innovations, [{cause: float(np.exp(each))} for each in logarithms])[:, 0]
+
     def value(logarithm: float) -> float:
-        return float(log_likelihood(record, innovations, {cause: float(np.exp(logarithm))})[0])
+        return float(values(np.array([logarithm]))[0])
 
     widest = float(np.log(WIDEST))
     grid = np.linspace(-widest, widest, 13)
-    values = [value(each) for each in grid]
-    best = int(np.argmax(values))
+    best = int(np.argmax(values(grid)))
     bounds = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
     least = minimize_scalar(lambda x: -value(x), bounds=bounds, method="bounded", options={"xatol": 1e-3})
     top, most = float(least.x), -float(least.fun)

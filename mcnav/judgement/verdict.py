@@ -79,6 +79,8 @@ class CauseVerdict:
         Estimated; none where it was not.
     gain : float
         Of the log-likelihood.
+    log_factor : float or None
+        That of the campaign, where the size is the root mean square of the sigmas of a log.
     noticed : float or None
         Smallest of `FACTORS` that is noticed in 9 of 10 records; none for none of them.
     found, named : tuple of float
@@ -95,6 +97,7 @@ class CauseVerdict:
     noticed: float | None
     found: tuple[float, ...]
     named: tuple[float, ...]
+    log_factor: float | None = None
 
 
 @dataclass(frozen=True)
@@ -200,7 +203,7 @@ def _causes(record: FilteredRecord, given: Innovations, assessment: Assessment) 
         noticed = next((size for size, share in zip(FACTORS, found, strict=True) if share >= SHARE), None)
         verdict = CauseVerdict(
             cause.name, cause.key, cause.size, cause.unit, cause.shown_in, factor, float(assessment.gains[number, 0]),
-            noticed, tuple(found.tolist()), tuple(named.tolist()),
+            noticed, tuple(found.tolist()), tuple(named.tolist()), cause.log_factor,
         )  # fmt: skip
         result.append(verdict)
     return tuple(result)

@@ -30,6 +30,12 @@ MOST_MISSING: Final = 0.01
 LEVEL: Final = 0.8
 """Share of the specific force along one axis at rest, from which that axis is taken to be vertical."""
 
+MOVING: Final = 0.1
+"""Difference of the specific force's size from that of gravity, as a share, beyond which the vehicle accelerates."""
+
+FIRST: Final = 1.0
+"""Part of a log whose specific force is compared with gravity, s."""
+
 
 @dataclass(frozen=True)
 class ImuLog:
@@ -224,31 +230,32 @@ def _checked(
     return notes
 
 
-def remark_on_axes(log: ImuLog, attitude: tuple[float, float] = (0.0, 0.0)) -> str | None:
-    """Say where gravity stands against an attitude at rest, for axes forward, right, down; nothing where it does not.
+def remark_on_axes(log: ImuLog, roll: float = 0.0, pitch: float = 0.0) -> str | None:
+    """Say that a log begins with gravity along another axis than forward, right, down have it; nothing if it does not.
+
+    A specific force that is as large as gravity to a tenth is that of gravity, and of less than half of it across.
 
     Parameters
     ----------
-    attitude : tuple of float
-        Roll and pitch that are declared, rad.
+    roll, pitch : float
+        Those that are declared, rad.
 
     Examples
     --------
     >>> flu = np.tile([0.0, 0.0, 9.8], (100, 1))
     >>> remark_on_axes(ImuLog(np.arange(100) / 100, 0.0, 0.01, None, flu, ()))
-    'at rest the specific force is along +z, for axes forward, right, down it is along -z; name columns so that it is'
+    'the specific force begins along +z, for axes forward, right, down it is along -z; name columns so that it is'
     """
     if log.accelerometer is None:
         return None
-    roll, pitch = attitude
     expected = -np.array([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)])
-    mean = log.accelerometer.mean(axis=0)
+    mean = log.accelerometer[log.time < log.time[0] + FIRST].mean(axis=0)
     size = float(np.linalg.norm(mean))
-    if size < STANDARD_GRAVITY / 2.0 or float(mean @ expected) > LEVEL * size:
+    if abs(size / STANDARD_GRAVITY - 1.0) > MOVING or float(mean @ expected) > LEVEL * size:
         return None
     came, wanted = _axis(mean), _axis(expected)
     return (
-        f"at rest the specific force is along {came}, for axes forward, right, down it is along {wanted}; "
+        f"the specific force begins along {came}, for axes forward, right, down it is along {wanted}; "
         "name columns so that it is"
     )
 

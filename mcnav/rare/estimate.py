@@ -4,6 +4,9 @@
 
 with v from a fitted `Proposal`, t* where the line enters the event, and t' a standard normal beyond t*, which is flown:
 each line carries its own check that the event goes on beyond its entry, and the estimate is unbiased where it does not.
+Each line has noise of its own, where there is any: what noise adds to the linear outcomes is among the coordinates of
+the line, and the expectation is over what is left of it as well.
+
 What lies before the entries, or away from the lines, is looked for by flights in other places (`mcnav.rare.search`).
 """
 
@@ -19,12 +22,15 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array, IndexArray
+from mcnav.rare.curvature import turned
 from mcnav.rare.facets import Facets, Outputs, linear_facets
+from mcnav.rare.flights import Flown, Outcomes, Places
 from mcnav.rare.interval import weights_interval
 from mcnav.rare.limits import Limit
-from mcnav.rare.lines import Margins, crossings
-from mcnav.rare.proposal import Proposal
+from mcnav.rare.lines import crossings
+from mcnav.rare.proposal import Proposal, hazard_at
 from mcnav.rare.search import Search, search_elsewhere
+from mcnav.rare.unseen import UnseenNoise
 
 END: Final = 3.5
 """How far beyond the farthest entry expected a line is followed."""
@@ -50,6 +56,9 @@ DISAGREEMENT: Final = 2.5
 
 MINOR: Final = 0.02
 """Share of a cell in the probability below which the pilot, of few lines there, is not compared with."""
+
+SCATTERED: Final = 2.5
+"""Variance of the logarithm of a line's probability by noise that the linear model does not see, at most."""
 
 NEVER: Final = 37.0
 """Entry of lines of which none was seen to enter; its probability is 1e-299."""
@@ -86,35 +95,20 @@ class Rare:
     sides: int = 0
 
 
-@dataclass
-class _Flown:
-    """Flights with their number; ``failed`` counts those without a result."""
-
-    margins: Margins
-    flights: int = 0
-    failed: int = 0
-
-    def __call__(self, points: Array) -> Array:
-        margin = self.margins(points)
-        self.flights += len(points)
-        self.failed += int(np.count_nonzero(np.isnan(margin)))
-        return margin
-
-
 @dataclass(frozen=True)
 class _Lines:
     """Lines that were followed.
 
-    Facet, v, entry and whether a flight beyond it fails, shape (n,); entries as points, shape (n, d); points before
-    the entry of a line that fail as well, shape (m, d); flights to find the entries.
+    Facet, v, entry and whether a flight beyond it fails, shape (n,); entries as points with their noise; points before
+    the entry of a line that fail as well; flights to find the entries.
     """
 
     facet: IndexArray
     across: Array
     entry: Array
     beyond: Array
-    points: Array
-    before: Array
+    points: Places
+    before: Places
     begin: Array
     flights: int
 
@@ -127,15 +121,18 @@ class _Lines:
 
 
 def estimate_probability(
-    fly: Outputs, linear: Outputs, limit: Limit, dimensions: int, seed: int, precision: float = 0.05,
-    confidence: float = 0.95, most: int = 1_000,
+    fly: Outcomes, linear: Outputs, limit: Limit, dimensions: int, seed: int, precision: float = 0.05,
+    confidence: float = 0.95, most: int = 1_000, noisy: bool = False,
 ) -> Rare:  # fmt: skip
     """Estimate the probability of a rare event.
 
     Parameters
     ----------
-    fly, linear : callable
-        Outputs of standard normals, shape (n, d), by simulation and by the linear model.
+    fly : callable
+        Outputs of standard normals, shape (n, d), and of the noise with some numbers, shape (n,), by simulation: with
+        the same numbers it returns the same, with others its noise is independent.
+    linear : callable
+        Outputs of standard normals by the linear model, to which noise adds nothing else.
     limit : Limit
         What the event is.
     dimensions : int
@@ -148,8 +145,10 @@ def estimate_probability(
         Of the two-sided interval.
     most : int
         Flights, about, at most.
+    noisy : bool
+        Whether flights depend on the number of their noise.
     """
-    flown = _Flown(lambda points: limit.margin(fly(points)))
+    flown = Flown(fly, limit)
     generator = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed)))
     facets = linear_facets(linear, limit, dimensions)
     if not len(facets.distances):
@@ -157,22 +156,25 @@ def estimate_probability(
     if float(np.min(facets.distances)) <= 0.0:
         return _refused(flown, "the nominal itself lies beyond the limit", dimensions)
     expected = lambda points: limit.margin(linear(points))  # noqa: E731
-    plan = _Plan(flown, expected, facets, generator)
+    facets = turned(facets, flown.outcomes(), limit, generator)
+    unseen = UnseenNoise.measure(flown, dimensions) if noisy else None
+    plan = _Plan(flown, expected, facets, generator, unseen)
     pilot, proposals = plan.pilot()
-    unexpected = np.vstack([pilot.before, pilot.points[(pilot.facet >= facets.foreseen) & np.isfinite(pilot.entry)]])
+    unforeseen = pilot.points[(pilot.facet >= facets.foreseen) & np.isfinite(pilot.entry)]
+    unexpected = pilot.before.and_also(unforeseen)
     search = search_elsewhere(flown, expected, facets, proposals, plan.nearest(pilot), unexpected, generator)
     flown.failed = 0  # far out flights may have no result
     if search.refusal:
         return _refused(flown, search.refusal, dimensions)
     if len(search.facets.distances) > len(facets.distances):
-        plan = _Plan(flown, expected, search.facets, generator)
+        plan = _Plan(flown, expected, search.facets, generator, unseen)
         pilot, proposals = plan.pilot()
     if len(pilot.before):
         return _refused(flown, BEFORE, dimensions)
     return plan.estimate(pilot, proposals, search, precision, confidence, most)
 
 
-def _refused(flown: _Flown, reason: str, dimensions: int) -> Rare:
+def _refused(flown: Flown, reason: str, dimensions: int) -> Rare:
     return Rare(math.nan, math.nan, math.nan, flown.flights, reason, np.full(dimensions, math.nan))
 
 
@@ -180,15 +182,16 @@ def _refused(flown: _Flown, reason: str, dimensions: int) -> Rare:
 class _Plan:
     """Lines along some half-spaces: those of the pilot, and those of the estimate."""
 
-    flown: _Flown
+    flown: Flown
     expected: Callable[[Array], Array]
     facets: Facets
     generator: np.random.Generator
+    unseen: UnseenNoise | None
 
     def follow(self, facet: IndexArray, across: Array, proposals: list[Proposal], check: bool = True) -> _Lines:
         """Follow lines, and fly a point beyond the entry of each, if that is checked, and before that of some."""
         facets, number = self.facets, len(facet)
-        feet, along = facets.feet(facet, across), facets.directions[facet]
+        feet, along, noise = facets.feet(facet, across), facets.directions[facet], self.flown.new_noise(number)
         nearest = float(np.min([each.constant for each in proposals]))
         ends = np.full(number, max(nearest, float(np.min(facets.distances))) + END)
         begins = np.maximum(facets.starts(facet, feet), -ends)
@@ -197,20 +200,21 @@ class _Plan:
         step = 1e-4
         at = feet + facets.distances[facet][:, None] * along
         slopes = (self.expected(at + step * along) - self.expected(at - step * along)) / (2.0 * step)
-        entered_at = crossings(self.flown, feet, along, guesses, slopes, begins, ends)
+        entered_at = crossings(self.flown, noise, feet, along, guesses, slopes, begins, ends)
         entry = entered_at.at
         uniform = self.generator.random((number, 2))
         entered = np.isfinite(entry)
         beyond, some = np.zeros(number), entered & (np.arange(number) % BETWEEN == 0)
         t = -special.ndtri(uniform[:, 0] * special.ndtr(-entry))
         if check:
-            beyond[entered] = ~(self.flown(feet[entered] + t[entered, None] * along[entered]) <= 0.0)
+            tails = feet[entered] + t[entered, None] * along[entered]
+            beyond[entered] = ~(self.flown(tails, noise[entered]) <= 0.0)
         begin = np.maximum(begins, 0.5 * entry)[some]
         t = begin + uniform[some, 1] * (entry[some] * (1.0 - 1e-2) - begin)
         inside = np.asarray(t > begins[some])
-        points = feet[some][inside] + t[inside, None] * along[some][inside]
-        before = points[~(self.flown(points) <= 0.0)]
-        entries = feet + np.where(entered, entry, 0.0)[:, None] * along
+        earlier = Places(feet[some][inside] + t[inside, None] * along[some][inside], noise[some][inside])
+        before = earlier[~(self.flown(earlier.points, earlier.noise) <= 0.0)]
+        entries = Places(feet + np.where(entered, entry, 0.0)[:, None] * along, noise)
         return _Lines(facet, across, entry, beyond, entries, before, begins, entered_at.flights)
 
     def pilot(self) -> tuple[_Lines, list[Proposal]]:
@@ -219,7 +223,7 @@ class _Plan:
         likely = facets.probabilities / np.max(facets.probabilities)
         likely[facets.foreseen : facets.foreseen + 1] = 0.0  # the opposite side
         lines = np.maximum(OTHERS, np.ceil(max(PILOT, 2 * d + 12) * likely / max(1.0, likely.sum() / 3.0)).astype(int))
-        facet = np.repeat(np.arange(len(lines)), lines if d else 1)
+        facet = np.repeat(np.arange(len(lines)), lines if d or self.unseen is not None else 1)
         plain = [Proposal.plain(d, float(each)) for each in facets.distances]
         followed = self.follow(facet, self.generator.standard_normal((len(facet), d)), plain, check=False)
         fitted = []
@@ -231,6 +235,8 @@ class _Plan:
             fit = Proposal.plain(d, float(np.mean(entered)) if len(entered) else NEVER)
             if d and count > d + 3:
                 fit = Proposal.fitted(followed.across[mine], entered, fit.constant)
+            if self.unseen is not None and fit.constant < NEVER:
+                fit = fit.with_scatter(*self.unseen.scatter(facets, j, self.flown.limit))
             fitted.append(fit.improved(normal, partial(self.begins, j))[0] if fit.constant < NEVER else fit)
         return followed, fitted
 
@@ -272,6 +278,9 @@ class _Plan:
         means = self.means(pilot)
         if not np.sum(means) > 0.0:
             return _refused(self.flown, "no flight fails where the linear model expects it", d)
+        scatter = self.unseen_scatter(int(np.argmax(means)), proposals)
+        if scatter > SCATTERED:
+            return _refused(self.flown, "noise that the linear model does not see moves the limit too far", d)
         shares = self.shares(pilot, proposals)
         per_line = pilot.flights / len(pilot.facet) + 1.0 + 1.0 / BETWEEN
         number = self.lines_needed(pilot, proposals, precision)
@@ -294,13 +303,22 @@ class _Plan:
         point = self.likely(lines, weights)
         return Rare(value, low, high, self.flown.flights, "", point, int(np.count_nonzero(parts > 0.01 * value)))
 
+    def unseen_scatter(self, facet: int, proposals: list[Proposal]) -> float:
+        """Return the variance of the logarithm of a line's probability by noise that the linear model does not see."""
+        if self.unseen is None:
+            return 0.0
+        proposal = proposals[facet]
+        at, by = self.unseen.scatter(self.facets, facet, self.flown.limit)
+        square = np.mean((at + by @ proposal.mean) ** 2) + np.mean(by**2, axis=0) @ proposal.spread**2
+        return float(square * hazard_at(proposal.constant) ** 2)
+
     def lines_needed(self, pilot: _Lines, proposals: list[Proposal], precision: float) -> float:
         """Return the lines that a relative standard error needs, from the scatter about the fit of the pilot."""
         j = int(np.argmax(self.means(pilot)))
         mine = (pilot.facet == j) & np.isfinite(pilot.entry) & (pilot.entry > pilot.begin)
         t, proposal = pilot.entry[mine], proposals[j]
         if len(t) < 8:
-            return math.inf if len(proposal.mean) else 0.0
+            return math.inf if len(proposal.mean) or self.unseen is not None else 0.0
         hazard = np.abs(t) + 1.0 / np.maximum(np.abs(t), 1.0)
         scatter = float(np.std(hazard * (t - proposal.entry(pilot.across[mine]))))
         freedom = max(len(t) - 2.0 * len(proposal.mean) - 2.0, 1.0)

@@ -14,7 +14,7 @@ so that every point of space is on one half-line of one cell, and
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -41,17 +41,27 @@ BEHIND: Final = 3.5
 
 @dataclass(frozen=True)
 class Facets:
-    """Half-spaces ``alpha_j . u > beta_j``: unit vectors, shape (facets, d), and distances, shape (facets,)."""
+    """Half-spaces ``alpha_j . u > beta_j``: unit vectors, shape (facets, d), and distances, shape (facets,).
+
+    ``turned`` are orthonormal bases of the planes perpendicular to the first directions, shape (some, d, d - 1).
+    """
 
     directions: Array
     distances: Array
     foreseen: int
     """Half-spaces of the linear model, which come first; the others are the opposite side and those of a search."""
 
+    turned: Array | None = None
+
     @cached_property
     def bases(self) -> Array:
         """Orthonormal bases of the planes perpendicular to the directions, shape (facets, d, d - 1)."""
-        return np.array([_across(each) for each in self.directions])
+        known = [] if self.turned is None else list(self.turned)
+        return np.array(known + [_across(each) for each in self.directions[len(known) :]])
+
+    def with_bases(self, bases: Array) -> Facets:
+        """Return the same with other bases."""
+        return replace(self, turned=bases)
 
     @property
     def probabilities(self) -> Array:
@@ -83,8 +93,9 @@ class Facets:
         """Return the half-spaces with one more, beyond the plane through a point perpendicular to its position."""
         distance = float(np.linalg.norm(point))
         return Facets(
-            np.vstack([self.directions, point / distance]), np.append(self.distances, distance), self.foreseen
-        )
+            np.vstack([self.directions, point / distance]), np.append(self.distances, distance), self.foreseen,
+            self.turned,
+        )  # fmt: skip
 
 
 def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:

@@ -83,4 +83,9 @@ class Distance:
         return np.full(len(self.normals), self.radius)
 
 
+def side_towards(limit: Limit, change: Array) -> Array:
+    """Return the normal of the side that a change of the outputs, shape (outputs,), approaches most directly."""
+    return np.asarray(limit.normals[int(np.argmax(limit.normals @ change))])
+
+
 Limit = Sides | Distance

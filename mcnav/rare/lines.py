@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
-
-Margins = Callable[[Array], Array]
-"""Function of standard normals, shape (n, d), that flies them and returns how far they are beyond the limit, (n,)."""
+from mcnav.rare.flights import NoisyMargins
 
 CLOSE: Final = 0.03
 """Last step of the secant method, times t: what remains is its square or less, and moves Phi(-t) by 0.1 %."""
@@ -59,13 +56,16 @@ class _Search:
 
 
 def crossings(
-    margins: Margins, feet: Array, directions: Array, guesses: Array, slopes: Array, begins: Array, ends: Array
-) -> Crossings:
+    margins: NoisyMargins, noise: IndexArray, feet: Array, directions: Array, guesses: Array, slopes: Array,
+    begins: Array, ends: Array,
+) -> Crossings:  # fmt: skip
     """Find where lines ``w + t alpha`` enter the event, by the secant method within brackets.
 
     Parameters
     ----------
     margins : callable
+    noise : ndarray of int, shape (n,)
+        Number of the noise of each line.
     feet, directions : ndarray, shape (n, d)
         w and alpha.
     guesses, slopes, begins, ends : ndarray, shape (n,)
@@ -84,7 +84,7 @@ def crossings(
         if not len(active):
             break
         t = now[active]
-        margin = margins(feet[active] + t[:, None] * directions[active])
+        margin = margins(feet[active] + t[:, None] * directions[active], noise[active])
         flights += len(active)
         state.before[active], state.before_margin[active] = state.last[active], state.last_margin[active]
         state.last[active], state.last_margin[active] = t, margin

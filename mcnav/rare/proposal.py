@@ -64,11 +64,28 @@ class Proposal:
         gradient, rest = solved[2 : 2 + dimensions], solved[2 + dimensions :]
         curvature = common + rest - np.mean(rest)
         constant = float(solved[0]) - common * dimensions
-        hazard = float(np.exp(-0.5 * constant**2) / np.sqrt(2.0 * np.pi) / special.ndtr(-constant))
+        return cls.of_fit(constant, gradient, curvature)
+
+    @classmethod
+    def of_fit(cls, constant: float, gradient: Array, curvature: Array) -> Proposal:
+        """Return the normal of a fit."""
+        hazard = hazard_at(constant)
         precision = np.clip(1.0 + 2.0 * hazard * curvature, WIDEST**-2, NARROWEST**-2)
         mean = -hazard * gradient / precision
         mean *= min(1.0, FARTHEST / max(float(np.linalg.norm(mean)), 1e-300))
         return cls(mean, precision**-0.5, constant, gradient, curvature)
+
+    def with_scatter(self, at: Array, by: Array) -> Proposal:
+        """Return that of entries at ``t* - h s^2(v) / 2``, with ``s^2`` the mean square of ``at + by @ v``.
+
+        Products in s^2 are left out; shapes (K,) and (K, d - 1).
+        """
+        half = 0.5 * hazard_at(self.constant)
+        return Proposal.of_fit(
+            self.constant - half * float(np.mean(at**2)),
+            self.gradient - 2.0 * half * np.mean(at[:, None] * by, axis=0),
+            self.curvature - half * np.mean(by**2, axis=0),
+        )
 
     def improved(self, normal: Array, begins: Callable[[Array], Array]) -> tuple[Proposal, float]:
         """Match mean and variance to the lines that matter by the fit, and return the variation that is left.
@@ -109,3 +126,8 @@ class Proposal:
     def entry(self, across: Array) -> Array:
         """Return the fitted t* at v, shape (n,)."""
         return np.asarray(self.constant + across @ self.gradient + across**2 @ self.curvature)
+
+
+def hazard_at(distance: float) -> float:
+    """Return the hazard ``phi(c) / Phi(-c)``."""
+    return float(np.exp(-0.5 * distance**2) / np.sqrt(2.0 * np.pi) / special.ndtr(-distance))

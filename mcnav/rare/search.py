@@ -18,7 +18,8 @@ from scipy import special
 
 from mcnav._types import Array
 from mcnav.rare.facets import Facets
-from mcnav.rare.lines import Margins, crossings
+from mcnav.rare.flights import Flown, Margins, Places
+from mcnav.rare.lines import crossings
 from mcnav.rare.proposal import Proposal
 
 RELEVANT: Final = 0.02
@@ -58,45 +59,51 @@ class Search:
 
 
 def search_elsewhere(
-    margins: Margins, expected: Callable[[Array], Array], facets: Facets, proposals: Sequence[Proposal],
-    nearest: float, unexpected: Array, generator: np.random.Generator,
+    flown: Flown, expected: Callable[[Array], Array], facets: Facets, proposals: Sequence[Proposal],
+    nearest: float, unexpected: Places, generator: np.random.Generator,
 ) -> Search:  # fmt: skip
     """Search for other ways to fail than those of the facets.
 
     Parameters
     ----------
-    margins, expected : callable
+    flown, expected : callable
         Margins of standard normals, shape (n, d), by flights and by the linear model.
     proposals : sequence of Proposal
         Of the lines of each facet.
     nearest : float
         Distance of a half-space as probable as the event.
-    unexpected : ndarray, shape (m, d)
+    unexpected : Places
         Points that failed already where none should.
     """
     far = float(-special.ndtri(RELEVANT * special.ndtr(-nearest)))
     points = other_places(facets, far, generator)
-    flights = len(points)
-    failed = (margins(points) > 0.0) & ~foreseen(points, expected, facets, proposals)
-    points = np.vstack([unexpected, points[failed]])
-    if not len(points):
+    elsewhere, flights = Places(points, flown.new_noise(len(points))), len(points)
+    failed = (flown(elsewhere.points, elsewhere.noise) > 0.0) & ~foreseen(points, expected, facets, proposals)
+    unexpected = unexpected.and_also(elsewhere[failed])
+    if not len(unexpected):
         return Search(facets, flights)
+    points = unexpected.points
     sizes = np.linalg.norm(points, axis=1)
     rays, zeros = points / sizes[:, None], np.zeros(len(points))
-    entries = crossings(margins, np.zeros(points.shape), rays, sizes, zeros, zeros, sizes * (1.0 + 1e-9))
+    entries = crossings(
+        flown, unexpected.noise, np.zeros(points.shape), rays, sizes, zeros, zeros, sizes * (1.0 + 1e-9)
+    )
     flights += entries.flights
     distances = np.minimum(entries.at, sizes)
-    followed = _follow(margins, facets, far, distances[:, None] * rays, entries.jumped)
+    entered = Places(distances[:, None] * rays, unexpected.noise)
+    followed = _follow(flown, facets, far, entered, entries.jumped)
     return Search(followed.facets, flights + followed.flights, followed.refusal)
 
 
-def _follow(margins: Margins, facets: Facets, far: float, points: Array, jumped: NDArray[np.bool_]) -> Search:
-    """Follow unexpected failures, shape (n, d), from the nearest on, and add the facets that lines do not pass."""
+def _follow(flown: Flown, facets: Facets, far: float, places: Places, jumped: NDArray[np.bool_]) -> Search:
+    """Follow unexpected failures from the nearest on, and add the facets that lines do not pass."""
+    points = places.points
     left, flights = np.argsort(np.linalg.norm(points, axis=1), kind="stable"), 0
     for _ in range(FOLLOWED):
         if not len(left):
             break
         i, left = left[0], left[1:]
+        margins = flown.with_noise(int(places.noise[i]))
         point, used, settled = (nearest_jump if jumped[i] else nearest_failure)(margins, points[i])
         flights += used
         size = float(np.linalg.norm(point))
@@ -181,7 +188,10 @@ def nearest_jump(margins: Margins, point: Array) -> tuple[Array, int, bool]:
     rays = point / size + ASIDE * np.eye(d)
     rays /= np.linalg.norm(rays, axis=1)[:, None]
     zeros = np.zeros(d)
-    entries = crossings(margins, np.zeros((d, d)), rays, np.full(d, size), zeros, zeros, np.full(d, 1.5 * size))
+    entries = crossings(
+        lambda points, noise: margins(points), np.zeros(d, dtype=np.int64), np.zeros((d, d)), rays, np.full(d, size),
+        zeros, zeros, np.full(d, 1.5 * size),
+    )  # fmt: skip
     if not np.all(np.isfinite(entries.at)):
         return point, entries.flights, False
     normal = np.linalg.lstsq(np.vstack([point, entries.at[:, None] * rays]), np.ones(d + 1), rcond=None)[0]

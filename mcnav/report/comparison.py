@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.run_comparison import Change
 from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import EndWords, end_words
@@ -29,6 +30,7 @@ from mcnav.report.document import (
     five_digits,
     joined,
 )
+from mcnav.report.figures import comparisons
 from mcnav.report.figures.agreement import forest
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Mark, Panel, Rule, Series
@@ -191,16 +193,20 @@ def page(
     manifests: Sequence[Manifest],
     rows: Sequence[Row],
     confidence: float,
+    over_time: Sequence[Envelopes | None],
 ) -> Page:
-    """Return the comparison as a page."""
+    """Return the comparison as a page; ``over_time`` are the sigmas of each run over time, where they are known."""
     changed, words = input_table(titles, manifests), end_words(manifests[0].model.outputs)
     nothing = Sentence(f"None: the runs have {SAME}.")
     sections = [
         Section("runs", "Verdicts", [_verdict_table(titles, summaries)]),
         Section("inputs", "Changed inputs", [changed if changed.rows else nothing]),
         Section("outputs", "Change from baseline", _changes(titles, rows, confidence, words)),
-        Section("budget", "Error budget", _budgets(titles, manifests, summaries)),
     ]
+    if (drawn := comparisons.curves(titles, summaries, over_time)) is not None:
+        sections.append(Section("curves", "Over time", [drawn]))
+    budgets = [*_waterfalls(titles, summaries), *_budgets(titles, manifests, summaries)]
+    sections.append(Section("budget", "Error budget", budgets))
     heading = ", ".join(titles)
     return Page(heading, "Comparison of runs", heading, sections=sections)
 
@@ -311,6 +317,16 @@ def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float, 
     return Table(caption, columns, rows, f"Change from {titles[0]}", keys=2)
 
 
+def _waterfalls(titles: Sequence[str], summaries: Sequence[Summary]) -> tuple[Figure, ...]:
+    """Draw the difference of each later run's error budget from that of the first run."""
+    pairs = [((titles[0], title), later) for title, later in zip(titles[1:], summaries[1:], strict=True)]
+    figures = (
+        comparisons.waterfall(names, summaries[0], later, f"waterfall-{run}")
+        for run, (names, later) in enumerate(pairs, start=1)
+    )
+    return tuple(figure for figure in figures if figure is not None)
+
+
 def _budgets(titles: Sequence[str], manifests: Sequence[Manifest], summaries: Sequence[Summary]) -> list[Part]:
     """Tabulate for each output of the first run the effect of one sigma of each source and process, run by run."""
     parts = list[Part]()
@@ -328,9 +344,9 @@ def _budgets(titles: Sequence[str], manifests: Sequence[Manifest], summaries: Se
         shown: list[Values] = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]
         name, words = humanize(output.name), end_words([output])
         caption = (
-            f"{name}, {output.shown_in}: {words.one} for one sigma of each source alone, by the linear model of each "
+            f"{name}, {output.shown_in}: {words.one} for one sigma of each cause alone, by the linear model of each "
             "run."
         )
-        source: Column[Values] = Column("Source", lambda row: row[0], kind="label")
-        parts.append(Folded(name, [Table(caption, [source, *_of_runs(titles)], shown)]))
+        cause: Column[Values] = Column("Cause", lambda row: row[0], kind="label")
+        parts.append(Folded(name, [Table(caption, [cause, *_of_runs(titles)], shown)]))
     return parts

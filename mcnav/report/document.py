@@ -18,6 +18,7 @@ from mcnav.report.format import number
 
 if TYPE_CHECKING:
     from mcnav.report.figures.figure import Figure  # slow to import: a terminal shows none
+    from mcnav.report.strip import Strip
 
 Place = Literal["page", "terminal"]
 """Where a part is shown."""
@@ -76,6 +77,8 @@ class Cell:
         Tone of a coloured label: ``agrees``, ``partly``, ``undecided``, ``differs`` or nothing; none: no label.
     below : str
         Second line, on a page alone.
+    strip : Strip, optional
+        Drawing beside a ratio, on a page alone.
     behind : str
         Words behind a label.
     mark : str
@@ -93,6 +96,7 @@ class Cell:
     unit: str = ""
     tone: str | None = None
     below: str = ""
+    strip: Strip | None = None
     behind: str = ""
     mark: str = ""
     hint: str = ""
@@ -262,6 +266,49 @@ class Verdicts:
 
 
 @dataclass(frozen=True)
+class Tile:
+    """The answer to one question, to be seen at a glance.
+
+    Attributes
+    ----------
+    subject, status : str
+        What it is on, and the answer in a word or two.
+    tone : str
+        Tone of the answer.
+    sentence : str
+        The answer in a sentence.
+    value, of : str
+        The number farthest off, in large type, and what it is of; empty where there is none.
+    strip : Strip, optional
+        Its mark, if it is a ratio.
+    link : str
+        Section of the page on the subject; empty: none.
+    details : sequence of str
+        Sentences that the reader unfolds.
+    warnings : sequence of str
+        Sentences that stand below all tiles.
+    """
+
+    subject: str
+    status: str
+    tone: str
+    sentence: str
+    value: str = ""
+    of: str = ""
+    strip: Strip | None = None
+    link: str = ""
+    details: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Tiles beside each other, the worst first."""
+
+    tiles: Sequence[Tile]
+
+
+@dataclass(frozen=True)
 class Facts:
     """Names with a few words on each, beside each other or, if ``below``, one below the other."""
 
@@ -346,8 +393,8 @@ class WhatIfPart:
 
 
 Part: TypeAlias = (
-    "Sentence | Note | Verdict | Verdicts | Facts | Findings | Answers | Heading | Folded | Beside | Listing | Lines"
-    " | Formula | MarkKey | WhatIfPart | Table[Any] | Figure"
+    "Sentence | Note | Verdict | Verdicts | Tiles | Facts | Findings | Answers | Heading | Folded | Beside | Listing"
+    " | Lines | Formula | MarkKey | WhatIfPart | Table[Any] | Figure"
 )
 """Parts of a page."""
 
@@ -375,6 +422,9 @@ class Page:
         Heading, which may have names that are the user's.
     head, foot : sequence of Part
         Parts above and below the sections.
+    status, tone : str
+        The foremost answer in words, which the title of the window begins with, and its tone, which colours the
+        window's icon; empty: none.
     """
 
     title: str
@@ -383,6 +433,8 @@ class Page:
     head: Sequence[Part] = ()
     sections: Sequence[Section] = ()
     foot: Sequence[Part] = ()
+    status: str = ""
+    tone: str = ""
 
 
 def joined(*parts: Part | None) -> tuple[Part, ...]:

@@ -8,13 +8,14 @@ from typing import Final
 
 from mcnav.analysis.filter_decision import deciding_names
 from mcnav.analysis.filter_remarks import instant
-from mcnav.analysis.summary import FilterRatio, FilterSummary, NeglectedEntry, SensorEntry, Summary
+from mcnav.analysis.summary import Ends, FilterRatio, FilterSummary, NeglectedEntry, SensorEntry, Summary
 from mcnav.report.document import Cell, Column, Table
 from mcnav.report.filter_verdict import LEAST, TONES
-from mcnav.report.format import interval, number, percent
+from mcnav.report.format import interval, number, percent, rounded
 from mcnav.report.model import humanize, labels_in
 from mcnav.report.result_table import ResultColumn, ResultTable, Units, in_units
 from mcnav.report.sentences import more_samples
+from mcnav.report.strip import Strip
 
 GROUP_TITLES: Final = {
     "all": "all estimated states", "navigation": "navigation errors", "sensors": "errors of instruments and sensors",
@@ -63,6 +64,10 @@ class RatioRow:
         tone = TONES[self.entry.verdict] if self.decides else None
         return Cell(self.entry.verdict, tone=tone, below="; ".join(filter(None, (remark, aside))))
 
+    def marked(self, ratio: float | None, ends: Ends | None) -> Cell:
+        """Return a ratio with its mark."""
+        return Cell(rounded(ratio), strip=Strip.of(ratio, ends, self.filter.tolerance))
+
     def scaled(self, value: float | None) -> float | None:
         """Return a sigma in the unit of this row."""
         return None if value is None else value * self.scale
@@ -77,8 +82,8 @@ _SIGMAS: Final[tuple[ResultColumn[RatioRow], ...]] = (
 
 _RATIO: Final[tuple[ResultColumn[RatioRow], ...]] = (
     ResultColumn("ratio", lambda row: row.entry.ratio, (
-        Column("Ratio at the end", lambda row: Cell(number(row.entry.ratio), below=interval(*row.entry.ratio_interval)),
-               "ratio at the end"),
+        Column("Ratio at the end", lambda row: row.marked(row.entry.ratio, row.entry.ratio_interval), place="page"),
+        Column("", lambda row: row.entry.ratio, "ratio at the end", place="terminal"),
         Column("", lambda row: interval(*row.entry.ratio_interval), "interval", place="terminal"),
     ), lambda row: row.entry.ratio_interval),
     ResultColumn("ratio_linear", lambda row: row.entry.ratio_linear),
@@ -93,7 +98,9 @@ _FINDING: Final[tuple[ResultColumn[RatioRow], ...]] = (
     ResultColumn("verdict", lambda row: row.entry.verdict,
                  (Column("Verdict", lambda row: row.verdict, "verdict", kind="text"),)),
     ResultColumn("worst_ratio", lambda row: row.entry.factor,
-                 (Column("Worst ratio", lambda row: row.entry.factor, "worst ratio"),),
+                 (Column("Worst ratio", lambda row: row.marked(row.entry.factor, row.entry.factor_interval),
+                         place="page"),
+                  Column("", lambda row: row.entry.factor, "worst ratio", place="terminal")),
                  lambda row: row.entry.factor_interval),
     ResultColumn("time_worst", lambda row: row.entry.worst, (Column("At", lambda row: row.worst, "at"),)),
     ResultColumn("time_begin", lambda row: row.entry.begin,

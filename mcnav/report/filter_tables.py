@@ -13,21 +13,21 @@ from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.report.document import Cell
 from mcnav.report.figures.filter_errors import sigmas
 from mcnav.report.filter_verdict import TONES, worst_sigmas
-from mcnav.report.format import number
+from mcnav.report.format import number, rounded
 from mcnav.report.model import RunAnalysis, humanize
 from mcnav.report.output_columns import OutputEntry
+from mcnav.report.strip import Strip
 
 
 @dataclass(frozen=True)
 class WorstSigmas:
-    """The sigmas of an output at an epoch, and the ratio of the true one to the filter's."""
+    """The sigmas of an output at an epoch."""
 
     time: float
     when: str
     linear: float | None
     flown: float
     filter: float
-    ratio: float
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,7 @@ class FilterAnswer:
     sigma: float
     honesty: str
     worst: WorstSigmas | None
+    ratio: Cell
 
     @property
     def tone(self) -> str:
@@ -45,19 +46,13 @@ class FilterAnswer:
         return TONES[self.honesty]
 
     @property
-    def ratio(self) -> float | None:
-        """True over filter sigma at the end."""
-        true = self.entry.sigma_paired
-        return (true or np.nan) / self.sigma if self.sigma > 0.0 else None
-
-    @property
     def when(self) -> str:
         """The other epoch, on one line."""
         return self.worst.when.replace(" ", "\N{NO-BREAK SPACE}") if self.worst else ""
 
-    def sigmas(self, end: float | None, key: Literal["flown", "linear", "filter", "ratio"], digits: int = 4) -> Cell:
+    def sigmas(self, end: float | None, key: Literal["flown", "linear", "filter"]) -> Cell:
         """Write a number at the end and, below it, that of the other epoch."""
-        return Cell(number(end, digits), below=number(getattr(self.worst, key), digits) if self.worst else "")
+        return Cell(number(end), below=number(getattr(self.worst, key)) if self.worst else "")
 
 
 def filter_answers(content: RunAnalysis, outputs: Sequence[OutputEntry]) -> list[FilterAnswer]:
@@ -71,7 +66,17 @@ def filter_answers(content: RunAnalysis, outputs: Sequence[OutputEntry]) -> list
 
 def _answer(consistency: FilterConsistency, entry: OutputEntry, each: SigmaConsistency) -> FilterAnswer:
     sigma, honesty = float(sigmas(each)["filter"][-1]), each.finding.verdict.value
-    return FilterAnswer(entry, sigma, honesty, _worst(consistency, each))
+    return FilterAnswer(entry, sigma, honesty, _worst(consistency, each), _ratio(consistency, each))
+
+
+def _ratio(consistency: FilterConsistency, each: SigmaConsistency) -> Cell:
+    """Write the ratio by which an output is judged: where it is farthest off, with when that is."""
+    finding = each.finding
+    if finding.factor is None or not np.isfinite(finding.factor):
+        return Cell("–")
+    when = "" if finding.worst is None else instant(float(consistency.times[finding.worst]), consistency.label)
+    strip = Strip.of(finding.factor, finding.interval, consistency.tolerance)
+    return Cell(rounded(finding.factor), below=when.replace(" ", "\N{NO-BREAK SPACE}"), strip=strip)
 
 
 def _worst(consistency: FilterConsistency, each: SigmaConsistency) -> WorstSigmas | None:
@@ -93,7 +98,6 @@ def _worst(consistency: FilterConsistency, each: SigmaConsistency) -> WorstSigma
         linear=whose.get("linear"),
         flown=whose["Monte Carlo"],
         filter=whose["filter"],
-        ratio=float(each.ratio.value[place]),
     )
 
 

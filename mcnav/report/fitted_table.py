@@ -2,13 +2,15 @@
 
 A table uses the first of these forms that fits: as it is; with headings and texts wrapped between words; without spare
 columns, which a line below names; with the first columns wrapped, too; in blocks of columns that repeat the first ones;
-as one record below another. In a pipe or a file the width is unlimited.
+as one record below another, also where a text would be taller than `TALLEST`. In a pipe or a file the width is
+unlimited.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from textwrap import wrap
 from typing import Final
 
 from rich.cells import cell_len
@@ -24,6 +26,9 @@ UNLIMITED: Final = 1_000_000
 
 GAP: Final = 2
 """Spaces between columns."""
+
+TALLEST: Final = 8
+"""Lines of a text in a column, above which it is read more easily in a record."""
 
 INDENT: Final = 2
 """Spaces before the lines of a record."""
@@ -129,7 +134,15 @@ class FittedTable:
                 return columns, []
         if not others and self._fits(keys, width):
             blocks.append(keys)
-        return columns, blocks
+        return columns, [] if any(self._height(block, width) > TALLEST for block in blocks) else blocks
+
+    def _height(self, columns: Sequence[int], width: int) -> int:
+        """Return the lines of the tallest text in a block."""
+        widths = zip(columns, self._widths(columns, width), strict=True)
+        return max(
+            (len(wrap(row[at].plain, size)) for at, size in widths if self._widest(at) > size for row in self.rows),
+            default=1,
+        )
 
     def _fits(self, columns: Iterable[int], width: int, whole_keys: bool = False) -> bool:
         needed = [self._widest(at) if whole_keys and at < self.keys else self._narrowest(at) for at in columns]

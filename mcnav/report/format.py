@@ -36,6 +36,16 @@ def number(value: float | None, digits: int = 4) -> str:
     return f"{value:,.{max(0, digits - 1 - magnitude)}f}".replace("-", "−")
 
 
+def rounded(value: float | None, digits: int = 3) -> str:
+    """Format a number with significant digits after rounding to them, which may carry: 0.9999 has the digits 1.00.
+
+    >>> rounded(0.9999), rounded(13.06)
+    ('1.00', '13.1')
+    """
+    known = value is not None and math.isfinite(value)
+    return number(float(f"{value:.{digits}g}") if known else value, digits)
+
+
 def signed(value: float | None, digits: int = 3) -> str:
     """Format a number with its sign and significant digits.
 

@@ -62,8 +62,8 @@ TEST_NOTE: Final = (
     "wrong where the record is too short to tell."
 )
 
-CLOSE: Final = 2.0
-"""Margin below which the choice of the model is said to be close: a likelihood ratio of e."""
+CLOSE: Final = 4.0
+"""Margin below which the choice is said to be close: a model with a parameter more has −2 log L smaller by over 2."""
 
 FAINT: Final = 0.1
 """Share of the white noise's variance from which rounding to the resolution is said to matter."""

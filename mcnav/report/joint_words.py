@@ -35,14 +35,19 @@ NOTABLE: Final = 0.1
 NAMED: Final = 3
 """Combinations named in one sentence."""
 
+BRIEFLY: Final = 2
+"""Terms beside the lead output that a cell or a tile has room for."""
+
 
 def joined(names: Sequence[str]) -> str:
     """Join names by commas and a last *and*."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def combination_words(result: CombinationEntry, summary: Summary) -> str:
+def combination_words(result: CombinationEntry, summary: Summary, most: int | None = None) -> str:
     """Name a combination of a summary's ``joint``, in the units shown, without terms below `LEAST`.
+
+    ``most`` is the number of terms beside the lead output that are written out, by default all.
 
     >>> from mcnav.analysis.summary import Named
     >>> two = Summary.model_construct(outputs=[Named(name="y", unit="m"), Named(name="y2", unit="m")])
@@ -57,13 +62,16 @@ def combination_words(result: CombinationEntry, summary: Summary) -> str:
     others = [name for name in sorted(names, key=lambda name: -abs(shares[name])) if name != result.lead]
     named = [name for name in others if abs(shares[name]) >= LEAST]
     words = humanize(result.lead)
-    for name in named:
+    written = named[:most]
+    for name in written:
         size = abs(weights[name]) * scale / units[name][0]
         factor = "" if math.isclose(size, 1.0, rel_tol=5e-5) else f"{_plain(size)} "
         words += f" {'−' if weights[name] < 0.0 else '+'} {factor}{humanize(name)}"
-    if any(ROUNDING < abs(shares[name]) < LEAST for name in others):
+    if len(named) > len(written):
+        words += f" and {len(named) - len(written)} more"
+    elif any(ROUNDING < abs(shares[name]) < LEAST for name in others):
         words += " and smaller terms"
-    own = list(dict.fromkeys(units[name][1] for name in (result.lead, *named)))
+    own = list(dict.fromkeys(units[name][1] for name in (result.lead, *written)))
     return f"{words} ({', '.join(own)})" if len(own) > 1 else words
 
 
@@ -91,7 +99,7 @@ def shortly(summary: Summary, joint: Joint) -> str:
         return f"σ {simulated} in place of {linear} in {combination_words(result, summary)}"
     if joint.cause == "mean":
         return f"mean {_shift(summary, joint)}"
-    return f"σ ratio {number(ratio, 5)} in {combination_words(_known(joint.differing), summary)}"
+    return f"σ ratio {number(ratio, 5)} in {combination_words(_known(joint.differing), summary, BRIEFLY)}"
 
 
 def _known(combination: CombinationEntry | None) -> CombinationEntry:

@@ -262,6 +262,9 @@ def _new_value(number_: CauseVerdict | OffsetVerdict) -> str:
     if isinstance(number_, CauseVerdict):
         if number_.factor is None or number_.unit == "1":
             return ""
+        if number_.log_factor is not None:
+            factor = number_.factor.value
+            return f"{number_.log_factor * factor:.4g}  # {factor:.3g} times {number_.log_factor:.4g}"
         return (
             f"{quoted(number_.size * number_.factor.value)}  # {number_.factor.value:.3g} times {quoted(number_.size)}"
         )

@@ -101,6 +101,7 @@ class RequirementRow:
     margin: float | None
     causes: list[tuple[str, float]]
     at: str
+    exceedance: float | None = None
 
     @property
     def tone(self) -> str:
@@ -166,6 +167,7 @@ def requirement_rows(answer: LinearAnswer) -> list[RequirementRow]:
             shown=shown_value(each, *units[limited[0]]),
             margin=each.margin if math.isfinite(each.margin) else None,
             causes=cause_words(answer, answer.requirement_causes(place)) if each.judged else [],
+            exceedance=each.beyond if math.isfinite(each.beyond) else None,
             at="" if each.time is None else f"{each.time:.6g} {label.partition('[')[2].removesuffix(']')}".strip(),
         ))  # fmt: skip
     return rows
@@ -221,6 +223,22 @@ def largest_rows(answer: LinearAnswer) -> list[SizeRow]:
             time=float(history.readings.times[worst]),
         ))  # fmt: skip
     return rows
+
+
+def smoothed_rows(answer: LinearAnswer) -> list[SizeRow]:
+    """List the largest sigma of each output behind the smoother, with what it claims and the causes then."""
+    smoothed, scale = answer.smoothed, scale_of(answer.outputs)
+    if smoothed is None or smoothed.sigma_filter is None or answer.beyond is not None:
+        return []
+    worst = np.argmax(smoothed.sigma, axis=0)
+    return [
+        SizeRow(
+            output.name, output.shown_in, None, float(smoothed.sigma[at, i] * scale[i]),
+            float(smoothed.sigma_filter[at, i] * scale[i]), cause_words(answer, causes_at(smoothed, at, i)),
+            float(smoothed.readings.times[at]),
+        )
+        for i, (output, at) in enumerate(zip(answer.outputs, worst.tolist(), strict=True))
+    ]  # fmt: skip
 
 
 def reading_rows(answer: LinearAnswer) -> list[ReadingRow]:

@@ -14,6 +14,7 @@ from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.analysis.what_if import WhatIf
 from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report.document import (
+    STRONG,
     Answers,
     Cell,
     Column,
@@ -30,7 +31,9 @@ from mcnav.report.document import (
     joined,
 )
 from mcnav.report.figures import lincov as drawn
+from mcnav.report.figures.figure import Figure, bare
 from mcnav.report.format import number
+from mcnav.report.html import card_html
 from mcnav.report.left_out import not_modelled
 from mcnav.report.lincov import (
     RequirementRow,
@@ -38,6 +41,7 @@ from mcnav.report.lincov import (
     final_rows,
     largest_rows,
     requirement_rows,
+    smoothed_rows,
     statements,
 )
 from mcnav.report.model import humanize, scale_of
@@ -67,11 +71,12 @@ CAUSES: Final = "largest causes, share of the variance"
 def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = None) -> Page:
     """Return the page; outages are those of the aiding sensors."""
     (words, tone), *others = statements(answer)
-    left_out, largest = not_modelled(answer.kind), largest_table(answer)
+    left_out, largest = not_modelled(answer.kind, answer.causes), largest_table(answer)
     verdict = Verdict(
         f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION], noticed(answer.remarks)
     )
-    answers = Answers([final_table(answer), *([largest] if largest.rows else [])])
+    smoothed = smoothed_table(answer)
+    answers = Answers([final_table(answer), *(each for each in (largest, smoothed) if each.rows)])
     moving, meaningful = drawn.sigmas(answer, outages), answer.beyond is None
     sections = []
     if answer.requirements:
@@ -99,9 +104,20 @@ def terminal(answer: LinearAnswer) -> list[Part]:
         None if answer.asked is None else reading_table(answer, answer.asked),
         final_table(answer),
         None if answer.meaningful is None else largest_table(answer),
+        smoothed_table(answer) if smoothed_rows(answer) else None,
     ]
     remarks = [Sentence(remark, "undecided") for remark in noticed(answer.remarks)]
     return [Verdict(words, tone), *(Sentence(*each) for each in others), *remarks, *joined(*tables)]
+
+
+def card(answer: LinearAnswer, outages: drawn.Outages) -> str:
+    """Write the answer as HTML for a notebook: verdict, requirements, sigmas with their causes, budget, over time."""
+    (words, tone), *others = statements(answer)
+    verdict = Verdict(f"{words}.", tone, [f"{sentence}." for sentence, _ in others], noticed(answer.remarks))
+    asked = requirement_table(answer) if answer.requirements else None
+    parts = joined(Sentence(STRONG(answer.campaign)), verdict, asked, final_table(answer))
+    figures = [] if answer.beyond is not None else joined(drawn.budget(answer), drawn.sigmas(answer, outages))
+    return card_html([*parts, *(bare(each) for each in figures if isinstance(each, Figure))])
 
 
 def _causes(causes: Sequence[tuple[str, float]]) -> str:
@@ -109,22 +125,30 @@ def _causes(causes: Sequence[tuple[str, float]]) -> str:
     return listed(causes).replace(" %", "\N{NO-BREAK SPACE}%")
 
 
+BEYOND_LIMIT: Final[Column[RequirementRow]] = Column(
+    "Beyond the limit", lambda row: "–" if row.exceedance is None else f"{row.exceedance:.2e}", "beyond the limit"
+)
+"""Linear probability beyond the limit, of requirements that allow one in a thousand and less."""
+
+
 def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
     """Tabulate the requirements and their linear values."""
     boxes = any(each.requirement.kind == "box" for each in answer.requirements)
     several = "; of several outputs within limits together, each in multiples of its limit" if boxes else ""
+    rows = requirement_rows(answer)
     columns: list[Column[RequirementRow]] = [
         Column("Requirement", lambda row: row.requirement, "requirement", "words"),
         Column("Finding", lambda row: Cell(row.finding, tone=row.tone), "finding", "label"),
         Column("Linear", lambda row: Cell(row.shown, below=f"largest at {row.at}" if row.at else ""), "linear"),
         Column("largest at", lambda row: row.at or "–", kind="text", place="terminal"),
+        *([BEYOND_LIMIT] if any(row.exceedance is not None for row in rows) else []),
         Column("Errors may be ×", lambda row: row.margin, "errors may be ×"),
         Column("Largest causes", lambda row: _causes(row.causes),
                "largest causes then, share of the mean square", "words"),
     ]  # fmt: skip
     words, what = end_words(answer.outputs), "outputs" if any(kinds_of(answer.outputs)) else "errors"
     title, caption = f"Requirements, for linear normal {what}", REQUIREMENTS.format(what, words.many)
-    return Table(f"{caption}{several}.", columns, requirement_rows(answer), title, keys=2)
+    return Table(f"{caption}{several}.", columns, rows, title, keys=2)
 
 
 def _size(value: float | None) -> str:
@@ -182,6 +206,21 @@ def largest_table(answer: LinearAnswer) -> Table[SizeRow]:
     return _by_kind(answer, Table(caption, columns, largest_rows(answer), f"{title}, 1σ"))
 
 
+def smoothed_table(answer: LinearAnswer) -> Table[SizeRow]:
+    """Tabulate the largest sigmas behind the smoother, with what it claims and the causes of the variances then."""
+    label = "" if answer.smoothed is None else answer.smoothed.readings.label
+    columns: list[Column[SizeRow]] = [
+        Column("Output", _output, "output", "label"),
+        Column("Largest", lambda row: row.sigma, "largest σ", form=_size),
+        Column("Smoother claims", lambda row: row.sigma_filter, "smoother's σ", form=_size),
+        Column(label, lambda row: row.time, f"at {label}", form=five_digits),
+        Column("Largest causes then", lambda row: _causes(row.causes), CAUSES, "words"),
+    ]
+    title = "Largest over time behind the smoother"
+    caption = f"{title}, one sigma. Causes: share of the variance at that time."
+    return _by_kind(answer, Table(caption, columns, smoothed_rows(answer), f"{title}, 1σ"))
+
+
 @dataclass(frozen=True)
 class _Reading:
     """Values of all outputs at a reading, SI: time, update and what the values are."""
@@ -194,7 +233,11 @@ class _Reading:
 
 
 def reading_table(answer: LinearAnswer, covariance: LinearCovariance) -> Table[_Reading]:
-    """Tabulate the sigmas at all readings: true ones and, below them, those that the filter states, and the means."""
+    """Tabulate the sigmas at readings that were asked for: true ones, and below them those that the filter states.
+
+    Then those behind a smoother, with what it claims, and the means.
+    """
+    smoothed = answer.smoothed_asked
     readings, own, beyond = covariance.readings, covariance.sigma_filter, answer.readings_beyond(covariance)
     several = own is not None or bool(covariance.means)
     rows = []
@@ -202,6 +245,9 @@ def reading_table(answer: LinearAnswer, covariance: LinearCovariance) -> Table[_
         rows.append(_Reading(f"{time:g}", readings.updates[at] or "–", "true", covariance.sigma[at], beyond[at]))
         if own is not None:
             rows.append(_Reading("", "", "filter's", own[at], beyond[at]))
+        if smoothed is not None and smoothed.sigma_filter is not None:
+            rows.append(_Reading("", "", "smoothed", smoothed.sigma[at], beyond[at]))
+            rows.append(_Reading("", "", "smoother's", smoothed.sigma_filter[at], beyond[at]))
         if covariance.means:
             rows.append(_Reading("", "", "mean", covariance.mean[at], beyond[at]))
     scale = scale_of(answer.outputs)

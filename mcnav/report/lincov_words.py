@@ -25,6 +25,9 @@ from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import NAMED, listed
 from mcnav.report.vector_sizes import size_sentence
 
+WORSE: Final = 1e-6
+"""Share by which a smoothed sigma exceeds that of its filter where it is worse, and not rounded."""
+
 ROUNDING: Final = 1e-9
 """Share of an output's sigma and of what errors of usual size cause, below which its mean is rounding."""
 
@@ -92,7 +95,19 @@ def size_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
 
 def filter_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     """Put the verdict on the filter in a sentence; nothing without a filter."""
-    judged = answer.filter
+    yield from _verdict_words(answer, answer.filter, "filter")
+    yield from _verdict_words(answer, answer.smoother, "smoother")
+    if (smoothed := answer.smoothed) is not None and (filtered := answer.history) is not None:
+        worse = np.any(smoothed.sigma > filtered.sigma * (1.0 + WORSE), axis=1)
+        if worse.any():
+            yield (
+                f"In some output the smoother is worse than its filter at {worse.sum()} of {len(worse)} readings",
+                "undecided",
+            )
+
+
+def _verdict_words(answer: LinearAnswer, judged: LinearVerdict | None, name: str) -> Iterator[tuple[str, str]]:
+    """Put the verdict on a filter or a smoother in a sentence; nothing without one."""
     if judged is None:
         return
     within = f"±{100.0 * judged.tolerance:g} %"
@@ -100,13 +115,14 @@ def filter_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     if judged.verdict == Honesty.CONSISTENT:
         times = len(np.unique(judged.times))
         yield (
-            f"The filter is consistent: the true sigma of every output and of every group of them is within {within} "
+            f"The {name} is consistent: the true sigma of every output and of every group of them is within {within} "
             f"of its own at all {times} times",
             tone,
         )
         return
     worst = instant(judged.worst, judged.label)
-    yield f"The filter is {judged.verdict.value} {_period(judged)}: at worst, at {worst}, {_departure(answer)}", tone
+    departure = _departure(answer, judged)
+    yield f"The {name} is {judged.verdict.value} {_period(judged)}: at worst, at {worst}, {departure}", tone
 
 
 def _period(judged: LinearVerdict) -> str:
@@ -121,10 +137,8 @@ def _period(judged: LinearVerdict) -> str:
     return f"from {begin} on" if judged.end >= judged.times[-1] else f"from {begin} to {end}"
 
 
-def _departure(answer: LinearAnswer) -> str:
+def _departure(answer: LinearAnswer, judged: LinearVerdict) -> str:
     """Say what departs the most, by how much, and because of which neglected errors."""
-    judged = answer.filter
-    assert judged is not None
     if judged.group:
         return (
             f"the errors of {group_words(judged.group)} together are {judged.factor:.3g} times what it states (root of "

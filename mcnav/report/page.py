@@ -1,15 +1,18 @@
-"""The report of a run as a page: verdicts, answers, and the sections of `mcnav.report.sections`."""
+"""The report of a run as a page: tiles with the verdicts, answers, and the sections of `mcnav.report.sections`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import count
 from typing import Final
 
 from markupsafe import Markup
 
 from mcnav.analysis.heading import heading_remark
 from mcnav.report import filter_tables, sentences
-from mcnav.report.document import Findings, Note, Page, Part, Section, Verdict, Verdicts, joined
+from mcnav.report.document import Beside, Findings, Folded, Note, Page, Part, Section, Tiles, joined
+from mcnav.report.figure_words import words_on
 from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios, truth
 from mcnav.report.figures.combination import combination
 from mcnav.report.figures.envelopes import envelopes
@@ -30,6 +33,7 @@ from mcnav.report.sections.provenance import provenance_section, simulated_per_s
 from mcnav.report.sections.truth import truth_section
 from mcnav.report.sections.what_if import what_if_section
 from mcnav.report.sentences import Statement
+from mcnav.report.tiles import headline, tiles
 
 FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices,
@@ -45,8 +49,8 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
 FOREMOST: Final = ("not met", "undecided", "met")
 """Findings in the order in which requirements are listed above everything else."""
 
-REQUIREMENTS: Final = 4
-"""Requirements listed there; the section on requirements has all."""
+REQUIREMENTS: Final = 3
+"""Requirements listed there where there are more than one more; the section on requirements has all."""
 
 FIRST: Final = (
     "Sigmas, ratios, biases, mean NEES, correlations, skewness, kurtosis and their intervals are computed from all "
@@ -61,7 +65,8 @@ def figures(content: RunAnalysis) -> dict[str, Figure]:
     drawn = {"flight": flight(content.history)}
     if content.dispersed:
         drawn |= {name: draw(content) for name, draw in FIGURES.items()}
-    return {name: drawing for name, drawing in drawn.items() if drawing is not None}
+    known = {name: drawing for name, drawing in drawn.items() if drawing is not None}
+    return {name: replace(drawing, shows=words_on(name, content)) for name, drawing in known.items()}
 
 
 def render(content: RunAnalysis) -> str:
@@ -71,9 +76,31 @@ def render(content: RunAnalysis) -> str:
 
 def page(content: RunAnalysis) -> Page:
     """Return the report."""
-    name, drawn = content.summary.campaign, figures(content)
-    head = [*_verdicts(content), *joined(_requirements(content), answers(content)), *map(Note, _notes(content))]
-    return Page(name, "Linear covariance analysis and Monte Carlo", name, head, _sections(content, drawn))
+    name, sections = content.summary.campaign, _numbered(_sections(content, figures(content)))
+    made = tiles(content.summary, _stated(content), {section.name for section in sections}, content.time_unit)
+    head = [Tiles(made), *joined(_requirements(content), answers(content)), *map(Note, _notes(content))]
+    kind, foremost = "Linear covariance analysis and Monte Carlo", made[0]
+    return Page(name, kind, name, head, sections, status=headline(foremost), tone=foremost.tone)
+
+
+def _numbered(sections: Sequence[Section]) -> list[Section]:
+    """Give the figures their numbers, in the order of the page."""
+    numbers = count(1)
+
+    def counted(figure: Figure) -> Figure:
+        return replace(figure, number=next(numbers))
+
+    def with_numbers(part: Part) -> Part:
+        match part:
+            case Figure():
+                return counted(part)
+            case Beside():
+                return Beside([counted(figure) for figure in part.figures])
+            case Folded():
+                return replace(part, parts=[*map(with_numbers, part.parts)])
+        return part
+
+    return [replace(section, parts=[*map(with_numbers, section.parts)]) for section in sections]
 
 
 def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section]:
@@ -97,13 +124,12 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
     return [section for section in sections if section is not None]
 
 
-def _verdicts(content: RunAnalysis) -> list[Part]:
+def _stated(content: RunAnalysis) -> list[Statement]:
     """State the verdicts, the worst first."""
-    stated = [_on_page(content, statement) for statement in sentences.statements(content.summary)]
-    return [Verdicts(stated)] if len(stated) > 1 else [*stated]
+    return [_on_page(content, statement) for statement in sentences.statements(content.summary)]
 
 
-def _on_page(content: RunAnalysis, statement: Statement) -> Verdict:
+def _on_page(content: RunAnalysis, statement: Statement) -> Statement:
     """Leave out of a verdict what the page has elsewhere, and add what only the whole run tells."""
     details, warnings = statement.details, statement.warnings
     if statement.subject == "linear":
@@ -114,7 +140,7 @@ def _on_page(content: RunAnalysis, statement: Statement) -> Verdict:
     elif statement.subject == "filter" and content.filter is not None:
         where = filter_tables.at_worst(content.filter)
         details = (" ".join(filter(None, (where, *details))),)
-    return Verdict(statement.words, statement.tone, details, warnings)
+    return replace(statement, details=details, warnings=warnings)
 
 
 def _further(content: RunAnalysis) -> list[str]:
@@ -124,16 +150,17 @@ def _further(content: RunAnalysis) -> list[str]:
 
 
 def _requirements(content: RunAnalysis) -> Findings | None:
-    """List the foremost requirements with their estimates; none without requirements."""
+    """List the foremost requirements with their estimates; none where a tile has the only one, or none is asked."""
     rows = sorted(
         requirement_rows(content.summary, "shown", content.time_unit),
         key=lambda row: FOREMOST.index(row.entry.finding),
     )
-    if not rows:
+    if len(rows) < 2:
         return None
-    more = len(rows) - REQUIREMENTS
+    more = len(rows) - REQUIREMENTS if len(rows) > REQUIREMENTS + 1 else 0
     further = Markup('<a href="#requirements">and {} more</a>').format(more) if more > 0 else ""
-    entries = [(row.entry.finding, row.tone, f"{row.words}: {row.estimate.text}") for row in rows[:REQUIREMENTS]]
+    listed = rows[:REQUIREMENTS] if more else rows
+    entries = [(row.entry.finding, row.tone, f"{row.words}: {row.estimate.text}") for row in listed]
     return Findings(entries, further)
 
 
@@ -148,6 +175,7 @@ def _notes(content: RunAnalysis) -> list[str]:
         f"{summary.samples:,} samples, {summary.failed:,} failed; engine {summary.engine}, design {summary.design}, "
         f"seed {summary.seed}{took}."
     )
-    left_out = not_modelled(str(content.manifest.identity.campaign.get("scenario", {}).get("type", "")))
+    kind = str(content.manifest.identity.campaign.get("scenario", {}).get("type", ""))
+    left_out = not_modelled(kind, content.model.processes)
     remarks = (*_further(content), sentences.certain_but_small(summary), sentences.stopping(summary))
     return [*filter(None, (missing, *remarks, kept, flown, left_out))]

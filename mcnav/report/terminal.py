@@ -116,9 +116,9 @@ def best_starts(
     return Group(Text(start_time_words.answer(study, checked, outputs), style="bold"), "", table)
 
 
-def checks(result: Sequence[tuple[str, bool, str]]) -> RenderableType:
-    """Tabulate the checks of a scenario: name, whether it passed, and the finding."""
-    table = FittedTable("Checks of the scenario", texts("check", "result", "finding"), keys=2)
+def checks(title: str, result: Sequence[tuple[str, bool, str]]) -> RenderableType:
+    """Tabulate checks: name, whether it passed, and the finding."""
+    table = FittedTable(title, texts("check", "result", "finding"), keys=2)
     for name, passed, finding in result:
         table.add(name, Text("passed" if passed else "failed", style="green" if passed else "red"), finding)
     return table

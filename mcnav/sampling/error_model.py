@@ -217,6 +217,11 @@ class ErrorModel:
         groups = [any(spread[self.names.index(name)] for name in group.sources) for group in self._joint]
         return np.flatnonzero(np.concatenate([of_source[self._drawn], groups, of_source[self._drawn_last]]))
 
+    @cached_property
+    def _terms(self) -> tuple[IndexArray, ...]:
+        """Independent normals of which each source's normal is a sum, by number."""
+        return tuple(np.flatnonzero(row) for row in self._factor)
+
     def errors_of(self, variates: Array) -> Array:
         """Return the errors of standard normals, shape (n, variates), as shape (n, sources), SI.
 
@@ -230,7 +235,7 @@ class ErrorModel:
         errors = np.empty_like(independent)
         for i, (distribution, group) in enumerate(zip(self.distributions, self._group, strict=True)):
             normal = np.zeros(len(variates))
-            for j in np.flatnonzero(self._factor[i]):
+            for j in self._terms[i]:
                 normal = normal + self._factor[i, j] * independent[:, j]
             if group is None:
                 errors[:, i] = distribution.transform(normal)

@@ -47,6 +47,9 @@ MOST_TRACEBACKS: Final = 500_000
 
 MOST_SAMPLES: Final = 1_000_000_000_000
 
+CHECKSUM: Final = "mcnav.checksum"
+"""Entry of a file's metadata: the checksum of the others, which no checksum of parquet covers."""
+
 Words = Annotated[str, Field(max_length=2_000)]
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Count = Annotated[int, Field(ge=0, le=MOST_SAMPLES)]
@@ -178,9 +181,25 @@ def write_chunk(
     if totals.tracebacks:
         metadata["mcnav.tracebacks"] = _packed({begin + row: text for row, text in totals.tracebacks.items()})
     table = pa.Table.from_arrays(list(columns.values()), names=list(columns))
+    metadata[CHECKSUM] = _checksum_of(metadata)
     content = parquet_bytes(table.replace_schema_metadata(metadata), _TEXT)
     write_whole(folder / chunk_name(number), content)
     return _described(number, begin, totals.samples, totals.failed, totals.fallback_count, content)
+
+
+def _checksum_of(marks: Mapping[str, str]) -> str:
+    """SHA-256 of metadata, but for their own checksum."""
+    digest = hashlib.sha256()
+    for key in sorted(marks.keys() - {CHECKSUM}):
+        digest.update(f"{key}\0{marks[key]}\0".encode())
+    return digest.hexdigest()
+
+
+def _is_as_written(content: bytes, table: pa.Table, marks: Mapping[str, str]) -> bool:
+    """Return whether a file is what its table gives; files of earlier versions have their metadata twice instead."""
+    if CHECKSUM in marks:
+        return marks[CHECKSUM] == _checksum_of(marks) and parquet_bytes(table, _TEXT) == content
+    return parquet_bytes(table, _TEXT, described_twice=True) == content
 
 
 def _packed(tracebacks: Mapping[int, str]) -> str:
@@ -225,12 +244,15 @@ def table_from(content: bytes, rows: int | None = None, text: int | None = None)
     """
     file = _opened(content, None, [] if text is None else [text])
     described, schema = file.metadata, file.schema_arrow
-    if nested := [field.name for field in schema if pa.types.is_nested(field.type)]:
+    kinds = {field.type for field in schema}
+    if any(map(pa.types.is_nested, kinds)):
+        nested = [field.name for field in schema if pa.types.is_nested(field.type)]
         raise ValueError(f"its column {printable(nested[0])!r} has lists or tables in it")
     if rows is not None and described.num_rows != rows:
         raise ValueError(f"it has {described.num_rows} rows, not {rows}")
     check_room(described, len(content))
-    if texts := [field.name for field in schema if _is_text(field.type)]:
+    if any(map(_is_text, kinds)):
+        texts = [field.name for field in schema if _is_text(field.type)]
         if text is not None:
             raise ValueError(f"its column {printable(texts[0])!r} has texts in it")
         file = _opened(content, described, texts)
@@ -300,7 +322,7 @@ def verify_chunk(folder: Path, number: int, identity: str, stored_rows: int | No
         content = read_whole(folder / chunk_name(number), LARGEST_CHUNK)
         table = table_from(content, text=STATUS)
         marks = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
-        whole = parquet_bytes(table, _TEXT) == content
+        whole = _is_as_written(content, table, marks)
         index, status = numbers_in(table.column("index")), table.column("status").to_pylist()
         fallback_count = int(marks["mcnav.handed_over"])
         if stored_rows is None:

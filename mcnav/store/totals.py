@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import pyarrow.parquet as pq
 
+from mcnav._recent import Recent
 from mcnav._types import Array
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.power_sums import PowerSums
@@ -35,6 +37,10 @@ class Totals:
     first: Array | None
 
 
+_KNOWN: Final = Recent[Totals](most=2)
+"""The last totals: a run adds them up for its tables over time, and its analysis needs them again."""
+
+
 def read_totals(
     pivot: Array, schema: FilterSchema | None, folder: Path, chunks: Sequence[ChunkFile], histories: bool = False
 ) -> Totals:
@@ -54,9 +60,21 @@ def read_totals(
     OSError, ValueError, OverflowError, pyarrow.ArrowException, zlib.error
         When a file cannot be read.
     """
+    key = folder, tuple(chunk.sha256 for chunk in chunks), pivot.shape, pivot.tobytes(), repr(schema)
+    if not histories:
+        return _KNOWN.get((key, False), lambda: _add_up(pivot, schema, folder, chunks, False))
+    totals = _add_up(pivot, schema, folder, chunks, True)
+    _KNOWN.get((key, False), lambda: replace(totals, first=None))
+    return totals
+
+
+def _add_up(
+    pivot: Array, schema: FilterSchema | None, folder: Path, chunks: Sequence[ChunkFile], histories: bool
+) -> Totals:
+    """Read the files of chunks for `read_totals`."""
     power, filters, first, known = None, None, list[Array](), histories
     for chunk in chunks:
-        marks = pq.read_schema(folder / chunk.file).metadata or {}
+        marks = pq.read_metadata(folder / chunk.file).metadata or {}
         if (power_sums := power_sums_in(marks, pivot)) is not None:
             power = power_sums if power is None else power + power_sums
         if schema is not None and (filter_sums := filter_sums_in(marks, schema)) is not None:

@@ -170,7 +170,7 @@ def _merged(imu: Imu, changes: Sequence[_Change], bounded: bool = False) -> Imu:
             arrays[name] = getattr(noise, name).copy()
             arrays[name][place] = value
         result[change.axis.instrument] = replace(noise, **arrays)
-    return Imu(**result)
+    return replace(imu, gyro=result["gyro"], accelerometer=result["accelerometer"])
 
 
 def _entries(imu: Imu, before: Imu) -> dict[str, Value]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,6 +32,7 @@ from mcnav.contract.scenario import (
     ScenarioError,
     can_have_filter,
     has_epochs,
+    has_smoother,
     has_updates,
     is_linear_at_any_time,
     is_linear_over_time,
@@ -41,7 +44,7 @@ from mcnav.execution.soundness import find_doubt
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.html import page_html
-from mcnav.report.lincov_page import page
+from mcnav.report.lincov_page import card, page
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.units import UnitError, quantity
 from mcnav.workflow.what_if import what_if_of_answer
@@ -79,9 +82,15 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
     described = campaign_from(campaign)
     answer = answer_linearly(described, times)
     with one_thread(), _scenario_errors(described):
-        return replace(
-            answer, remarks=remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
-        )
+        remarks = remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
+    return replace(answer, remarks=remarks, card=partial(card, outages=_outages(described)))
+
+
+def _outages(campaign: Campaign) -> Mapping[str, Sequence[tuple[float, float]]]:
+    """Return the outages of aiding sensors by their names."""
+    if not is_ins(campaign.scenario):
+        return {}
+    return {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
 
 
 def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAnswer:
@@ -99,9 +108,16 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         history = None if readings is None else covariance_over_time(readings, names, *moments)
         outputs = [{"name": output.name} for output in scenario.outputs]
         entries = [record.model_dump() for record in described.requirements]
-        judged = judge_linearly(
-            requirements_from(entries, outputs), model.outcome_mean, model.outcome_covariance,
-            None if history is None else history.moments, model.sizes, model.nominal,
+        smoothed = None
+        if has_smoother(scenario):
+            smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)
+        judged = tuple(
+            judge_linearly(
+                [each], model.outcome_mean, model.outcome_covariance, None if known is None else known.moments,
+                model.sizes, model.nominal,
+            )[0]
+            for each in requirements_from(entries, outputs)
+            for known in [smoothed if each.of else history]
         )  # fmt: skip
         asked = None
         if times is not None:
@@ -110,20 +126,28 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         answer = LinearAnswer(
             described.name, scenario.sources, scenario.outputs, model, history, judged, asked, kind=kind
         )
+        smoothed_asked = None
+        if has_smoother(scenario) and times is not None:
+            smoothed_asked = covariance_over_time(scenario.smoothed(np.unique(times)), names, *moments)
         epochs = None if history is None else history.moments.times
+        known = [each for each in (history, asked) if each is not None]
         return replace(
             answer,
             requirements=within_range(judged, answer.beyond, epochs),
-            filter=_judge_filter(answer, scenario, described),
+            filter=_judge_filter(answer, known, scenario, described),
+            smoothed=smoothed,
+            smoothed_asked=smoothed_asked,
+            smoother=None if smoothed is None else _judge_filter(answer, [smoothed], scenario, described),
         )
 
 
-def _judge_filter(answer: LinearAnswer, scenario: Scenario, campaign: Campaign) -> LinearVerdict | None:
-    """Judge the filter at the epochs and at times that were asked for, within the range of linear analysis."""
+def _judge_filter(
+    answer: LinearAnswer, known: Sequence[LinearCovariance], scenario: Scenario, campaign: Campaign
+) -> LinearVerdict | None:
+    """Judge a filter, or a smoother, at the readings that are known, within the range of linear analysis."""
     schema = scenario.filter_schema if can_have_filter(scenario) else None
     if schema is None:
         return None
-    known = [each for each in (answer.history, answer.asked) if each is not None]
     return judge_filter(
         [picked(each, ~answer.readings_beyond(each) & _stated(each)) for each in known],
         [output.name for output in answer.outputs],
@@ -205,10 +229,8 @@ def read_times(written: str) -> Array:
 
 def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> tuple[LinearAnswer, list[Path]]:
     """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`."""
-    covariance, outages = linear_covariance(campaign, times), {}
-    if is_ins(campaign.scenario):
-        outages = {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
-    written = page_html(page(covariance, outages, _what_if(campaign, covariance)))
+    covariance = linear_covariance(campaign, times)
+    written = page_html(page(covariance, _outages(campaign), _what_if(campaign, covariance)))
     files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
 
@@ -225,7 +247,7 @@ def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:
 def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
     """Arrange a linear covariance as ``lincov.json`` has it: SI units, and two rows where an update falls on a time."""
     names, kinds = [output.name for output in answer.outputs], kinds_of(answer.outputs)
-    history = answer.asked or answer.history
+    history, smoothed = answer.asked or answer.history, answer.smoothed_asked or answer.smoothed
     return {
         "campaign": answer.campaign,
         **({"remarks": answer.remarks} if answer.remarks else {}),
@@ -247,6 +269,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
                 "value": each.value,
                 "met": each.met if each.judged else None,
                 "margin": each.margin,
+                **({"exceedance": each.beyond} if math.isfinite(each.beyond) else {}),
                 "time": each.time,
                 "causes": [asdict(cause) for cause in answer.requirement_causes(number)],
             }
@@ -255,12 +278,13 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         **_size_rows(answer, names),
         "mean_by_cause": answer.means,
         "filter": None if answer.filter is None else _filter_entry(answer.filter),
+        **({} if answer.smoother is None else {"smoother": _filter_entry(answer.smoother)}),
         "beyond_range": None if answer.beyond is None else {
             "outputs": [names[output] for output in answer.beyond.outputs],
             "begin": answer.beyond.time,
         },
         "time": None if history is None else history.readings.label,
-        "rows": [] if history is None else _rows(history, answer.readings_beyond(history)),
+        "rows": [] if history is None else _rows(history, answer.readings_beyond(history), smoothed),
     }  # fmt: skip
 
 
@@ -298,7 +322,9 @@ def _budget_rows(answer: LinearAnswer) -> list[Mapping[str, object]]:
     return [*rows, {"cause": "correlations", "sigma": None, "share": budget.cross_terms}]
 
 
-def _rows(covariance: LinearCovariance, beyond: NDArray[np.bool_]) -> list[Mapping[str, object]]:
+def _rows(
+    covariance: LinearCovariance, beyond: NDArray[np.bool_], smoothed: LinearCovariance | None
+) -> list[Mapping[str, object]]:
     rows = list[Mapping[str, object]]()
     for number, time in enumerate(covariance.readings.times):
         own = None if covariance.sigma_filter is None else covariance.sigma_filter[number]
@@ -308,9 +334,21 @@ def _rows(covariance: LinearCovariance, beyond: NDArray[np.bool_]) -> list[Mappi
             "mean": covariance.mean[number],
             "sigma": covariance.sigma[number],
             "sigma_filter": own,
+            **_smoothed_entry(smoothed, number),
             "beyond_range": bool(beyond[number]),
             "variance_by_cause": {name: variance[number] for name, variance in covariance.variances.items()},
             "variance_by_correlations": covariance.correlations[number],
             "mean_by_cause": {name: values[number] for name, values in covariance.means.items()},
         })  # fmt: skip
     return rows
+
+
+def _smoothed_entry(smoothed: LinearCovariance | None, number: int) -> Mapping[str, object]:
+    """Return what a smoother claims at a reading, and what is true of its errors; nothing without a smoother."""
+    if smoothed is None or smoothed.sigma_filter is None:
+        return {}
+    return {
+        "sigma_smoother": smoothed.sigma_filter[number],
+        "sigma_smoothed": smoothed.sigma[number],
+        "smoothed_variance_by_cause": {name: variance[number] for name, variance in smoothed.variances.items()},
+    }

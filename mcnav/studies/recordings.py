@@ -11,12 +11,12 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.config.read import Campaign
-from mcnav.contract.recorded import RecordedMeasurements, RecordedTrack, Recording
+from mcnav.contract.recorded import MeasurementFile, RecordedMeasurements, RecordedTrack, Recording
 from mcnav.contract.scenario import RecordingScenario, can_be_recorded
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
 from mcnav.files import write_texts
-from mcnav.logs.imu_log import read_imu_log
+from mcnav.logs.imu_log import read_imu_log, remark_on_axes
 from mcnav.logs.log_error import LogError
 from mcnav.logs.tables import read_table
 from mcnav.logs.track import Track, read_track
@@ -41,6 +41,12 @@ COLUMNS: Final[Mapping[str, tuple[tuple[str, str], ...]]] = {
 }
 """Columns of a recorded quantity and their SI units."""
 
+SIGMAS: Final[Mapping[str, tuple[tuple[str, str], ...]]] = {
+    "position": tuple((f"sigma_{axis}", "m") for axis in LEVEL),
+    "velocity": tuple((f"velocity_sigma_{axis}", "m/s") for axis in LEVEL),
+}
+"""Columns of the sigmas of a quantity."""
+
 
 @dataclass(frozen=True)
 class RecordingFiles:
@@ -49,13 +55,13 @@ class RecordingFiles:
     Attributes
     ----------
     measurements : mapping of str to Path
-        By the names of the sensors.
+        By the names of the sensors; those of the campaign's logs are read as well.
     columns, units : mapping of str to str
         Of the readings, as `read_imu_log` takes them.
     """
 
     imu: Path
-    measurements: Mapping[str, Path]
+    measurements: Mapping[str, Path] = field(default_factory=dict)
     reference: Path | None = None
     start: Path | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -80,6 +86,10 @@ def read_recording(campaign: Campaign, files: RecordingFiles) -> tuple[Recording
         raise LogError(
             files.measurements[unknown[0]], f"is of {unknown[0]!r}, and the campaign has no such sensor; it has {known}"
         )
+    measured_in = {**scenario.logs, **{name: MeasurementFile(path) for name, path in files.measurements.items()}}
+    if not measured_in:
+        known = " or ".join(f"--measurements {name}=FILE" for name in names)
+        raise LogError(files.imu, f'has no measurements beside it; expected {known}, or log = "FILE" in [[aiding]]')
     log = read_imu_log(files.imu, files.columns, files.units)
     if log.gyro is None or log.accelerometer is None:
         raise LogError(files.imu, "lacks gyros or accelerometers; a navigator needs both")
@@ -87,9 +97,9 @@ def read_recording(campaign: Campaign, files: RecordingFiles) -> tuple[Recording
     zero = log.start - log.interval
     ends = log.time + log.interval
     measurements = {}
-    for name, path in files.measurements.items():
-        measured, noticed = _read_measurements(path, zero)
-        _check_overlap(path, measured.times, ends, files.imu)
+    for name, file in measured_in.items():
+        measured, noticed = _read_measurements(file, zero)
+        _check_overlap(file.path, measured.times, ends, files.imu)
         measurements[name] = measured
         notes += noticed
     reference = start = None
@@ -100,6 +110,8 @@ def read_recording(campaign: Campaign, files: RecordingFiles) -> tuple[Recording
         notes += [f"{files.reference.name}: {note}" for note in track.notes]
     if files.start is not None:
         start = _start(files.start, zero)
+        if start.attitude is not None and (wrong := remark_on_axes(log, *start.attitude[0, :2])):
+            raise LogError(files.imu, wrong)
     else:
         notes.append("navigation starts where the campaign's trajectory does; --start FILE gives another state")
     return Recording(ends, log.gyro, log.accelerometer, measurements, start, reference), tuple(notes)
@@ -121,28 +133,28 @@ def _check_overlap(path: Path, times: Array, ends: Array, imu: Path) -> None:
         raise LogError(path, message, "time")
 
 
-def _read_measurements(path: Path, zero: float) -> tuple[RecordedMeasurements, list[str]]:
+def _read_measurements(file: MeasurementFile, zero: float) -> tuple[RecordedMeasurements, list[str]]:
     """Read the measurements of a sensor: a track, or a table with the columns of `COLUMNS`."""
-    table = read_table(path)
-    named = _by_plain_name(table)
-    if not ("latitude" in named or _is_track(path)):
+    path = file.path
+    try:
+        track = read_track(path, file.columns, file.units)
+    except LogError:
+        named = _by_plain_name(read_table(path))
+        if "latitude" in named or file.columns:
+            raise
         return _tabulated(path, named, zero), []
-    track = read_track(path)
     recorded = _recorded_track(track, zero)
     values = {"position": recorded.position, "altitude": recorded.position[:, 2:]}
     if track.velocity is not None:
         values["velocity"] = track.velocity
     if track.attitude is not None:
         values |= {"attitude": track.attitude, "heading": track.attitude[:, 2:]}
-    return RecordedMeasurements(recorded.times, values), [f"{path.name}: {note}" for note in track.notes]
-
-
-def _is_track(path: Path) -> bool:
-    try:
-        read_track(path)
-    except LogError:
-        return False
-    return True
+    sigmas = {}
+    if track.position_sigma is not None:
+        sigmas = {"position": track.position_sigma, "altitude": track.position_sigma[:, 2:]}
+    if track.velocity_sigma is not None:
+        sigmas["velocity"] = track.velocity_sigma
+    return RecordedMeasurements(recorded.times, values, sigmas), [f"{path.name}: {note}" for note in track.notes]
 
 
 def _by_plain_name(table: pd.DataFrame) -> dict[str, tuple[Array, str]]:
@@ -220,8 +232,10 @@ def write_recording(campaign: Campaign, index: int, interval: float, folder: Pat
     texts = {IMU: _csv(["time [s]", *(f"{a} [{u}]" for a, u in zip(axes, units, strict=True))], readings)}
     for name, measured in recording.measurements.items():
         columns, values = ["time [s]"], [measured.times[:, None]]
-        for quantity, each in measured.values.items():
-            columns += [f"{column} [{unit}]" for column, unit in COLUMNS[quantity]]
+        of_quantities = [(COLUMNS[quantity], each) for quantity, each in measured.values.items()]
+        of_quantities += [(SIGMAS[quantity], each) for quantity, each in measured.sigmas.items()]
+        for names, each in of_quantities:
+            columns += [f"{column} [{unit}]" for column, unit in names]
             values.append(each)
         texts[f"{name}.csv"] = _csv(columns, np.concatenate(values, axis=1))
     for file, track in ((REFERENCE, recording.reference), (START, recording.start)):

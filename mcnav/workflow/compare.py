@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mcnav._threads import one_thread
+from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import end_words
@@ -38,6 +39,8 @@ class RunComparison:
         One for each output that the first run shares with another, for each of these.
     confidence : float
         Confidence of all intervals together (Bonferroni).
+    over_time : tuple of (Envelopes or None)
+        Errors over time of each run, where they are known.
     """
 
     titles: tuple[str, ...]
@@ -45,6 +48,7 @@ class RunComparison:
     manifests: tuple[Manifest, ...]
     rows: tuple[Row, ...]
     confidence: float
+    over_time: tuple[Envelopes | None, ...] = ()
 
     @property
     def inputs(self) -> pd.DataFrame:
@@ -68,7 +72,9 @@ class RunComparison:
     @property
     def page(self) -> str:
         """The comparison as one HTML page."""
-        return page_html(comparison_page(self.titles, self.summaries, self.manifests, self.rows, self.confidence))
+        known = self.over_time or (None,) * len(self.titles)
+        page = comparison_page(self.titles, self.summaries, self.manifests, self.rows, self.confidence, known)
+        return page_html(page)
 
 
 def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
@@ -104,13 +110,23 @@ def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
         enough = min(len(before.index), len(after.index)) >= 2
         comparison = change(before, after, at, same_draws(first, runs[later]), each) if enough else None
         rows.append(Row(later, *name, first.manifest.model.outputs[at[0]].shown_in, comparison))
-    return RunComparison(titles(paths), summaries, tuple(run.manifest for run in runs), tuple(rows), confidence)
+    manifests, known = tuple(run.manifest for run in runs), tuple(run.envelopes for run in runs)
+    return RunComparison(titles(paths), summaries, manifests, tuple(rows), confidence, known)
 
 
 def titles(paths: Sequence[str | Path]) -> tuple[str, ...]:
     """Short names of folders: their last parts, or the whole paths where these are not different."""
     short = tuple(Path(path).resolve().name for path in paths)
     return short if len(set(short)) == len(short) else tuple(str(path) for path in paths)
+
+
+def page_name(paths: Sequence[str | Path]) -> str:
+    """Name the page of a comparison in a folder of its choice, such as ``mine_and_other.html``.
+
+    >>> page_name(["reports/mine", "reports/other"])
+    'mine_and_other.html'
+    """
+    return f"{'_and_'.join(Path(path).resolve().name for path in paths)}.html"
 
 
 def same_draws(one: RunAnalysis, other: RunAnalysis) -> bool:

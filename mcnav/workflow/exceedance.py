@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.exceedance import Event, allowed_share, most_likely_way, samples_deciding
 from mcnav.analysis.requirements import Requirement
-from mcnav.contract.engine import Engine, without_noise
+from mcnav.contract.engine import ConditionalEngine, ConditionalNoise, Engine, conditions_noise, without_noise
+from mcnav.contract.samples import Batch
 from mcnav.execution.soundness import isolated
 from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.facets import linear_facets
+from mcnav.sampling.copula import semidefinite_factor
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.store.manifest import ExceedanceRecord
@@ -30,47 +33,112 @@ RAREST: Final = 12.0
 MOST_SHARE: Final = 0.01
 """Linear probability above which samples are counted."""
 
-FLIGHTS: Final = 1_000
-"""Flights for one requirement, about; and the samples that a campaign must have for them."""
+FLIGHTS, NOISY_FLIGHTS = 1_000, 2_000
+"""Flights for one requirement, about, without noise and with it; and the samples that a campaign must have for them."""
+
+SHARE: Final = 5
+MOST_FLIGHTS: Final = 4_000
+"""Of a campaign with noise, which scatters entries: one flight for so many samples, and at most so many."""
 
 STREAM: Final = 1_000_003
 """Seeds of the flights: the campaign's times this, plus the number of the requirement."""
 
 
 @dataclass(frozen=True)
+class _Noise:
+    """Noise that adds ``factor @ w`` of normals w to the linear outcomes of the requirement's outputs.
+
+    ``processes`` are the covariances that each process adds to them, shape (m, m).
+    """
+
+    samples: ConditionalNoise
+    processes: Mapping[str, Array]
+    factor: Array
+
+    @classmethod
+    def of(cls, engine: ConditionalEngine, model: Model, outputs: tuple[int, ...]) -> _Noise:
+        """Factor the covariance; a part without variance has no normals."""
+        processes = {name: covariance[np.ix_(outputs, outputs)] for name, covariance in model.processes.items()}
+        covariance = sum(processes.values(), np.zeros((len(outputs), len(outputs))))
+        sigma = np.sqrt(np.diag(covariance))
+        inverse = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
+        factor = sigma[:, None] * semidefinite_factor(inverse[:, None] * covariance * inverse)
+        return cls(engine.conditional_noise(outputs), processes, factor[:, factor.any(axis=0)])
+
+    def added(self, normals: Array) -> Array:
+        """Return what noise adds to the linear outcomes, shape (n, m)."""
+        return np.asarray(np.einsum("nr,mr->nm", normals, self.factor))
+
+
+@dataclass(frozen=True)
 class _Normals:
-    """Simulation and linear model as functions of the standard normals on which errors depend, for some outputs."""
+    """Simulation and linear model as functions of standard normals, for some outputs.
+
+    The first normals are those on which constant errors depend; the others are those of `_Noise`.
+    """
 
     engine: Engine
     errors: ErrorModel
     model: Model
     outputs: tuple[int, ...]
+    seed: int
+    noise: _Noise | None = None
+
+    @property
+    def constants(self) -> int:
+        """Standard normals on which constant errors depend."""
+        return len(self.errors.dispersing)
 
     @property
     def dimensions(self) -> int:
-        """Standard normals on which errors depend."""
-        return len(self.errors.dispersing)
+        """All standard normals."""
+        return self.constants + (0 if self.noise is None else self.noise.factor.shape[1])
 
     def errors_of(self, points: Array) -> Array:
-        """Return errors, shape (n, sources), of standard normals, shape (n, dimensions)."""
+        """Return constant errors, shape (n, sources), of standard normals, shape (n, dimensions)."""
         variates = np.zeros((len(points), self.errors.variates))
-        variates[:, self.errors.dispersing] = points
+        variates[:, self.errors.dispersing] = points[:, : self.constants]
         return self.errors.errors_of(variates)
 
-    def fly(self, points: Array) -> Array:
-        """Simulate; NaN for a flight that fails."""
+    def fly(self, points: Array, numbers: IndexArray) -> Array:
+        """Simulate, with noise by number; NaN for a flight that fails."""
         check_stopped()
         if not len(points):
             return np.zeros((0, len(self.outputs)))
-        flown = without_noise(self.engine)(self.errors_of(points))
+        errors = self.errors_of(points)
+        if self.noise is None:
+            flown = without_noise(self.engine)(errors)
+        else:
+            batch = Batch(numbers, errors, self._noise_seed)
+            flown = self.noise.samples.simulate(batch, self.noise.added(points[:, self.constants :]))
         values = flown.values[:, self.outputs].copy()
         values[list(flown.failures)] = math.nan
         return values
 
+    @cached_property
+    def _noise_seed(self) -> int:
+        return int(np.random.SeedSequence(self.seed, spawn_key=(1,)).generate_state(1, np.uint64)[0])
+
     def linear(self, points: Array) -> Array:
         """Return the outputs by the linear model."""
-        outcomes = self.model.nominal + self.errors_of(points) @ self.model.partials.T
-        return np.asarray(outcomes[:, self.outputs])
+        outcomes = (self.model.nominal + self.errors_of(points) @ self.model.partials.T)[:, self.outputs]
+        return np.asarray(outcomes if self.noise is None else outcomes + self.noise.added(points[:, self.constants :]))
+
+    def departures(self, point: Array) -> tuple[list[str], Array]:
+        """Return the departures of sources and processes in a point, in sigmas.
+
+        That of a process is the size of its normals in the most likely noise that adds y,
+        ``|z_p|^2 = y^T S^+ S_p S^+ y`` with its covariance S_p of a total S.
+        """
+        spread = self.errors.standard_deviations
+        departures = (self.errors_of(point[None])[0] - self.errors.mean) / np.where(spread > 0.0, spread, 1.0)
+        names = list(self.errors.names)
+        if self.noise is None:
+            return names, departures
+        # with S = L L^T and y = L w, S^+ y solves L^T x = w
+        pulled = np.linalg.lstsq(self.noise.factor.T, point[self.constants :], rcond=None)[0]
+        sizes = [math.sqrt(max(0.0, float(pulled @ part @ pulled))) for part in self.noise.processes.values()]
+        return names + list(self.noise.processes), np.append(departures, sizes)
 
 
 def estimate_exceedances(
@@ -86,11 +154,14 @@ def estimate_exceedances(
         if requirement.kind == "sigma_ratio" or requirement.epochs:
             continue
         event = Event.of(requirement, model.sizes)
-        normals = _Normals(engine, system.draws.errors, model, event.outputs)
+        seed = system.draws.seed * STREAM + number
+        noise = _Noise.of(engine, model, event.outputs) if conditions_noise(engine) else None
+        normals = _Normals(engine, system.draws.errors, model, event.outputs, seed, noise)
         if not _is_beyond_counting(normals, event, requirement, system, confidence):
             continue
         reason = _refusal(system)
-        records.append(_refused(number, reason) if reason else _estimate(number, normals, event, system, confidence))
+        refused = _refused(number, reason)
+        records.append(refused if reason else _estimate(number, normals, event, system.draws.samples, confidence))
     return tuple(records)
 
 
@@ -102,12 +173,13 @@ def _refused(number: int, reason: str) -> ExceedanceRecord:
 def _refusal(system: PreparedSystem) -> str:
     """Say why no flights are chosen; nothing where they are."""
     engine, draws = system.engine, system.draws
-    if engine.noisy or engine.filter is not None:
-        return "flights are chosen among constant errors alone, and this campaign has noise or a filter"
+    if (engine.noisy or engine.filter is not None) and not conditions_noise(exact_part(engine)):
+        return "flights are chosen with the noise of type ins alone, of engines ensemble and shared-gains"
     if system.unsettled is not None:
         return "there is no linear model to choose flights with"
-    if draws.samples < FLIGHTS:
-        return f"it takes about {FLIGHTS:,} flights, more than the campaign has samples ({draws.samples:,})"
+    flights = NOISY_FLIGHTS if engine.noisy else FLIGHTS
+    if draws.samples < flights:
+        return f"it takes about {flights:,} flights, more than the campaign has samples ({draws.samples:,})"
     return ""
 
 
@@ -130,19 +202,16 @@ def _is_beyond_counting(
     return needed is None or needed > independent
 
 
-def _estimate(
-    number: int, normals: _Normals, event: Event, system: PreparedSystem, confidence: float
-) -> ExceedanceRecord:
-    """Estimate the probability beyond the limits of one requirement."""
-    errors, seed = system.draws.errors, system.draws.seed * STREAM + number
+def _estimate(number: int, normals: _Normals, event: Event, samples: int, confidence: float) -> ExceedanceRecord:
+    """Estimate the probability beyond the limits of one requirement, with flights in proportion to the samples."""
+    most = FLIGHTS if normals.noise is None else int(np.clip(samples // SHARE, NOISY_FLIGHTS, MOST_FLIGHTS))
     rare = estimate_probability(
-        normals.fly, normals.linear, event.limit, normals.dimensions, seed, confidence=confidence, most=FLIGHTS
-    )
+        normals.fly, normals.linear, event.limit, normals.dimensions, normals.seed, confidence=confidence,
+        most=most, noisy=normals.noise is not None,
+    )  # fmt: skip
     record = ExceedanceRecord(
         requirement=number, estimate=rare.estimate, low=rare.low, high=rare.high, flights=rare.flights,
     )  # fmt: skip
     if rare.refusal:
         return record.completed({"refusal": rare.refusal})
-    spread = errors.standard_deviations
-    departures = (normals.errors_of(rare.point[None])[0] - errors.mean) / np.where(spread > 0.0, spread, 1.0)
-    return record.completed({"way": most_likely_way(errors.names, departures), "sides": rare.sides})
+    return record.completed({"way": most_likely_way(*normals.departures(rare.point)), "sides": rare.sides})

@@ -1,10 +1,14 @@
-"""All runs of a folder on one page: verdict, sigmas, date, and what went in."""
+"""All runs and studies of a folder on one page: answer, worst ratio, margin, date, and which runs to compare."""
 
 from __future__ import annotations
 
+import json
+import math
 import os
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote
@@ -19,9 +23,9 @@ from mcnav.report.document import (
     CODE,
     UNIT,
     WRAPPED,
+    Answers,
     Cell,
     Column,
-    Listing,
     Page,
     Part,
     Section,
@@ -32,6 +36,7 @@ from mcnav.report.document import (
 from mcnav.report.format import number
 from mcnav.report.html import page_html
 from mcnav.report.model import humanize, shown_units
+from mcnav.report.page_head import PageHead, page_head
 from mcnav.store.run_folder import MANIFEST, REPORT, SUMMARY, RunFolder
 
 DEEPEST: Final = 3
@@ -39,9 +44,19 @@ DEEPEST: Final = 3
 
 INDEX: Final = "index.html"
 CAPTION: Final = (
-    "All runs with verdicts, the worst first, Monte Carlo sigmas (paired estimates), start date, and the first digits "
-    "of the hash of campaign, engine and versions."
+    "All runs, with their foremost answer. Worst ratio: the Monte Carlo sigma (paired estimate) of the output that is "
+    "farthest from linear analysis, over the linear one. Margin: of the tightest requirement on sizes of errors, its "
+    "limit over the Monte Carlo estimate; below one it is not met."
 )
+STUDIES: Final = (
+    "Pages of studies, comparisons and trajectories with their foremost answer, and when they were written."
+)
+
+BEGINNING: Final = 200_000
+"""Bytes of a page in which its head is looked for."""
+
+SIZES: Final = ("quantile", "cep", "r95", "sep")
+"""Kinds of requirements whose estimate is a size, which a limit bounds from above."""
 
 NOTHING: Final = Cell("–")
 """Cell of what a run does not have."""
@@ -59,15 +74,36 @@ class _Link:
 
 
 @dataclass(frozen=True)
+class _Study:
+    """A page that is not a run's: what its head says, and when it was written."""
+
+    link: _Link
+    head: PageHead
+    written: str
+
+
+@dataclass(frozen=True)
+class _Worst:
+    """A number and the name of what it is of; none where there is none."""
+
+    value: float
+    name: str = ""
+
+
+@dataclass(frozen=True)
 class _Run:
     """A run folder: its report, and what the page says of it, or why it cannot be read."""
 
-    folder: str
+    place: Path
+    path: str
     report: _Link | None
     name: str
     failure: str = ""
     tone: str = ""
+    answer: str = ""
     verdicts: Cell = NOTHING
+    ratio: _Worst | None = None
+    margin: _Worst | None = None
     samples: int | None = None
     failed: int | None = None
     sigmas: str = ""
@@ -75,7 +111,7 @@ class _Run:
     digest: str = ""
 
 
-def write_index(folder: Path) -> tuple[Path, int]:
+def write_index(folder: Path) -> tuple[Path, int, list[Path]]:
     """Write ``index.html`` of all runs in a folder and below it.
 
     Returns
@@ -83,16 +119,20 @@ def write_index(folder: Path) -> tuple[Path, int]:
     written : Path
     runs : int
         Number of runs on the page.
+    latest : list of Path
+        Folders of those that can be read, the latest first.
     """
-    runs, others = list[_Run](), list[_Link]()
+    runs, studies = list[_Run](), list[_Study]()
     for place in _below(folder, DEEPEST):
         if (place / MANIFEST).exists():
             runs.append(_read(folder, place))
         else:
-            others += [_link(folder, page) for page in sorted(place.glob("*.html")) if page.name != INDEX]
+            pages = sorted(page for page in place.glob("*.html") if page.name != INDEX and page.is_file())
+            studies += [_study(folder, page) for page in pages]
     written = folder / INDEX
-    write_whole(written, page_html(_page(runs, others)).encode())
-    return written, len(runs)
+    write_whole(written, page_html(_page(folder, runs, studies)).encode())
+    latest = sorted((run for run in runs if not run.failure), key=lambda run: run.started, reverse=True)
+    return written, len(runs), [run.place for run in latest]
 
 
 def _below(folder: Path, depth: int) -> list[Path]:
@@ -114,61 +154,144 @@ def _linked(link: _Link, words: str) -> Markup:
     return Markup('<a href="{}">{}</a>').format(link.href, words)
 
 
+def _study(folder: Path, page: Path) -> _Study:
+    with page.open("rb") as file:
+        head = page_head(file.read(BEGINNING).decode("utf-8", errors="replace"))
+    date = datetime.fromtimestamp(page.stat().st_mtime, UTC).date().isoformat()
+    link = _link(folder, page)
+    return _Study(link, head or PageHead(heading=link.path), date)
+
+
 def _read(folder: Path, place: Path) -> _Run:
     """Read a run; one that cannot be read has the reason."""
     report = _link(folder, place / REPORT) if (place / REPORT).exists() else None
+    path = Path(os.path.relpath(place, folder)).as_posix()
     try:
         with reading_file(place / SUMMARY):
             run = RunFolder(place)
             summary, manifest = Summary.of(run.summary()), run.existing_manifest()
+            worst = sentences.statements(summary)[0]
             return _Run(
-                place.name,
+                place,
+                path,
                 report,
                 summary.campaign,
-                tone=sentences.statements(summary)[0].tone,
+                tone=worst.tone,
+                answer=worst.words,
                 verdicts=_verdicts(summary),
+                ratio=_worst_ratio(summary),
+                margin=_least_margin(summary),
                 samples=summary.samples,
                 failed=summary.failed,
                 sigmas=_sigmas(summary),
-                started=manifest.started[:10],
+                started=manifest.started,
                 digest=manifest.identity.digest[:HASH],
             )
     except RunFolderError as failure:
-        return _Run(place.name, report, place.name, str(failure).replace(str(place), place.name))
+        return _Run(place, path, report, place.name, str(failure).replace(str(place), place.name))
 
 
-def _page(runs: Sequence[_Run], others: Sequence[_Link]) -> Page:
+def _worst_ratio(summary: Summary) -> _Worst | None:
+    """Return the sigma ratio that is farthest from one, by its logarithm."""
+    known = [
+        _Worst(ratio, humanize(name))
+        for name, ratio in zip(summary.names, summary.sigma_ratio_paired, strict=False)
+        if ratio is not None and ratio > 0.0 and math.isfinite(ratio)
+    ]
+    return max(known, key=lambda each: abs(math.log(each.value)), default=None)
+
+
+def _least_margin(summary: Summary) -> _Worst | None:
+    """Return the least of the limits of requirements on sizes over their estimates."""
+    known = [
+        _Worst(entry.limits[0] / entry.estimate, ", ".join(map(humanize, entry.outputs)))
+        for entry in summary.requirements
+        if entry.kind in SIZES and entry.estimate
+    ]
+    return min(known, key=lambda each: each.value, default=None)
+
+
+def _page(folder: Path, runs: Sequence[_Run], studies: Sequence[_Study]) -> Page:
     """Return the page: runs with what their reports say, and other pages."""
     nothing = Markup("There is no finished run in this folder. Create one with {}.").format(
         CODE("mcnav run campaigns/NAME.toml")
     )
-    parts: list[Part] = [_run_table(runs)] if runs else [Sentence(nothing)]
+    parts: list[Part] = [Answers((_run_table(folder, runs),), "runs")] if runs else [Sentence(nothing)]
+    if len([run for run in runs if not run.failure]) > 1:
+        parts.insert(0, Sentence(_comparison(folder, studies)))
     sections = [Section("runs", f"{len(runs)} {'run' if len(runs) == 1 else 'runs'}", parts)]
-    if others:
-        links = Listing([_linked(page, page.path) for page in others])
-        sections.append(Section("others", "Other pages", [links]))
+    if studies:
+        sections.append(Section("studies", "Studies and other pages", [Answers((_study_table(studies),), "runs")]))
     return Page("Runs", "Linear covariance analysis and Monte Carlo", "Runs", sections=sections)
 
 
-def _run_table(runs: Sequence[_Run]) -> Table[_Run]:
+def _comparison(folder: Path, studies: Sequence[_Study]) -> Markup:
+    """Mark the place where the script writes how to compare the runs that are ticked."""
+    here = folder.is_absolute()
+    pages = {study.link.path: study.link.href for study in studies if "/" not in study.link.path}
+    return Markup(
+        'Tick two runs, and the command that compares them stands here.<output data-compare="{}" data-out="{}" '
+        'data-where="{}"></output>'
+    ).format(
+        json.dumps(pages), shlex.quote("." if here else folder.as_posix()), "in the folder of this page" if here else ""
+    )
+
+
+def _tick(folder: Path, run: _Run) -> Markup:
+    """Mark the box by which a run is chosen for a comparison; the script shows it."""
+    place = run.path if folder.is_absolute() else run.place.as_posix()
+    return Markup(
+        '<input type="checkbox" class="pick" value="{}" data-folder="{}" aria-label="Compare {}" hidden> '
+    ).format(shlex.quote(place), run.place.name, run.name)
+
+
+def _run_table(folder: Path, runs: Sequence[_Run]) -> Table[_Run]:
     """Tabulate the runs, of one that cannot be read the reason."""
 
     def name(run: _Run) -> Cell:
-        return Cell(run.name if run.report is None else _linked(run.report, run.name), below=run.folder)
+        tick = Markup("") if run.failure else _tick(folder, run)
+        return Cell(tick + (run.name if run.report is None else _linked(run.report, run.name)), below=run.path)
 
-    def verdict(run: _Run) -> Cell:
-        return Cell(WRAPPED(run.failure), columns=6) if run.failure else run.verdicts
+    def answer(run: _Run) -> Cell:
+        return Cell(WRAPPED(run.failure), columns=6) if run.failure else Cell(WRAPPED(run.answer), below=run.sigmas)
+
+    def samples(run: _Run) -> Cell:
+        return Cell(counted(run.samples), below=f"{run.failed:,} failed" if run.failed else "")
 
     columns: list[Column[_Run]] = [
         Column("Run", name, kind="words", of_user=True),
-        Column("Verdicts", verdict, kind="text"),
-        Column("Samples", lambda run: run.samples, form=counted),
-        Column("Failed", lambda run: run.failed, form=counted),
-        Column("1σ at the end", lambda run: run.sigmas, kind="words"),
-        Column("Started", lambda run: run.started, kind="label"),
-        Column("Identity", lambda run: CODE(run.digest), kind="label"),
+        Column("Answer", answer, kind="words"),
+        Column("Verdicts", lambda run: run.verdicts, kind="text"),
+        Column("Worst ratio", lambda run: _named(run.ratio, 5)),
+        Column("Margin", lambda run: _named(run.margin, 4)),
+        Column("Samples", samples),
+        Column("Started", lambda run: Cell(run.started[:10], below=CODE(run.digest)), kind="label", beside="started"),
     ]
     return Table(CAPTION, columns, runs, name="all-runs", verdict=lambda run: run.tone)
+
+
+def _named(worst: _Worst | None, digits: int) -> Cell:
+    return NOTHING if worst is None else Cell(number(worst.value, digits), below=WRAPPED(worst.name))
+
+
+def _study_table(studies: Sequence[_Study]) -> Table[_Study]:
+    """Tabulate the other pages."""
+
+    def name(study: _Study) -> Cell:
+        below = study.link.path if study.link.path != study.head.heading else ""
+        return Cell(_linked(study.link, study.head.heading or study.link.path), below=below)
+
+    def answer(study: _Study) -> Cell:
+        tone = study.head.tone
+        return Cell(tone, tone=tone, behind=study.head.answer) if tone else Cell(WRAPPED(study.head.answer or "–"))
+
+    columns: list[Column[_Study]] = [
+        Column("Page", name, kind="words", of_user=True),
+        Column("Kind", lambda study: study.head.kind or "–", kind="text"),
+        Column("Answer", answer, kind="words", of_user=True),
+        Column("Written", lambda study: study.written, kind="label"),
+    ]
+    return Table(STUDIES, columns, studies, name="all-studies", verdict=lambda study: study.head.tone)
 
 
 def _verdicts(summary: Summary) -> Cell:
@@ -195,4 +318,5 @@ def _sigmas(summary: Summary) -> Markup:
         scale, unit = units[name]
         words = (humanize(name), number(sigma * scale, 4), UNIT(unit))
         listed.append(Markup("\N{NO-BREAK SPACE}").join(words))
-    return Markup(", ").join(listed)
+    some = Markup("1σ of {} output{}").format(len(listed), "" if len(listed) == 1 else "s")
+    return Markup("<details><summary>{}</summary>{}</details>").format(some, Markup(", ").join(listed))

@@ -145,7 +145,7 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     identity = identity_of(campaign.resolved, engine_name, campaign.code, inputs, campaign.scenario)
     check_as_read(inputs)
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-    notices = [] if fresh else check_resumable(folder, identity, draws.design, draws.samples)
+    notices, processors = ([], target()) if fresh else check_resumable(folder, identity, draws.design, draws.samples)
     digest = chunk_digest(identity, draws.design, draws.samples)
     together = [each.outputs for each in campaign.requirements if each.epochs]
     system = prepare_system(
@@ -154,7 +154,7 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     )  # fmt: skip
     if fresh:
         folder.clear([Path(file.path) for file in inputs])
-    manifest = _first_manifest(campaign, system, identity, inputs)
+    manifest = _first_manifest(campaign, system, identity, inputs, processors)
     folder.begin(manifest, system.history, campaign.stored_files(), inputs)
     layout, frame = manifest.sample_schema, summary_frame(manifest)
     job = ChunkJob(draws, system.engine, folder, digest, layout, campaign.sample_timeout, frame, inputs=inputs)
@@ -205,7 +205,7 @@ def _engine_name(campaign: Campaign, name: str | None) -> str:
 
 
 def _first_manifest(
-    campaign: Campaign, system: PreparedSystem, identity: Identity, inputs: Sequence[InputFile]
+    campaign: Campaign, system: PreparedSystem, identity: Identity, inputs: Sequence[InputFile], processors: str
 ) -> Manifest:
     """Describe a run that begins."""
     errors, design = campaign.errors, campaign.design
@@ -219,7 +219,7 @@ def _first_manifest(
         requirements=campaign.requirements,
         identity=identity,
         accuracy=system.engine.accuracy,
-        processor=target(),
+        processor=processors,
         commit=commit(),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         heavy_tailed=tuple(errors.heavy_tailed(design)),

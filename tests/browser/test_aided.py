@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,19 +19,33 @@ def report(page_of: Callable[[str], Path]) -> Path:
 
 
 def test_the_answers_are_on_the_first_screen(browser: Browser, report: Path) -> None:
-    """All verdicts, the worst first, and every output's sigmas by three methods with its largest sources."""
+    """All verdicts, the worst first, and every output's sigmas by three methods with its largest sources.
+
+    A verdict has its worst number in three digits, and leads to its section; the worst one is the window's title.
+    """
     with browser.opened(report, height=HEIGHT) as page:
-        headlines = page.locator(".verdict .headline").all_inner_texts()
-        assert headlines[0] == "Requirements: 0 of 1 met, 1 not met."
+        headlines = page.locator(".tile .headline").all_inner_texts()
+        assert headlines[0] == "0 of 1 met, 1 not met: |heading| below 3 mrad in 95 % of samples."
+        assert page.locator(".tile .tag").all_inner_texts() == ["not met", "optimistic", "undecided"]
+        assert page.title().startswith("Requirements not met – ")
+        for number, target in enumerate(("requirements", "filter", "linear")):
+            tile = page.locator(".tile").nth(number)
+            assert re.fullmatch(r"\d\.\d\d( mrad)?", tile.locator("strong").inner_text().strip())
+            tile.locator("a").click()
+            page.wait_for_function(f"Math.abs(document.getElementById('{target}').getBoundingClientRect().top) < 40 "
+                                   "|| innerHeight + scrollY > document.body.scrollHeight - 2")  # fmt: skip
+            page.evaluate("scrollTo(0, 0)")
         assert headlines[2].startswith("Undecided: ")
         assert headlines[1].startswith("The filter is optimistic by a factor of ")
         assert "the largest error that it neglects is gyro scale factor" in headlines[1]
         rows = page.locator(".answers tbody tr")
         assert rows.count() == 9
+        assert page.locator(".answers tbody .strip").count() == 9
+        assert re.search(r"\d to [\d.]+; (partly |)(beyond|within) the tolerance", rows.first.inner_text())
         assert all(
             text.startswith("linear ") and "filter " in text for text in rows.locator("td.both").all_inner_texts()
         )
-        for selector in (".verdict", ".asked", ".answers"):
+        for selector in (".tile", ".answers"):
             ends = page.locator(selector).evaluate_all("all => all.map(each => each.getBoundingClientRect().bottom)")
             assert max(ends) <= HEIGHT
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -143,3 +146,42 @@ def test_where_there_is_no_run(tmp_path: Path, run: FlownRun) -> None:
             with pytest.raises(mcnav.RunFolderError, match=line):
                 opened(str(tmp_path / name))
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted({*said} - {"nowhere"})
+
+
+def test_the_names_of_the_package_are_the_public_ones() -> None:
+    assert dir(mcnav) == sorted(mcnav.__all__)
+    assert all(hasattr(mcnav, name) for name in dir(mcnav))
+
+
+def test_cards_of_a_notebook_do_not_disturb_each_other(run: FlownRun) -> None:
+    """Every name on a card is its own and is there; its style applies within it; nothing is loaded or executed."""
+    answer = mcnav.linear_covariance(described())
+    cards = [run._repr_html_(), answer._repr_html_() or ""]
+    names = [re.findall(r' id="([^"]+)"', card) for card in cards]
+    assert all(names)
+    every = [*names[0], *names[1]]
+    assert len(set(every)) == len(every)
+    for card, known in zip(cards, names, strict=True):
+        assert set(re.findall(r"url\(#([^)]+)\)", card)) | set(re.findall(r'aria-\w+="(\S+-d-\w+)"', card)) <= set(
+            known
+        )
+        assert "<script" not in card
+        assert not re.search(r"(src|href)=|@import|url\((?!#)", card)
+        style = card.partition("<style>")[2].partition("</style>")[0]
+        assert style.startswith(".mcnav { ")
+        depths = np.cumsum([{"{": 1, "}": -1}.get(character, 0) for character in style.rstrip()])
+        assert depths[-1] == 0
+        assert depths[style.index("{") : -1].min() >= 1
+
+
+def test_linear_covariance_in_a_notebook(run: FlownRun) -> None:
+    """It is shown with its requirements and causes, survives a pickle, and is one line where there is no page."""
+    accept = {"quantile": [{"output": "altitude", "probability": 0.95, "below": "1000 km"}]}
+    answer = mcnav.linear_covariance(described(name="<b>some</b>", accept=accept))
+    again = pickle.loads(pickle.dumps(answer))
+    assert again._repr_html_() == answer._repr_html_()
+    shown = answer._repr_html_() or ""
+    assert "<strong>&lt;b&gt;some&lt;/b&gt;</strong>" in shown
+    assert shown.count("<figure ") == 2
+    assert repr(answer) == "<b>some</b>: linear covariance of 4 outputs, 1 of 1 requirements met"
+    assert replace(answer, card=None)._repr_html_() is None

@@ -16,6 +16,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mcnav.entries.examples import examples
+from mcnav.studies import precompile
 from mcnav.systems.reentry.scenario import SOURCES
 from tests.commands import in_process, invoke
 from tests.conftest import ROOT
@@ -59,7 +61,7 @@ def test_help(tmp_path: Path) -> None:
         "new",
         "lincov",
         "allocate",
-        "check-scenario",
+        "check",
     )
     for command in commands:
         assert command in finished.stdout
@@ -133,7 +135,7 @@ def test_without_report(workplace: Path, tmp_path: Path, monkeypatch: pytest.Mon
     with_report = workplace / "reports" / DEMO.stem
     finished = invoke("run", DEMO, "--samples", 2000, "--out", "run", "--no-report", cwd=tmp_path)
     assert finished.returncode == 0, finished.stderr
-    assert finished.stdout.endswith("summary: run/summary.json\n")
+    assert finished.stdout.endswith("summary: run/summary.json\n\nnext: mcnav report run --open\n")
     folder = tmp_path / "run"
     assert (folder / "summary.json").read_bytes() == (with_report / "summary.json").read_bytes()
     assert not (folder / "report.html").exists()
@@ -267,7 +269,9 @@ def test_reproduce_the_story(workplace: Path) -> None:
     finished = invoke("reproduce", "story-of-84-minutes", "--out", workplace / "story", cwd=workplace)
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.splitlines()[0] == f"written: {workplace / 'story' / 'story.html'}"
-    for line in finished.stdout.splitlines():
+    *files, between, following = finished.stdout.splitlines()
+    assert (between, following) == ("", "next: mcnav docs story")
+    for line in files:
         assert Path(line.removeprefix("written: ")).exists()
 
 
@@ -400,11 +404,80 @@ def test_failed_samples_give_status_3(workplace: Path) -> None:
     assert "samples failed and are excluded from all results" in finished.stdout.replace("\n", " ")
 
 
+def test_every_example_is_compiled_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By every engine if it is of a kind of its own, or named; the lines are those of what is done."""
+    asked: list[tuple[str, bool]] = []
+
+    def compile_for(name: str, every: bool) -> precompile.Compiled:
+        asked.append((name, every))
+        return precompile.Compiled(name, 2, 0.25)
+
+    monkeypatch.setattr(precompile, "compile_for", compile_for)
+    told: list[str] = []
+    names = [name for name in examples() if name not in precompile.LEFT_OUT]
+    assert precompile.compile_kernels((), 1, told.append) == 2 * len(names)
+    assert sorted(asked) == [(name, name in precompile.DISTINCT) for name in names]
+    assert told[0] == f"1 of {len(names)}: {precompile.DISTINCT[0]}: 2 functions, 0.2 s"
+    asked.clear()
+    assert precompile.compile_kernels([names[1]], 1, told.append) == 2
+    assert asked == [(names[1], True)]
+
+
 def test_compiling_beforehand_leaves_nothing_to_compile(tmp_path: Path) -> None:
-    """A level belongs to objects, which are not asked for."""
-    for _ in range(2):
-        done = invoke("compile", "--only", "11", cwd=tmp_path)
+    """In two processes, and again in one. A level belongs to objects, which are not asked for."""
+    for jobs in (2, 1):
+        done = invoke("compile", "--only", "11", "--jobs", jobs, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
-    assert done.stdout == "0 functions compiled, all others were stored\n"
+    assert done.stdout == "0 functions compiled, all others were stored\n\nnext: mcnav demo\n"
+    told = [line.rpartition(",")[0] for line in done.stderr.splitlines()]
+    assert told == ["1 of 1: 11_cruise: 0 functions"]
     refused = invoke("compile", "--level", "x86-64-v3", cwd=tmp_path)
-    assert (refused.returncode, refused.stderr) == (2, "error: --level: is for objects; give --into FOLDER\n")
+    assert (refused.returncode, refused.stderr) == (2, "error: --level: is for objects; give --out FOLDER\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nothing.csv"], "nothing.csv: no such file; expected a trajectory as CSV or parquet"),
+        (["nothing.py"], "nothing.py: nothing.py does not exist"),
+        (["empty.py"], "empty.py: has no class with a method propagate, fly or rates; mcnav new scenario NAME writes"),
+        (["broken.py"], "broken.py: broken.py cannot be executed: SyntaxError"),
+        (["empty.py", "--column", "lat=x"], "--column: empty.py is no trajectory file; leave it out"),
+    ],
+)
+def test_usual_mistakes_of_a_check(arguments: list[str], message: str, tmp_path: Path) -> None:
+    (tmp_path / "empty.py").write_text("A = 1\n")
+    (tmp_path / "broken.py").write_text("class A(\n")
+    done = invoke("check", *arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"error: {message}")
+
+
+def test_a_trajectory_is_checked(tmp_path: Path) -> None:
+    """A heading that was not recorded, which reads as zeros, is a failed check."""
+    flight = ROOT / "campaigns" / "flight.csv"
+    done = invoke("check", flight, cwd=tmp_path)
+    assert (done.returncode, done.stdout.count(" passed ")) == (0, 4)
+    assert f"next: mcnav new ins flight --out {flight.parent} --trajectory {flight}" in done.stdout
+    table = pd.read_csv(flight)
+    table[[name for name in table if "heading" in name]] = 0.0
+    table.to_csv(tmp_path / "unturned.csv", index=False)
+    done = invoke("check", "unturned.csv", cwd=tmp_path)
+    assert (done.returncode, done.stdout.count(" failed ")) == (1, 1)
+    assert done.stdout.endswith("next: mcnav docs trajectories\n")
+
+
+def test_a_report_that_is_not_written_cannot_be_opened(tmp_path: Path) -> None:
+    done = invoke("run", DEMO, "--open", "--no-report", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (2, "error: --open: shows the report; leave out --no-report\n")
+
+
+def test_the_report_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there is no browser, a note says so."""
+    opened = list[str]()
+    monkeypatch.setattr("webbrowser.open", lambda address: bool(opened.append(address)))
+    done = invoke("run", DEMO, "--samples", 50, "--open", cwd=tmp_path)
+    assert opened == [(tmp_path / "reports" / DEMO.stem / "report.html").as_uri()]
+    assert "note: no browser is found; open the file yourself" in done.stderr
+    assert done.stdout.endswith(f"next: mcnav show reports/{DEMO.stem} --table budget\n")

@@ -22,6 +22,7 @@ import pytest
 import mcnav
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.config.templates import new_scenario
+from mcnav.report.format import number
 from mcnav.studies.lincov import linear_covariance
 from mcnav.systems.ins.scenario import NAVIGATION_ERRORS
 from mcnav.workflow.analyse import report_run
@@ -194,7 +195,9 @@ def test_a_run_in_a_notebook(place: Path) -> None:
     shutil.copy(ROOT / "campaigns" / "polar.py", place)
     run = mcnav.fly(place / "own.toml", place / "run", samples=500)
     assert "&lt;b&gt;polar&lt;/b&gt;" in run._repr_html_()
-    assert run._repr_html_().count("<tr>") == 1 + len(run.outputs)
+    shown = run._repr_html_()
+    assert shown.count("<tr>") == 1 + len(run.outputs)
+    assert [shown.count(f'<figure id="figure-{name}-') for name in ("budget", "envelopes")] == [1, 0]
     np.testing.assert_allclose(np.sqrt(np.diag(run.covariance("linear"))), run.summary["sigma_linear"])
     for name, drawing in run.drawings.items():
         figure = run.figure(name)
@@ -248,7 +251,7 @@ def test_an_index_names_what_cannot_be_read(tmp_path: Path) -> None:
     shutil.copytree(EXAMPLE_RUNS[0], tmp_path / "group" / "damaged")
     (tmp_path / "group" / "damaged" / "summary.json").write_text("{")
     (tmp_path / "group" / "other.html").write_text("")
-    written, count = write_index(tmp_path)
+    written, count, _ = write_index(tmp_path)
     page = written.read_text(encoding="utf-8")
     assert count == 2
     assert 'href="good%20%26%20%3Cb%3E/report.html"' in page
@@ -279,17 +282,25 @@ def test_requirements_in_report_index_summary_and_notebook(tmp_path: Path) -> No
     report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     index = write_index(tmp_path)[0].read_text(encoding="utf-8")
     for page, marks in (
-        (report, (f'<div class="verdict differs"><p class="headline">{no}</p>',
-                  f'<div class="verdict partly"><p class="headline">{yes}</p>')),
+        (report, ('<div class="tile differs" role="group" aria-label="Requirements: not met">',
+                  '<div class="tile partly" role="group" aria-label="Linear analysis: holds">')),
         (index, (f'<span class="tag differs" title="{no}">0 of 2 met</span>',
                  f'<span class="tag partly" title="{yes}">linear agrees</span>')),
     ):  # fmt: skip
         first, second = map(page.index, marks)
         assert first < second  # what fails comes first
     assert "tag agrees" not in index
+    assert "tile agrees" not in report
+    assert yes in report
+    results = done.results
+    least = min(entry.limits[0] / (entry.estimate or 0.0) for entry in results.requirements)
+    farthest = max(results.sigma_ratio_paired, key=lambda ratio: abs(math.log(ratio or 0.0)))
+    assert f'<td data-name="margin">{number(least, 4)}<br>' in index
+    assert f'<td data-name="worst ratio">{number(farthest, 5)}<br>' in index
     run = mcnav.open_run(tmp_path / "run")
     assert repr(run) == f"test: {no} {yes}"
-    assert f"{no} {yes}" in run._repr_html_()
+    shown = run._repr_html_()
+    assert 0 < shown.index(no.removeprefix("Requirements: ").removesuffix(".")) < shown.index(yes)
     assert run_campaign(campaign(1), tmp_path / "none", "ensemble", 1).summary["requirements_met"] is None
 
 

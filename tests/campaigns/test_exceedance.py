@@ -19,6 +19,10 @@ from tests.campaigns.test_ins import described
 COUNTED, OF = 167, 200_000_000
 """Samples of trajectory 4 beyond 160 km of altitude, counted once by two seeds."""
 
+HEADING = "6.640318 mrad"
+TURNED, AIDED = 103, 593_920
+"""Samples of the aided flight whose heading is beyond, counted once with another seed."""
+
 
 def capsule(samples: int = 2_000, **changes: Any) -> dict[str, Any]:
     """Trajectory 4 with the errors of NASA TN D-1772, and a limit that one in a million exceeds."""
@@ -83,11 +87,47 @@ def test_too_few_samples_are_refused_in_a_line(tmp_path: Path) -> None:
     assert required["finding"] == "undecided"
 
 
-def test_noise_is_refused_in_a_line(tmp_path: Path) -> None:
+def aided(samples: int, heading: str) -> dict[str, Any]:
+    """Five minutes of flight with GNSS until 40 s before the end, which the heading's error makes bend."""
+    gnss = {"type": "gnss", "interval": "5 s", "position": "3 m", "velocity": "0.2 m/s"}
+    return described(
+        samples,
+        aiding=[gnss | {"outages": [["240 s", "400 s"]]}],
+        filter={"estimates": ["position", "velocity", "attitude", "gyro_bias", "accelerometer_bias"]},
+        errors={"position": "5 m", "velocity": "0.05 m/s", "tilt": "1 mrad", "heading": heading},
+    )
+
+
+def test_noise_and_filters_agree_with_a_count(tmp_path: Path) -> None:
+    """An aided flight whose heading bends its errors: the interval overlaps that of a count, at 99.99 %."""
+    accept = {"quantile": [{"output": "heading", "probability": 0.9998, "below": HEADING}]}
+    campaign = parse_campaign(aided(5_000, "5 deg") | {"accept": accept}, "test.toml", "test")
+    (required,) = run_campaign(campaign, tmp_path / "run", None, 1, report=False).summary["requirements"]
+    exceedance = required["exceedance"]
+    assert exceedance["refusal"] == ""
+    low = stats.chi2.ppf(0.5e-4, 2 * TURNED) / 2 / AIDED
+    high = stats.chi2.isf(0.5e-4, 2 * TURNED + 2) / 2 / AIDED
+    assert low < exceedance["to"]
+    assert high > exceedance["from"]
+    assert exceedance["to"] < 3.0 * exceedance["from"]
+
+
+def test_noise_that_is_linear_has_the_normal_probability(tmp_path: Path) -> None:
+    """Departures are 5e-4 of a sigma, which moves it by 0.3 %; 1 % is allowed."""
+    accept = {"quantile": [{"output": "tilt_north", "probability": 0.999_999, "below": "0.37 mrad"}]}
+    campaign = parse_campaign(described(2_000, accept=accept), "test.toml", "test")
+    summary = run_campaign(campaign, tmp_path / "run", None, 1, report=False).summary
+    (required,) = summary["requirements"]
+    sigma = np.sqrt(np.array(summary["covariance_linear"])[6, 6])
+    expected = 2.0 * stats.norm.sf(0.37e-3 / sigma)
+    assert required["exceedance"]["estimate"] == pytest.approx(expected, rel=0.01)
+
+
+def test_noise_of_other_engines_is_refused_in_a_line(tmp_path: Path) -> None:
     accept = {"quantile": [{"output": "position_north", "probability": 0.999_999, "below": "300 m"}]}
-    campaign = parse_campaign(described(100, accept=accept), "test.toml", "test")
-    (required,) = run_campaign(campaign, tmp_path / "run", None, 1).summary["requirements"]
-    refusal = "flights are chosen among constant errors alone, and this campaign has noise or a filter"
+    campaign = parse_campaign(described(4, accept=accept), "test.toml", "test")
+    (required,) = run_campaign(campaign, tmp_path / "run", "reference", 1, report=False).summary["requirements"]
+    refusal = "flights are chosen with the noise of type ins alone, of engines ensemble and shared-gains"
     assert required["exceedance"]["refusal"] == refusal
     assert required["finding"] == "undecided"
 

@@ -272,7 +272,7 @@ def test_the_command(plain: FlownRun, tmp_path: Path) -> None:
     expected = {path.name: path.read_bytes() for path in mcnav.export_run(plain.path, tmp_path / "python", "SI")}
     done = invoke("export", "plain", "--units", "SI", cwd=plain.path.parent)
     assert done.returncode == 0, done.stderr
-    written = [Path(line.removeprefix("written: ")) for line in done.stdout.splitlines()]
+    written = [Path(file) for file in re.findall("^written: (.*)$", done.stdout, re.MULTILINE)]
     assert {path.parts[0] for path in written} == {"plain_export"}
     assert {path.name: (plain.path.parent / path).read_bytes() for path in written} == expected
     inside = invoke("export", ".", cwd=plain.path)
@@ -283,7 +283,10 @@ def test_the_command(plain: FlownRun, tmp_path: Path) -> None:
     ("arguments", "line"),
     [
         (("nowhere",), r"error: nowhere: holds no run \(there is no such folder\)"),
-        (("plain", "--out", "plain/manifest.json"), r"error: plain/manifest.json: .*"),
+        (
+            ("plain", "--out", "plain/manifest.json"),
+            r"error: --out: got plain/manifest.json; expected a folder, such as plain/manifest",
+        ),
     ],
 )
 def test_bad_input(arguments: tuple[str, ...], line: str, plain: FlownRun) -> None:

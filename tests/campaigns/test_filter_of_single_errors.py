@@ -36,7 +36,7 @@ class Constants:
 """Every epoch has the same errors: what is measured at one is measured at all."""
 
 RIGHT = 1.0
-BANNER = re.compile(r'<div class="verdict (\w+)">\s*<p class="headline">(.*?)</p>\s*<p>(.*?)</p>', re.DOTALL)
+BANNER = re.compile(r'<div class="tile (\w+)".*?<p class="headline">(.*?)</p>\s*<details>.*?<p>(.*?)</p>', re.DOTALL)
 CHIP = re.compile(r'class="tag (\w+)"')
 
 

@@ -52,7 +52,7 @@ def test_comparisons_and_indexes_have_a_column(runs: Path) -> None:
     """A column where any run has a filter, a dash in the rows of the others."""
     page = compare_runs([runs / "filtered", runs / "plain"]).page
     assert SENTENCE in page
-    written, count = write_index(runs)
+    written, count, _ = write_index(runs)
     text = written.read_text(encoding="utf-8")
     assert count == 2
     assert 'class="tag differs" title="The filter is optimistic' in text

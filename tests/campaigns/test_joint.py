@@ -78,8 +78,8 @@ class Shown:
 
     @property
     def banner(self) -> list[str]:
-        """The paragraphs of the page's first banner."""
-        banner = re.search(r'<div class="verdict .*?</div>', self.page, re.DOTALL)
+        """The paragraphs of the page's first tile."""
+        banner = re.search(r'<div class="tile .*?</div>', self.page, re.DOTALL)
         assert banner is not None
         return [html.unescape(each) for each in re.findall(r"<p[^>]*>(.*?)</p>", banner[0])]
 

@@ -79,6 +79,26 @@ def test_noise_three_times_as_large_is_named_with_its_interval() -> None:
     assert "What to change" in page
 
 
+def test_the_measurements_of_a_campaign_s_log_have_its_sigmas_and_its_factor_is_named(tmp_path: Path) -> None:
+    """A receiver whose stated sigmas, which vary by five, are 2.5 times too small: 18 fixes of three axes."""
+    rows = [f"{time},48.0,11.0,500.0,{s},{s},{2 * s}" for time, s in enumerate((1.0, 5.0) * 20)]
+    header = "time [s],latitude [deg],longitude [deg],altitude [m],sigma_north [m],sigma_east [m],sigma_down [m]"
+    (tmp_path / "gnss.csv").write_text("\n".join([header, *rows]))
+    described = SHORT.replace('interval = "1 s"\nposition = "1 m"', 'log = "gnss.csv"')
+    assert described != SHORT
+    (tmp_path / "flight.toml").write_text(described)
+    (tmp_path / "flown.toml").write_text(described.replace('log = "gnss.csv"', 'log = "gnss.csv"\nlog_factor = 2.5'))
+    run("record", tmp_path / "flown.toml", "--sample", 2, "--rate", 20, "--out", tmp_path)
+    assert "sigma_down [m]" in (tmp_path / "gnss.csv").read_text()  # in place of the one that was read
+    files = "--imu", tmp_path / "imu.csv", "--start", tmp_path / "start.csv"
+    shown = run("judge", tmp_path / "flight.toml", *files, "--records", 300, "--out", tmp_path / "judge")
+    causes = json.loads((tmp_path / "judge" / "judge.json").read_text())["causes"]
+    (noise,) = (each for each in causes if each["name"] == "gnss_position_noise")
+    assert noise["factor"]["low"] < 2.5 < noise["factor"]["high"]
+    assert noise["log_factor"] == 1.0
+    assert "[[aiding]]  # gnss\nlog_factor = 2." in shown
+
+
 def test_statistics_of_the_record_are_in_the_file() -> None:
     _, content, _ = judged(True)
     (sensor,) = content["sensors"]
@@ -90,7 +110,8 @@ def test_statistics_of_the_record_are_in_the_file() -> None:
 def test_mistakes_are_one_line_each(tmp_path: Path) -> None:
     folder = recorded(False)
     campaign, imu, gnss = folder / "flight.toml", folder / "imu.csv", folder / "gnss.csv"
-    assert "expected CAMPAIGN, --imu FILE and --measurements NAME=FILE" in refused("judge", campaign)
+    assert "expected CAMPAIGN and --imu FILE, or --errors TABLE" in refused("judge", campaign)
+    assert "expected --measurements gnss=FILE" in refused("judge", campaign, "--imu", imu)
     named = ("judge", campaign, "--imu", imu, "--measurements")
     assert "has no such sensor; it has gnss" in refused(*named, f"gps={gnss}")
     assert "expected NAME=VALUE" in refused(*named, "gnss")
@@ -99,6 +120,14 @@ def test_mistakes_are_one_line_each(tmp_path: Path) -> None:
     later = [",".join([f"{float(row.split(',')[0]) + 1e6:.3f}", *row.split(",")[1:]]) for row in rows[1:]]
     late.write_text("\n".join([rows[0], *later]))
     assert "both must have the same clock" in refused(*named, f"gnss={late}")
+    upward = tmp_path / "upward.csv"
+    names, *readings = imu.read_text().splitlines()
+    turned = ([*row[:5], row[6], str(-float(row[5])), *row[7:]] for row in (each.split(",") for each in readings))
+    upward.write_text("\n".join([names, *(",".join(row) for row in turned)]))
+    at_start = "--start", folder / "start.csv"
+    assert "begins along -y, for" in refused(
+        "judge", campaign, "--imu", upward, "--measurements", f"gnss={gnss}", *at_start
+    )
     unaided = tmp_path / "unaided.toml"
     unaided.write_text(SHORT[: SHORT.index("[[aiding]]")])
     assert "there is no filter to be judged" in refused("record", unaided)

@@ -399,7 +399,7 @@ def test_names_that_will_not_do(name: str, tmp_path: Path) -> None:
 
 
 def test_commands(tmp_path: Path) -> None:
-    """New, check-scenario and its exit status, run with an engine that is none."""
+    """New, check and its exit status, run with an engine that is none."""
 
     def mcnav_says(*arguments: object) -> subprocess.CompletedProcess[str]:
         return invoke(*arguments, cwd=tmp_path, columns=160)
@@ -408,15 +408,23 @@ def test_commands(tmp_path: Path) -> None:
     assert written.returncode == 0
     assert "next: mcnav run mine.toml" in written.stdout
     assert mcnav_says("new", "campaign", "flight", "--type", "cruise").returncode == 0
-    checked = mcnav_says("check-scenario", "mine.toml")
+    checked = mcnav_says("check", "mine.toml")
     assert checked.returncode == 0, checked.stderr
-    assert checked.stdout.count(" passed ") == 10
+    assert checked.stdout.count(" passed ") == 11
+    assert checked.stdout.endswith("next: mcnav run mine.toml\n")
+    of_code = mcnav_says("check", "mine.py")
+    assert of_code.stdout.splitlines()[0] == "Checks of the class Mine of mine.py, with mine.toml"
+    assert of_code.stdout.splitlines()[1:] == checked.stdout.splitlines()[1:]
     code = (tmp_path / "mine.py").read_text()
     plain = "np.column_stack(self._trajectory(speed, angle))"
     kinked = code.replace(plain, f"np.abs(errors) + {plain}")
     assert kinked != code
     (tmp_path / "mine.py").write_text(kinked)
-    refused = mcnav_says("check-scenario", "mine.toml")
+    refused = mcnav_says("check", "mine.toml")
     assert refused.returncode == 1
     assert " failed " in refused.stdout
+    assert refused.stdout.endswith("next: mcnav docs scenarios\n")
+    (tmp_path / "mine.toml").unlink()
+    alone = mcnav_says("check", "mine.py")
+    assert (alone.returncode, alone.stdout.splitlines()[0]) == (1, "Checks of the class Mine of mine.py")
     assert mcnav_says("run", "mine.toml", "--engine", "magic").returncode == 2

@@ -20,7 +20,7 @@ from mcnav.contract.quantities import Output, Source
 from mcnav.report import sentences, terminal
 from mcnav.report.export import partial_rows
 from mcnav.report.figures.matrices import certain_differences
-from mcnav.report.fitted_table import Column, FittedTable, OpenConsole
+from mcnav.report.fitted_table import TALLEST, Column, FittedTable, OpenConsole
 from mcnav.report.output_columns import output_rows
 from mcnav.statistics.power import SMALLEST_STEP, sensible_step
 from mcnav.workflow.analyse import stored_summary
@@ -137,6 +137,22 @@ def test_a_table_of_texts_is_folded_between_words() -> None:
     table.add("undecided", "|altitude| below 12.3456789 km in 99.73 % of samples")
     for width in WIDTHS:
         assert {"undecided", "12.3456789", "99.73"} <= set(printed(table, width).split())
+
+
+def test_no_text_of_a_table_is_taller_than_the_limit() -> None:
+    """A long text beside others becomes a record's line; one that fits within the limit stays in its column."""
+    for words, in_columns in ((5 * TALLEST, True), (20 * TALLEST, False)):
+        table = FittedTable("", [Column("requirement", text=True), Column("causes", text=True)])
+        table.add("position " * 4, "gyro " * words)
+        shown = printed(table, 80)
+        assert ("causes: gyro" not in shown) == in_columns
+        assert shown.count("gyro") == words
+    texts = [Column(name, text=True) for name in ("requirement", "finding", "causes")]
+    for words in range(1, 200, 7):
+        table = FittedTable("", texts)
+        table.add("position north", "met", "gyro " * words)
+        lines = printed(table, 80).splitlines()
+        assert len(lines) <= 1 + TALLEST or any("causes: " in line for line in lines)
 
 
 @pytest.mark.parametrize("command", ["run", "compare", "two", "partials"])

@@ -80,7 +80,7 @@ def test_a_filter(runs: Path) -> None:
         table = done.stdout.partition(f"Filter: {title}\n")[2].partition("\n\n")[0]
         assert "optimistic" in table
         assert f"{found['groups']['position']['ratio']:.3f}" in table
-    sensors = done.stdout.partition("Innovations over the whole flight\n")[2].splitlines()
+    sensors = done.stdout.partition("Innovations over the whole flight\n")[2].partition("\n\n")[0].splitlines()
     nis = {line.split()[0]: line.split()[3] for line in sensors[1:] if line}
     assert nis == {"fix": f"{found['sensors']['fix']['nis_mean']:.3f}", "spare": "–"}
 
@@ -99,7 +99,9 @@ def test_one_table(name: str, runs: Path) -> None:
         assert found == {table: rows}
         shown = invoke("show", name, "--table", table, cwd=runs)
         assert shown.returncode == 0
-        assert len(shown.stdout.splitlines()) == len(rows) + 2
+        *lines, between, following = shown.stdout.splitlines()
+        assert len(lines) == len(rows) + 2
+        assert (between, following) == ("", f"next: mcnav export {name}")
     done = invoke("show", name, "--format", "csv", cwd=runs)
     assert [row["output"] for row in csv.DictReader(io.StringIO(done.stdout))] == [
         row["output"] for row in tables["outputs"]

@@ -53,6 +53,13 @@ def test_nothing_is_fetched_from_a_network(site: Path, pages: dict[str, str]) ->
         assert not re.search(r"(?:url\(|@import)\s*[\"']?(?:https?:)?//", style.read_text(encoding="utf-8")), style.name
 
 
+def test_equations_are_set(pages: dict[str, str]) -> None:
+    source = (ROOT / "mcnav" / "THEORY.md").read_text(encoding="utf-8")
+    assert pages["theory.html"].count("<math ") == source.count("```math") > 10
+    for name, text in pages.items():
+        assert "highlight-math" not in text, name
+
+
 def test_every_link_leads_to_a_page_and_an_anchor(site: Path, pages: dict[str, str]) -> None:
     anchors = {name: set(re.findall(r'\bid="([^"]+)"', text)) for name, text in pages.items()}
     count = 0
@@ -90,3 +97,18 @@ def test_every_command_and_every_example_has_a_section(pages: dict[str, str]) ->
     assert headings == commands(get_command(app), "mcnav")
     examples = re.findall(r"<h2>(.*?)<a ", pages["reference/examples.html"])
     assert examples == sorted(file.stem for file in Path(ROOT / "campaigns").glob("*.toml"))
+
+
+def test_every_example_is_in_the_gallery(site: Path, pages: dict[str, str]) -> None:
+    """Its question stands there, with its picture if it is drawn; it leads to the example."""
+    page = pages["gallery.html"]
+    examples = sorted(file.stem for file in Path(ROOT / "campaigns").glob("*.toml"))
+    assert re.findall(r"<h2>(.*?)<a ", page) == examples
+    stored = sorted(file.stem for file in (ROOT / ".github" / "site" / "static" / "gallery").glob("*.svg"))
+    pictures = dict(re.findall(r'<img alt="Linear analysis of (\w+)" src="([^"]+)"', page))
+    assert sorted(pictures) == stored
+    assert set(stored) <= set(examples)
+    for name in examples:
+        assert f'href="reference/examples.html#{name.replace("_", "-")}"' in page
+    assert page.count("?</strong>") + page.count(".</strong>") == len(examples)
+    assert page.count(">report<") == len(list((ROOT / "reports" / "examples").glob("*/report.html"))) > 2

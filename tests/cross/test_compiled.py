@@ -16,12 +16,12 @@ BEGIN = """
 import hashlib, sys
 import numpy as np
 from numba.core import event
-from numba.core.caching import IndexDataCacheFile
+from mcnav.compiled.objects import CodeFiles
 
 compilations = event.RecordingListener()
 event.register("numba:compile", compilations)
 if sys.argv[1] == "compile":
-    IndexDataCacheFile.load = lambda file, key: None
+    CodeFiles.load = lambda file, key: None
 
 def printed(name, values):
     print(name, hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest())

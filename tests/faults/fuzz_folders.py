@@ -50,7 +50,7 @@ COMMANDS: Final[dict[str, list[str]]] = {
     "show json": ["show", "RUN", "--format", "json", "--units", "SI"],
     "compare": ["compare", "RUN"],
     "compare csv": ["compare", "RUN", "--format", "csv"],
-    "compare two": ["compare", "GOOD", "RUN", "--html", "OUT/compared.html"],
+    "compare two": ["compare", "GOOD", "RUN", "--out", "OUT/compared.html"],
     "compare json": ["compare", "RUN", "GOOD", "--format", "json"],
     "export": ["export", "RUN", "--out", "OUT/export"],
     "figure": ["figure", "RUN", "scatter", "--out", "OUT/scatter.svg"],

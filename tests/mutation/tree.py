@@ -11,7 +11,7 @@ from typing import Final
 from tests.mutation import ROOT
 from tests.mutation.references import Node
 
-STAMPED: Final = "stored._source_stamp = (*stored._source_stamp, sources_digest())"
+STAMPED: Final = "stamp = (*stored._source_stamp, libraries(), sources_digest())"
 """Line of `mcnav.compiled.jit` by which a change of any file makes all compiled code invalid."""
 
 
@@ -27,20 +27,20 @@ def copy_tree(to: Path) -> None:
     jit = to / "mcnav" / "compiled" / "jit.py"
     source = jit.read_text()
     assert source.count(STAMPED) == 1, "the stamp of compiled code is made in another way"
-    jit.write_text(source.replace(STAMPED, "stored._source_stamp = ('mutants',)"))
+    jit.write_text(source.replace(STAMPED, "stamp = ('mutants',)"))
 
 
 def drop_compiled(warm: Path, to: Path, functions: set[Node]) -> None:
     """Make a copy of the compiled code without that of some functions.
 
-    numba's index of a function is named ``module.function-line.version.nbi``.
+    Files of a function are named ``module.function-line.version.digest.nbc``.
     """
     shutil.rmtree(to, ignore_errors=True)
-    shutil.copytree(warm, to, copy_function=os.link)  # numba replaces files and never changes them
+    shutil.copytree(warm, to, copy_function=os.link)  # files are replaced and never changed
     names = {f"{Path(path).stem}.{name}" for path, name in functions}
-    for index in to.rglob("*.nbi"):
-        if index.name.rsplit("-", 1)[0] in names:
-            index.unlink()
+    for file in to.rglob("*.nbc"):
+        if file.name.rsplit("-", 1)[0] in names:
+            file.unlink()
 
 
 def environment(tree: Path, cache: Path) -> dict[str, str]:

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from mcnav.cli import app
+from mcnav.cli import GROUPS, app
+from tests.commands import invoke
 from tests.conftest import ROOT
 
 WIDTH = 80
@@ -48,3 +49,29 @@ def test_the_list_of_commands_has_its_first_sentence(name: str) -> None:
     summary = COMMANDS[name].get_short_help_str(WIDTH)
     assert len(summary) > 10
     assert "Example" not in summary
+
+
+def test_every_command_is_in_one_group() -> None:
+    """The help lists it once, in one line of 80 columns."""
+    listed = [name for names in GROUPS.values() for name in names]
+    assert sorted(listed) == sorted(get_command(app).commands)  # type: ignore[attr-defined]
+    lines = invoke("--help", cwd=ROOT, columns=WIDTH).stdout.splitlines()
+    for name in listed:
+        (line,) = (line for line in lines if line.startswith(f"  {name} "))
+        assert len(line) <= WIDTH
+        assert line.endswith(".")
+        assert not line.endswith("...")
+
+
+def test_a_former_name_still_works() -> None:
+    group = get_command(app)
+    former = group.get_command(None, "check-scenario")  # type: ignore[attr-defined]
+    assert former is COMMANDS["mcnav check"]
+
+
+def test_output_places_have_one_name() -> None:
+    """Every option that names a place of output is ``--out``, whatever else it is called."""
+    for command in COMMANDS.values():
+        for parameter in command.params:
+            if {"--html", "--in", "--into"} & set(parameter.opts):
+                assert parameter.opts[0] == "--out"

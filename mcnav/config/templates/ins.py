@@ -212,7 +212,7 @@ def _file(path: Path, columns: Mapping[str, str], folder: Path) -> Flight:
     within = path.resolve().is_relative_to(folder.resolve())
     written = path.resolve().relative_to(folder.resolve()).as_posix() if within else ""
     if not within or not is_inside(written):
-        remedy = f"write the campaign there with --in {path.parent}"
+        remedy = f"write the campaign there with --out {path.parent}"
         raise _mistake(str(path), f"must lie in the folder of the campaign, {folder}, or below it; {remedy}")
     first, last = float(rows.time[0]), float(rows.time[-1])
     named = ", ".join(f"{name} = {_quoted(column)}" for name, column in columns.items())

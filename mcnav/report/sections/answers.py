@@ -12,11 +12,12 @@ from markupsafe import Markup
 from mcnav.report import sentences
 from mcnav.report.document import Answers, Cell, Column, Table, five_digits, label
 from mcnav.report.filter_tables import FilterAnswer, filter_answers
-from mcnav.report.format import interval, percent
+from mcnav.report.format import rounded
 from mcnav.report.linear_causes import causes_at
 from mcnav.report.model import RunAnalysis
 from mcnav.report.output_columns import OutputEntry, entries_of, grouped
 from mcnav.report.sections.joint import EllipsoidWords, ellipsoid_words
+from mcnav.report.strip import KEY, Strip
 
 LARGEST: Final = 2
 """Sources named beside each output; beside the sigmas of a filter one."""
@@ -67,7 +68,7 @@ class _Answer:
     flown: str
     verdict: Cell
     words: str
-    difference: Cell = NOTHING
+    ratio: Cell = NOTHING
     unscented: str = ""
     higher_order: str = ""
     kind: str = ""
@@ -85,7 +86,7 @@ def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answe
         Column("Output", lambda row: row.title, kind="label"),
         Column("Linear", lambda row: row.linear),
         Column("Monte Carlo", lambda row: row.flown, beside="Monte Carlo"),
-        Column("Difference", lambda row: row.difference, beside=""),
+        Column("Ratio", lambda row: row.ratio, kind="label", beside="ratio"),
         *([] if entries[0].sigma_unscented is None else [unscented]),
         *([] if entries[0].sigma_higher_order is None else [higher_order]),
         Column("Verdict", lambda row: row.verdict, kind="text"),
@@ -93,23 +94,21 @@ def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answe
     ]
     caption = (
         f"{content.ends.title}, one sigma. Monte Carlo: paired estimate, intervals hold "
-        f"jointly at {100.0 * content.summary.confidence:g} %. Sources: share of the linear variance."
+        f"jointly at {100.0 * content.summary.confidence:g} %. Sources: share of the linear variance. "
+        f"{KEY.format(tolerance=100.0 * content.summary.tolerance)}"
     )
     return Table(caption, columns, rows, group=lambda row: row.kind)
 
 
 def _answer(content: RunAnalysis, entry: OutputEntry) -> _Answer:
-    low, high = entry.ratio_paired_ends
-    bounded = low is not None and high is not None and interval(low, high) != "–"
-    ends = f"{percent(low - 1.0).replace(' %', '')} to {percent(high - 1.0)}" if bounded and low and high else ""
-    difference = "–" if entry.ratio_paired is None else percent(entry.ratio_paired - 1.0)
+    strip = Strip.of(entry.ratio_paired, entry.ratio_paired_ends, content.summary.tolerance)
     return _Answer(
         title=Cell(content.output_names[entry.place], entry.unit),
         linear=five_digits(entry.sigma_linear),
         flown=five_digits(entry.sigma_paired),
         verdict=Cell(entry.verdict or "", tone=tone(entry.verdict)),
         words=listed(largest_sources(content, entry.place)) or "–",
-        difference=Cell(difference, below=ends),
+        ratio=Cell(rounded(entry.ratio_paired), strip=strip),
         unscented=five_digits(entry.sigma_unscented),
         higher_order=five_digits(entry.sigma_higher_order),
         kind=entry.kind,
@@ -137,12 +136,13 @@ def _filter_table(content: RunAnalysis, rows: Sequence[FilterAnswer]) -> Table[F
         Column("Monte Carlo", lambda row: row.sigmas(row.entry.sigma_paired, "flown"), beside="Monte Carlo"),
         Column("Linear", lambda row: row.sigmas(row.entry.sigma_linear, "linear")),
         Column("Filter", lambda row: row.sigmas(row.sigma, "filter")),
-        Column("Ratio", lambda row: row.sigmas(row.ratio, "ratio", 3)),
+        Column("Farthest ratio", lambda row: row.ratio, kind="label", beside="farthest ratio"),
         Column("Verdicts", verdicts, kind="text", beside="verdicts"),
         Column("Largest source", largest, kind="words"),
     ]
+    tolerance = content.filter.tolerance if content.filter else 0.0
     caption = (
-        "One sigma at the end and, below it, where it is largest. Ratio: true over filter sigma. Source: largest share "
-        "of the linear mean square."
+        "One sigma at the end and, below it, where it is largest. Ratio: true over filter sigma where it is farthest "
+        f"off. Source: largest share of the linear mean square. {KEY.format(tolerance=100.0 * tolerance)}"
     )
     return Table(caption, columns, rows)

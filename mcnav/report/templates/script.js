@@ -409,6 +409,29 @@
     [words, choice].forEach((each) => each.addEventListener("input", apply));
   });
 
+  // Runs that are ticked, in the order of the ticks: the command that compares them, and the page if there is one.
+  all("[data-compare]").forEach((place) => {
+    const pages = JSON.parse(place.dataset.compare);
+    let chosen = [];
+    const show = () => {
+      place.replaceChildren();
+      if (chosen.length < 2) return;
+      const code = document.createElement("code");
+      code.textContent = `mcnav compare ${chosen.map((each) => each.value).join(" ")} --out ${place.dataset.out}`;
+      const page = pages[`${chosen.map((each) => each.dataset.folder).join("_and_")}.html`];
+      const link = document.createElement("a");
+      if (page) { link.href = page; link.textContent = "the comparison"; }
+      place.append(...(page ? [link, " · "] : []), code, place.dataset.where ? ` ${place.dataset.where}` : "");
+    };
+    all("input.pick").forEach((box) => {
+      box.hidden = box.checked = false;
+      box.addEventListener("change", () => {
+        chosen = box.checked ? [...chosen, box] : chosen.filter((each) => each !== box);
+        show();
+      });
+    });
+  });
+
   // Contents: the section that is being read.
   const links = new Map(all("nav.contents a").map((link) => [link.hash.slice(1), link]));
   if (links.size && "IntersectionObserver" in window) {

@@ -23,9 +23,11 @@ from mcnav.systems.ins.ensemble.aided import (
     simulate_aided,
     tabulate_aided,
 )
+from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
 from mcnav.systems.ins.ensemble.filters import BEYOND, INDEFINITE, SOUND
 from mcnav.systems.ins.ensemble.free import tabulate
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
+from mcnav.systems.ins.imu.gravity import cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import respond_from_rest
 from mcnav.systems.ins.imu.sample_noise import SampleNoise
@@ -33,6 +35,7 @@ from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ClosedLoopErrors, c
 from mcnav.systems.ins.linear.closed_loop_covariance import ClosedLoopCovariance, propagate_covariance
 from mcnav.systems.ins.linear.covariance import biased_processes
 from mcnav.systems.ins.linear.recent_responses import recent_responses
+from mcnav.systems.ins.linear.smoothed_loop import SmoothedErrors, smooth_closed_loop
 from mcnav.systems.ins.reference.aided import AidedMechanization
 from mcnav.systems.ins.reference.mechanization import Diverged, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants, aiding_processes
@@ -124,6 +127,20 @@ class AidedNavigation:
 
         There are two readings where an update falls on a time.
         """
+        updates, loop, readings, after = self._readings(times)
+        return updates, propagate_closed_loop(loop, readings, after)
+
+    def smoothed(
+        self, times: Array | None = None
+    ) -> tuple[tuple[Literal["before", "after"] | None, ...], SmoothedErrors]:
+        """Compute what is left of the errors behind the smoother, at the readings of `read_out`."""
+        updates, loop, readings, after = self._readings(times)
+        return updates, smooth_closed_loop(loop, readings, after)
+
+    def _readings(
+        self, times: Array | None
+    ) -> tuple[tuple[Literal["before", "after"] | None, ...], ClosedLoop, IndexArray, Array]:
+        """Return updates at readings, the closed loop, numbers of their times, and which are after updates."""
         if times is None:
             loop, times = self.loop, self.times
         else:
@@ -136,7 +153,7 @@ class AidedNavigation:
             readings += [place, place] if updated else [place]
             updates += ["before", "after"] if updated else [None]
         after = np.array([update == "after" for update in updates])
-        return tuple(updates), propagate_closed_loop(loop, np.array(readings), after)
+        return tuple(updates), loop, np.array(readings), after
 
     def covariances(
         self, times: Array, mean: Array, sources: Array, shared: ClosedLoopCovariance | None
@@ -264,7 +281,7 @@ def believed_shares(
     sigmas : mapping of str to float
         True root mean squares of the constant sources.
     """
-    beliefs, states = model.beliefs, {state.name: state for state in model.states}
+    beliefs, states = model.beliefs, {cause_of(state.name): state for state in model.states}
     shares: dict[str, float] = {}
     for name in (*CONSTANTS, *aiding_constants(sensors)):
         true = sigmas.get(name, 0.0)
@@ -392,6 +409,18 @@ class AidedEngine:
             return self._without_noise(batch.errors)
         aided = simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own)
         return self._result(aided)
+
+    @cached_property
+    def noise(self) -> NoiseSystem:
+        """The noise of samples as a linear system."""
+        return NoiseSystem(self.tables.ensemble, self.tables.adjoint, Measured.of(self.tables))
+
+    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalSamples:
+        """Return the samples with conditions on what noise adds to some outputs."""
+        return ConditionalSamples(self.noise, outputs, self.chunk, self._simulate_given)
+
+    def _simulate_given(self, batch: Batch, noise: GivenNoise) -> SimulationResult:
+        return self._result(simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own, noise))
 
     def _without_noise(self, errors: Array) -> SimulationResult:
         values, outcomes = self.navigation.propagate(self.tables, errors, self.own)

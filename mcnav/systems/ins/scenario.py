@@ -23,7 +23,7 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
-from mcnav.contract.recorded import FilteredRecord, Recording
+from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.systems.ins.aided import (
@@ -34,10 +34,13 @@ from mcnav.systems.ins.aided import (
     believed_shares,
     filter_schema,
 )
-from mcnav.systems.ins.ensemble.free import EnsembleTables, simulate, tabulate
+from mcnav.systems.ins.ensemble.aided import GivenNoise
+from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
+from mcnav.systems.ins.ensemble.free import EnsembleErrors, EnsembleTables, simulate, simulate_given, tabulate
 from mcnav.systems.ins.filter.model import FilterModel
 from mcnav.systems.ins.filter.tables import same_memory
 from mcnav.systems.ins.imu.fine_noise import draw_noise
+from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import NoiseResponse
 from mcnav.systems.ins.linear.closed_loop_covariance import ClosedLoopCovariance
@@ -49,6 +52,7 @@ from mcnav.systems.ins.recorded.navigation import filter_recording, record_sampl
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources
+from mcnav.systems.ins.truth.gravity import GravityPath
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 from mcnav.systems.sample_loop import simulate_each
 
@@ -82,6 +86,8 @@ PROCESS_UNITS: Final = {
     "accelerometer_bias_instability": ("m/s^2", "ug"),
     "accelerometer_rate_random_walk": ("m/s^2/sqrt(s)", "ug/sqrt(h)"),
     "accelerometer_quantization": ("m/s", "m/s"),
+    "gravity_deflection": ("rad", "arcsec"),
+    "gravity_anomaly": ("m/s^2", "mGal"),
 }
 """SI unit and unit shown of each kind of process."""
 
@@ -109,8 +115,14 @@ oscillation with the amplitude R; a radian.
 NAVIGATION_ERRORS: Final = tuple(Output(name, *SHOWN[kind_of(name)], limit=LIMITS[kind_of(name)]) for name in OUTPUTS)
 """Final navigation errors."""
 
-NOISE: Final = tuple(Output(name, *PROCESS_UNITS[name.rpartition("_")[0]]) for name in PROCESSES)
-"""Processes of the instruments."""
+NOISE: Final = (
+    *(Output(name, *PROCESS_UNITS[name.rpartition("_")[0]]) for name in PROCESSES),
+    *(Output(name, *PROCESS_UNITS[name]) for name in CAUSES),
+)
+"""Processes of the instruments, and gravity disturbances."""
+
+GRAVITY: Final = tuple(Output(name, *PROCESS_UNITS[cause_of(name)]) for name in DISTURBANCES)
+"""Gravity disturbances as states of a filter."""
 
 BEFORE_OUTAGES_END: Final = 1.0
 """Time before the end of an outage at which errors are read out, s; less in a short outage."""
@@ -288,12 +300,27 @@ class EnsembleEngine:
         """Simulate samples, with their noise or without."""
         if not noise:
             return self._without_noise(batch.errors)
-        simulated = simulate(self.tables, batch.errors, batch.seed, batch.index)
+        return self._result(simulate(self.tables, batch.errors, batch.seed, batch.index))
+
+    def _result(self, simulated: EnsembleErrors) -> SimulationResult:
         values = simulated.values
         values[~simulated.valid] = np.nan
         return SimulationResult(
             values[:, -1], self._failures(simulated.valid), linear_values=simulated.linear, history=values
         )
+
+    @cached_property
+    def noise(self) -> NoiseSystem:
+        """The noise of samples as a linear system."""
+        tables = self.tables
+        return NoiseSystem(tables, tables.adjoint, Measured.nothing(len(tables.durations), len(tables.sizes)))
+
+    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalSamples:
+        """Return the samples with conditions on what noise adds to some outputs."""
+        return ConditionalSamples(self.noise, outputs, self.chunk, self._simulate_given)
+
+    def _simulate_given(self, batch: Batch, noise: GivenNoise) -> SimulationResult:
+        return self._result(simulate_given(self.tables, batch.errors, noise.added))
 
     def _without_noise(self, errors: Array) -> SimulationResult:
         simulated = simulate(self._quiet, errors, 0, np.arange(len(errors)))
@@ -341,6 +368,13 @@ class ReferenceEngine:
             navigation.truth, navigation.platform, self.mechanization.step_times, navigation.times
         )
 
+    @cached_property
+    def _path(self) -> GravityPath | None:
+        navigation = self.navigation
+        if not navigation.imu.gravity.sizes:
+            return None
+        return GravityPath.along(navigation.truth, navigation.platform, self.mechanization.step_times)
+
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples, with their noise or without."""
         if not noise:
@@ -354,7 +388,7 @@ class ReferenceEngine:
             drawn: tuple[Array, ...] = ()
             if noisy:
                 drawn = draw_noise(
-                    self.navigation.imu, self.mechanization.step_times, batch.seed, int(batch.index[row])
+                    self.navigation.imu, self.mechanization.step_times, batch.seed, int(batch.index[row]), self._path
                 )
                 linear[row] += self._response.respond(*drawn)
             histories[row] = self.mechanization.simulate(batch.errors[row], *drawn)
@@ -422,7 +456,9 @@ class Ins:
     @property
     def can(self) -> frozenset[Capability]:
         """What it is capable of."""
-        return CAPABILITIES | {Capability.REMARKS} if self.remarks else CAPABILITIES
+        smoothed = self.navigation.filter is not None and self.navigation.filter.smoothed
+        further = {Capability.REMARKS: bool(self.remarks), Capability.SMOOTHER: smoothed}
+        return CAPABILITIES | {capability for capability, given in further.items() if given}
 
     def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
         """Return `remarks`, whatever the errors."""
@@ -442,7 +478,7 @@ class Ins:
 
     @property
     def processes(self) -> tuple[Output, ...]:
-        """Processes of the noise that the instruments and the sensors have."""
+        """Processes of the noise that the instruments, gravity and the sensors have."""
         sizes = process_sizes(self.navigation.imu)
         instruments = tuple(process for process in NOISE if process.name in sizes)
         return instruments + aiding_outputs(self.navigation.sensors)
@@ -462,7 +498,9 @@ class Ins:
         navigation = self.navigation
         if navigation.filter is None:
             return None
-        known: list[Source | Output] = [*self.sources, *NOISE, *aiding_outputs(navigation.filter.beliefs.sensors)]
+        known: list[Source | Output] = [
+            *self.sources, *NOISE, *GRAVITY, *aiding_outputs(navigation.filter.beliefs.sensors)
+        ]  # fmt: skip
         units = {each.name: (each.unit, each.shown_in) for each in known}
         return filter_schema(navigation.sensors, navigation.filter, units)
 
@@ -489,6 +527,11 @@ class Ins:
         if navigation.filter is None:
             return {}
         return believed_shares(navigation.imu, navigation.sensors, navigation.filter, navigation.sigmas)
+
+    @property
+    def logs(self) -> dict[str, MeasurementFile]:
+        """Files of the recorded sensors, by name."""
+        return {sensor.name: sensor.log for sensor in self.navigation.sensors if sensor.log is not None}
 
     def filter_recording(self, recording: Recording, mean: Array, covariance: Array) -> FilteredRecord:
         """Take the filter through a recorded flight; mean and covariance are those of the true sources."""
@@ -534,6 +577,20 @@ class Ins:
             linear = propagate(navigation.truth, responses, navigation.imu, np.searchsorted(grid, times))
         nominal = np.zeros(linear.partials.shape[:2])
         return LinearSystem(linear.times, linear.partials, nominal, linear.processes, label=TRAJECTORY_TIME)
+
+    def smoothed(self, times: Array) -> LinearSystem:
+        """Linearize the errors behind the smoother at the readings that `linear` has at these times."""
+        self._check_within(times)
+        navigation = self.navigation
+        if navigation.aided is None:
+            raise ScenarioError(
+                "filter", "there is no filter that a smoother could follow; add [[aiding]] and [filter]"
+            )
+        updates, errors = navigation.aided.smoothed(None if np.array_equal(times, navigation.times) else times)
+        return LinearSystem(
+            errors.times, errors.partials, np.zeros(errors.partials.shape[:2]), errors.processes, updates, errors.own,
+            tuple(range(len(OUTPUTS))), TRAJECTORY_TIME, self._believed,
+        )  # fmt: skip
 
     @property
     def further_epochs(self) -> tuple[float, ...]:
@@ -646,6 +703,10 @@ class Ins:
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""
         aided, schema = self.navigation.aided, self.filter_schema
+        if self.navigation.filter is not None and self.navigation.filter.smoothed:
+            raise ScenarioError(
+                "smoother", "samples are not smoothed yet: mcnav lincov analyses it; leave it out to run"
+            )
         if engine == "reference":
             if aided is not None and schema is not None:
                 return AidedReferenceEngine(aided, schema)

@@ -257,25 +257,34 @@ def _start(flight: SteadyFlight, errors: Array) -> Array:
     )
 
 
-def _errors_at(flight: SteadyFlight, time: float, deviations: Array) -> Array:
-    """Compute the navigation errors from deviations at a time, formed without cancellation, shape (n, 6)."""
+def _errors_at(flight: SteadyFlight, time: float, deviations: Array, errors: Array) -> None:
+    """Compute the navigation errors from deviations at a time, formed without cancellation.
+
+    Parameters
+    ----------
+    deviations : ndarray, shape (n, 6)
+    errors : ndarray, shape (n, 6)
+        Where they are put.
+    """
     radius, rate, arc = flight.radius, flight.rate, flight.earth.radius
     sine, cosine = np.sin(rate * time), np.cos(rate * time)
-    x, cross, u, vx, vy, vu = deviations.T
+    x, cross, u, vx, vy, vu = np.ascontiguousarray(deviations.T)  # side by side, as numpy's vectors need them
     east, up = x * cosine - u * sine, x * sine + u * cosine
     faster_east, faster_up = vx * cosine - vu * sine, vx * sine + vu * cosine
-    flat = np.hypot(radius + up, east)
+    ahead = radius + up
+    flat = np.hypot(ahead, east)
     whole = np.hypot(flat, cross)
-    altitude = (2.0 * radius * up + up * up + east * east + cross * cross) / (radius + whole)
-    shift, lifted = np.arctan2(east, radius + up), np.arctan2(cross, flat)
-    s, c = np.sin(shift), np.cos(shift)
+    shift, lifted = np.arctan2(east, ahead), np.arctan2(cross, flat)
+    s, c, s_lifted, c_lifted = np.sin(shift), np.cos(shift), np.sin(lifted), np.cos(lifted)
     outwards = (radius * rate + faster_east) * s + faster_up * c
-    theta_rate = ((faster_east - rate * up) * c - (faster_up + rate * east) * s) / flat
-    cross_rate = (vy * np.cos(lifted) - outwards * np.sin(lifted)) / whole
-    altitude_rate = outwards * np.cos(lifted) + vy * np.sin(lifted)
     if flight.slaved:  # what is left of them is the scheme's error, and the navigator has them from its altimeter
-        altitude, altitude_rate = np.zeros_like(altitude), np.zeros_like(altitude_rate)
-    return np.column_stack([altitude, arc * shift, arc * lifted, altitude_rate, arc * theta_rate, arc * cross_rate])
+        errors[:, 0], errors[:, 3] = 0.0, 0.0
+    else:
+        errors[:, 0] = (2.0 * radius * up + up * up + east * east + cross * cross) / (radius + whole)
+        errors[:, 3] = outwards * c_lifted + vy * s_lifted
+    errors[:, 1], errors[:, 2] = arc * shift, arc * lifted
+    errors[:, 4] = arc * (((faster_east - rate * up) * c - (faster_up + rate * east) * s) / flat)
+    errors[:, 5] = arc * ((vy * c_lifted - outwards * s_lifted) / whole)
 
 
 def simulate_ensemble(flight: SteadyFlight, errors: Array, steps: int) -> tuple[Array, NDArray[np.bool_]]:
@@ -339,6 +348,6 @@ def simulate_histories(
     for number, stop in enumerate(stops):
         ahead = nodes[reached:stop]
         _simulate(deviations, equipment, ahead, reached, step, constants, flight.slaved, flight.level, component)
-        histories[:, number] = _errors_at(flight, flight.duration * stop / steps, deviations)
+        _errors_at(flight, flight.duration * stop / steps, deviations, histories[:, number])
         reached = int(stop)
     return histories, (component >= SMALLEST_COMPONENT) & np.isfinite(histories).all(axis=(1, 2))

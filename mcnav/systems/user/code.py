@@ -15,12 +15,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
 from mcnav.contract.scenario import ScenarioError
-from mcnav.entries.inputs import InputFile, SourceFile, find_inputs, record_opened_files
+from mcnav.entries.inputs import InputFile, OpenedFiles, SourceFile, find_inputs, record_opened_files
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.settings import Value, to_argument
 
 CACHE_SIZE: Final = 32
 """Classes, and objects, that a process keeps."""
+
+METHODS: Final = ("propagate", "fly", "rates")
+"""Methods of which a scenario has one: for many samples, for one, of a closed loop."""
 
 Key = TypeVar("Key")
 
@@ -127,10 +130,23 @@ def _unchanged(inputs: Mapping[str, InputFile]) -> bool:
     return all(file.unchanged for file in tuple(inputs.values()))
 
 
-def _load_class(code: SourceFile, name: str) -> Loaded:
-    known = _classes.get((code, name))
-    if known is not None and _unchanged(known.inputs):
-        return known
+def classes_in(code: SourceFile) -> list[str]:
+    """Execute a file, and list its classes that may be scenarios: those with one of `METHODS`.
+
+    Raises `ScenarioError` when the file cannot be executed.
+    """
+    module, _ = _execute(code)
+    classes = (value for value in _own_classes(module) if not value.__name__.startswith("_"))
+    return [value.__name__ for value in classes if any(hasattr(value, method) for method in METHODS)]
+
+
+def _own_classes(module: types.ModuleType) -> list[type]:
+    defined = (value for value in vars(module).values() if isinstance(value, type))
+    return [value for value in defined if value.__module__ == module.__name__]
+
+
+def _execute(code: SourceFile) -> tuple[types.ModuleType, OpenedFiles]:
+    """Execute a file as a module, and note what it reads."""
     module = types.ModuleType(f"mcnav_own_{code.digest[:16]}")
     module.__file__ = code.file
     sys.modules[module.__name__] = module  # dataclasses and pickles look up the module of a class there
@@ -142,10 +158,17 @@ def _load_class(code: SourceFile, name: str) -> Loaded:
         del sys.modules[module.__name__]
         message = f"{code.file} cannot be executed: {format_exception(failure, code.file)}"
         raise ScenarioError("type", message) from failure
+    return module, opened
+
+
+def _load_class(code: SourceFile, name: str) -> Loaded:
+    known = _classes.get((code, name))
+    if known is not None and _unchanged(known.inputs):
+        return known
+    module, opened = _execute(code)
     loaded = getattr(module, name, None)
     if not isinstance(loaded, type):
-        defined = (value for value in vars(module).values() if isinstance(value, type))
-        classes = [value.__name__ for value in defined if value.__module__ == module.__name__]
+        classes = [value.__name__ for value in _own_classes(module)]
         listed = f"; it has {', '.join(classes)}" if classes else ""
         raise ScenarioError("type", f"{code.file} has no class {name}{listed}")
     return _cache(_classes, (code, name), Loaded(loaded, find_inputs(opened, code.file)))

@@ -1,4 +1,4 @@
-"""Conformance checks of a scenario: ``mcnav check-scenario``."""
+"""Conformance checks of a scenario: ``mcnav check``."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def check_noise(engine: NoisyEngine, sizes: Array) -> None:
         raise ScenarioError(
             "type",
             "answers identical calls with identical noise differently: is something random drawn elsewhere than from "
-            "noise, or kept from one call to the next? mcnav check-scenario says more",
+            "noise, or kept from one call to the next? mcnav check says more",
         )
 
 

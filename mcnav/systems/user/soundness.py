@@ -142,14 +142,14 @@ def check_repeatable(prepared: Engine, sizes: Array) -> None:
         raise ScenarioError(
             "type",
             "answers identical calls differently: is something random, or kept from one call to the next? A sample "
-            "must depend on its errors alone; mcnav check-scenario says more",
+            "must depend on its errors alone; mcnav check says more",
         )
     gap = apart(first.values, without_noise(prepared)(errors[::-1]).values[::-1])
     if gap > SAME:
         raise ScenarioError(
             "type",
             f"a sample's outcome changes by {gap:.1e} of the output's size with its place among others: is something "
-            "random drawn for a whole chunk? A sample must depend on its errors alone; mcnav check-scenario says more",
+            "random drawn for a whole chunk? A sample must depend on its errors alone; mcnav check says more",
         )
 
 

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import shutil
 import sys
+from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
+from types import CodeType
 
 import llvmlite
 import numba
+import numpy as np
 import pytest
+from numba.core import config
+from numba.core.dispatcher import Dispatcher
 
 from mcnav.compiled import objects
-from mcnav.compiled.target import LEVELS, choose_objects, highest_level
+from mcnav.compiled.target import LEVELS, choose_objects, highest_level, target
 from tests.conftest import ROOT
 from tests.processes import run_to_end
 
@@ -33,6 +40,12 @@ def test_a_level_that_the_processor_has_not_is_refused(monkeypatch: pytest.Monke
         choose_objects(tmp_path, "x86-64-v4")
 
 
+def test_functions_of_another_library_are_another_target(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = target()
+    monkeypatch.setattr(config, "USING_SVML", True)
+    assert target() == f"{here} with SVML"
+
+
 @pytest.mark.parametrize(
     ("module", "name", "other"),
     [
@@ -40,6 +53,8 @@ def test_a_level_that_the_processor_has_not_is_refused(monkeypatch: pytest.Monke
         (objects, "sources_digest", lambda: "other sources"),
         (numba, "__version__", "0.0"),
         (llvmlite, "__version__", "0.0"),
+        (np, "__version__", "0.0"),
+        (objects, "version", lambda name: "0.0"),
         (sys, "abiflags", "d"),
     ],
 )
@@ -48,7 +63,51 @@ def test_the_folder_is_another_where_anything_differs(
 ) -> None:
     here = objects.objects_folder.__wrapped__()
     monkeypatch.setattr(module, name, other)
+    monkeypatch.setattr(objects, "libraries", objects.libraries.__wrapped__)
     assert objects.objects_folder.__wrapped__().name != here.name
+
+
+PACKAGE = ROOT / "mcnav"
+
+
+def digested(file: Path) -> bool:
+    """Whether the content of a file is part of the digest of all sources."""
+    place = file.relative_to(PACKAGE)
+    within = any(Path(room) in place.parents for room in objects.ROOMS)
+    return str(place) == "constants.py" or (within and not objects.UNCOMPILED.intersection(place.parts))
+
+
+def names_in(code: CodeType) -> Iterator[str]:
+    """Yield the names of a function and of those within it."""
+    yield from code.co_names
+    for each in code.co_consts:
+        if isinstance(each, CodeType):
+            yield from names_in(each)
+
+
+def test_compiled_functions_name_nothing_of_files_that_are_not_digested() -> None:
+    """But for the function's own file, whose content each object has with it."""
+    functions, named = 0, set[tuple[str, str, str]]()
+    for file in sorted(PACKAGE.rglob("*.py")):
+        text = file.read_text(encoding="utf-8")
+        if "from mcnav.compiled.jit import" not in text:
+            continue
+        module = import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
+        origins = {
+            name.asname or name.name: str(node.module)
+            for node in ast.walk(ast.parse(text))
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("mcnav.")
+            for name in node.names
+        }
+        for function in vars(module).values():
+            if isinstance(function, Dispatcher) and function.py_func.__module__ == module.__name__:
+                functions += 1
+                for name in origins.keys() & set(names_in(function.py_func.__code__)):
+                    origin = import_module(origins[name]).__file__
+                    if origin is not None and not digested(Path(origin)):
+                        named.add((module.__name__, function.py_func.__name__, name))
+    assert functions > 250
+    assert named == set()
 
 
 CODE = """
@@ -68,7 +127,10 @@ SOURCE = (
 
 
 def test_objects_are_used_without_a_folder_to_write_to_and_not_after_a_change(tmp_path: Path) -> None:
-    """In a copy of the package with a file wherever a folder for code would be made; the change is of a constant."""
+    """In a copy of the package with a file wherever a folder for code would be made; the change is of a constant.
+
+    A home that is not known is ``~`` to Python, a folder in the current one.
+    """
     package = tmp_path / "installed" / "mcnav"
     package.mkdir(parents=True)
     for name in ("__init__.py", "constants.py", "progress.py", "_types.py"):
@@ -86,8 +148,23 @@ def test_objects_are_used_without_a_folder_to_write_to_and_not_after_a_change(tm
         assert done.returncode == 0, done.stderr
         return done.stdout.strip(), done.stderr
 
+    homeless = {"HOME": "~", "XDG_CACHE_HOME": "~/.cache"}
+    assert call(2.0, **homeless)[0] == "3.0 compiles"
+    assert not (package.parent / "~").exists()
     assert call(2.0, MCNAV_OBJECTS_INTO=str(package / "compiled" / "objects")) == ("3.0 compiles", "")
     assert call(2.0) == ("3.0 loads", "")
     printed, told = call(4.0)
     assert printed == "6.0 compiles"
     assert told.startswith("note: compiled code cannot be stored")
+
+
+def test_code_is_whole_and_says_what_it_is_whoever_writes_it(tmp_path: Path) -> None:
+    """Processes that store other types at the same time keep both; a file of another key or source is not read on."""
+    first, second = (objects.CodeFiles(str(tmp_path), "kernel-1.py311", "sources") for _ in range(2))
+    first.save("float64", "code for a float64")
+    second.save("int64", "code for an int64")
+    assert (first.load("int64"), second.load("float64")) == ("code for an int64", "code for a float64")
+    assert objects.CodeFiles(str(tmp_path), "kernel-1.py311", "other sources").load("int64") is None
+    first._path("int64").replace(first._path("float64"))
+    assert first.load("float64") is None
+    assert first.load("int64") is None

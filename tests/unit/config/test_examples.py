@@ -55,13 +55,15 @@ def test_a_changed_copy_is_kept(tmp_path: Path) -> None:
 
 def test_the_command(tmp_path: Path) -> None:
     listed = invoke("demo", "--list", cwd=tmp_path)
-    assert listed.stdout.splitlines()[::2] == list(examples())
-    assert invoke("demo", "--copy", "mine", cwd=tmp_path).stdout.endswith("written: mine\n")
+    assert listed.stdout.partition("\n\nnext: ")[0].splitlines()[::2] == list(examples())
+    assert invoke("demo", "--copy", "mine", cwd=tmp_path).stdout.endswith(
+        f"written: mine\n\nnext: mcnav run mine/{next(iter(examples()))}.toml\n"
+    )
     assert (tmp_path / "mine" / "flight.csv").exists()
     refused = invoke("demo", "polr", cwd=tmp_path)
     assert refused.returncode == 2
     assert refused.stderr.startswith("error: NAME: no example 'polr'; ")
     done = invoke("demo", "14", cwd=tmp_path)
     assert done.returncode == 0
-    assert done.stdout.endswith("report: reports/14_polar/report.html\n")
+    assert "report: reports/14_polar/report.html\n\nnext: mcnav report reports/14_polar --open\n" in done.stdout
     assert (tmp_path / "reports" / "14_polar" / "report.html").exists()

@@ -26,6 +26,7 @@ PROTOCOLS: Final[dict[Capability, type]] = {
     Capability.UPDATES: contract.ScenarioWithUpdates,
     Capability.REPLAY: contract.Replayable,
     Capability.REMARKS: contract.RemarkingScenario,
+    Capability.SMOOTHER: contract.SmoothedScenario,
     Capability.RECORDING: contract.RecordingScenario,
     Capability.TRAJECTORY: Scenario,
     Capability.USER_CODE: Scenario,

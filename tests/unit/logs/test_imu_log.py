@@ -207,9 +207,9 @@ def test_gravity_tells_axes_that_are_swapped() -> None:
     log = ImuLog(rows[:, 0], 0.0, INTERVAL, rows[:, 1:4], rows[:, 4:], ())
     assert remark_on_axes(log) is None
     swapped = ImuLog(rows[:, 0], 0.0, INTERVAL, rows[:, 1:4], rows[:, [6, 5, 4]], ())
-    assert "is along -x, for axes forward, right, down it is along -z" in str(remark_on_axes(swapped))
-    assert remark_on_axes(swapped, (0.0, np.pi / 2.0)) is not None
-    assert remark_on_axes(swapped, (0.0, -np.pi / 2.0)) is None
+    assert "begins along -x, for axes forward, right, down it is along -z" in str(remark_on_axes(swapped))
+    assert remark_on_axes(swapped, pitch=np.pi / 2.0) is not None
+    assert remark_on_axes(swapped, pitch=-np.pi / 2.0) is None
 
 
 @pytest.mark.parametrize(

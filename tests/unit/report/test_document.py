@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from urllib.parse import unquote
 from xml.etree import ElementTree
 
+import pytest
 from markupsafe import Markup
 from rich.console import Console
 
@@ -25,6 +27,8 @@ from mcnav.report.document import (
     Section,
     Sentence,
     Table,
+    Tile,
+    Tiles,
     Verdict,
     five_digits,
     folded,
@@ -111,6 +115,30 @@ def test_sections_are_listed_and_tables_can_be_reached_by_keyboard() -> None:
     assert "<title>title &lt; – mcnav</title>" in page
     assert '<div class="verdict agrees"><p class="headline">Yes.</p><p>Because.</p></div>' in page
     assert re.search(r"<details>\s*<summary>More</summary>", page)
+
+
+def test_tiles_say_what_they_are_on_and_where_there_is_more() -> None:
+    """Answer, number, sentence, link; warnings below all of them name their tile; the window's title and icon."""
+    worst = Tile("Filter", "optimistic", "differs", "It is <so>.", "13.1", "of tilt", link="filter",
+                 details=["Why."], warnings=["Mind it."])  # fmt: skip
+    shown = parts_html([Tiles([worst, Tile("Linear analysis", "holds", "agrees", "Yes.")])])
+    assert shown.count('role="group"') == 2
+    assert '<a href="#filter">Filter</a> <span class="tag">optimistic</span>' in shown
+    assert "<strong>13.1</strong> of tilt</p>" in shown
+    assert shown.count("It is &lt;so&gt;.") == shown.count("<details>") == 1
+    assert '<p class="warning">Filter: Mind it. </p>' in shown
+    assert '<p class="warning">Mind it. </p>' in parts_html([Tiles([worst])])
+    page = page_html(Page("title", "kind", "heading", status="Filter optimistic", tone="differs"))
+    assert "<title>Filter optimistic – title – mcnav</title>" in page
+    assert 'rel="icon"' not in page_html(Page("title", "kind", "heading"))
+
+
+@pytest.mark.parametrize(("tone", "colour"), [("agrees", "#0a7a55"), ("differs", "#c2350a"), ("undecided", "#a87400")])
+def test_the_icon_of_the_window_has_the_colour_of_the_worst_answer(tone: str, colour: str) -> None:
+    page = page_html(Page("title", "kind", "heading", status="x", tone=tone))
+    (address,) = re.findall('<link rel="icon" href="data:image/svg.xml,([^"]*)">', page)
+    disc, sign = ElementTree.fromstring(unquote(address))
+    assert (disc.get("fill"), sign.get("fill")) == (colour, "none")
 
 
 def test_the_terminal_leaves_out_what_it_cannot_show() -> None:

@@ -18,8 +18,9 @@ from mcnav.report.document import Cell, Table
 from mcnav.report.filter_columns import foremost_neglected, group_rows, groups_table, sensors_table, sigmas_of
 from mcnav.report.filter_summary import filter_entries
 from mcnav.report.filter_tables import FilterAnswer, WorstSigmas
-from mcnav.report.format import number
+from mcnav.report.format import number, rounded
 from mcnav.report.output_columns import entries_of
+from mcnav.report.strip import Strip
 from tests import summaries
 from tests.filters import OUTPUTS, TIMES, consistency
 
@@ -119,11 +120,12 @@ def test_answers_at_the_end_and_where_the_sigma_is_largest() -> None:
     row = rows(found)[0]
     output = found.outputs[0]
     assert row.sigma == output.filter[-1]
-    assert row.ratio == 2.0 / output.filter[-1]
+    factor = output.finding.factor
+    assert row.ratio == Cell(rounded(factor), strip=Strip.of(factor, None, 0.05))
     place = 1 + int(np.argmax(output.true[1:]))
     assert row.worst == WorstSigmas(
         time=TIMES[place], when="24 min", linear=output.true[place], flown=output.true[place],
-        filter=output.filter[place], ratio=output.ratio.value[place],
+        filter=output.filter[place],
     )  # fmt: skip
     assert row.sigmas(2.0, "flown") == Cell("2.000", below=number(output.true[place]))
     tilt = rows(found)[list(OUTPUTS).index("tilt_north")]
@@ -135,7 +137,11 @@ def test_answers_without_what_they_need() -> None:
     found = consistency()
     zero = replace(found.outputs[0], filter=np.zeros(len(TIMES)), true_linear=None)
     unknown = replace(zero, true=np.full(len(TIMES), np.nan))
-    assert rows(replace(found, outputs=(zero, *found.outputs[1:])))[0].ratio is None
+    none = replace(zero, finding=Finding(Honesty.UNDECIDED))
+    assert rows(replace(found, outputs=(none, *found.outputs[1:])))[0].ratio == Cell("–")
+    judged = Finding(Honesty.OPTIMISTIC, 1.7, (1.5, 1.9), worst=22)
+    cell = rows(replace(found, outputs=(replace(zero, finding=judged), *found.outputs[1:])))[0].ratio
+    assert cell == Cell("1.70", below="22\N{NO-BREAK SPACE}min", strip=Strip(1.7, 1.5, 1.9, 0.05))
     assert rows(replace(found, outputs=(unknown, *found.outputs[1:])))[0].worst is None
     assert rows(replace(found, outputs=found.outputs[1:])) == []
     growing = replace(found.outputs[0], true=TIMES, true_linear=None)

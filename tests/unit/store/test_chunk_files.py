@@ -12,6 +12,7 @@ import pytest
 from mcnav.config.read import read_campaign
 from mcnav.contract.failure import Failure
 from mcnav.execution.chunks import SampleRange, find_chunk, simulate_chunk
+from mcnav.files import parquet_bytes
 from mcnav.store.chunk_files import ChunkFile, ChunkTotals, SampleSchema, samples_from, verify_chunk, write_chunk
 from tests.faults.scenarios import chunk_job, write_campaign
 
@@ -41,6 +42,21 @@ def test_what_is_written_is_read_back(stored: ChunkFile, tmp_path: Path) -> None
 def test_a_chunk_of_another_run_or_number_is_not_found(stored: ChunkFile, tmp_path: Path) -> None:
     assert verify_chunk(tmp_path, 3, "e" * 64) is None
     assert verify_chunk(tmp_path, 4, IDENTITY) is None
+
+
+def test_a_chunk_of_an_earlier_version_is_found(stored: ChunkFile, tmp_path: Path) -> None:
+    """It has no checksum of its metadata, but has them twice: one that has them once is not believed."""
+    path = tmp_path / stored.file
+    table = pq.read_table(path)
+    marks = {key: value for key, value in table.schema.metadata.items() if key != b"mcnav.checksum"}
+    assert len(marks) == len(table.schema.metadata) - 1
+    table = table.replace_schema_metadata(marks)
+    path.write_bytes(parquet_bytes(table, ["status"], described_twice=True))
+    found = verify_chunk(tmp_path, 3, IDENTITY)
+    assert found is not None
+    assert (found.begin, found.end, found.failed) == (stored.begin, stored.end, stored.failed)
+    path.write_bytes(parquet_bytes(table, ["status"]))
+    assert verify_chunk(tmp_path, 3, IDENTITY) is None
 
 
 def test_a_chunk_of_other_samples_is_not_found(tmp_path: Path) -> None:

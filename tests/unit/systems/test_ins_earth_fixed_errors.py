@@ -184,7 +184,7 @@ def test_transition_and_noise_are_those_of_van_loan() -> None:
     factors = np.zeros((errors.size, errors.size))
     factors[:3, :3] = axes[0] * UNIT.gyro.random_walk
     factors[3:6, 3:6] = axes[0] * UNIT.accelerometer.random_walk
-    factors[9:, 9:] = np.diag(np.sqrt(errors._driven))
+    factors[9:, 9:] = np.diag(np.sqrt(errors._driven(errors.decay_rates)))
     # scaled so that no entry of the exponential hides another's digits
     scale = np.concatenate([np.repeat([1e-6, 1e-5, 1e-5], 3), [state.sigma for state in errors.states]])
     whole, factors = whole * scale / scale[:, None], factors / scale[:, None]

@@ -7,7 +7,7 @@ import pytest
 
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.imu.instruments import Imu, Noise
-from mcnav.systems.ins.linear.response import intervals_of
+from mcnav.systems.ins.linear.quadrature import intervals_of
 from mcnav.systems.ins.reference.collocation import STATE, WENT_ON, advance
 from mcnav.systems.ins.reference.normal_field import field_constants
 from tests.flights import rest

@@ -89,7 +89,7 @@ def test_innovations_are_those_of_the_same_flight_along_the_truth() -> None:
 def test_all_errors_of_a_complete_filter_whiten_innovations_as_the_filter_does() -> None:
     """The filter estimates all errors that there are, so that nothing is left to the model of all of them."""
     _, _, record = flown()
-    for stage, (whitened, _) in zip(record.stages, whiten(record, recorded(record), {}), strict=True):
+    for stage, ((whitened,), _) in zip(record.stages, whiten(record, recorded(record), [{}]), strict=True):
         own = np.linalg.solve(np.linalg.cholesky(stage.covariance), stage.innovation)
         np.testing.assert_allclose(whitened[:, 0], own, rtol=0.0, atol=1e-5)
 

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.systems.ins.imu.gravity import DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import AXES, Imu
 from mcnav.systems.ins.sensors.aiding import Sensor
 
@@ -45,7 +46,7 @@ class Beliefs:
 
 @dataclass(frozen=True)
 class FilterState:
-    """A state of the filter that is an error of an instrument or a sensor.
+    """A state of the filter that is an error of an instrument or a sensor, or a gravity disturbance.
 
     Attributes
     ----------
@@ -58,6 +59,8 @@ class FilterState:
     walk : float
         Density K of a random walk, zero for none.
     considered : bool
+    correlation_length : float
+        Of a Gauss-Markov error of the distance travelled, m; infinite for others.
     """
 
     name: str
@@ -65,6 +68,7 @@ class FilterState:
     correlation_time: float
     walk: float
     considered: bool
+    correlation_length: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -75,13 +79,16 @@ class FilterModel:
     ----------
     estimates, considers : tuple of str
         Kinds of errors besides position, velocity and attitude, which are always estimated: ``gyro_bias``,
-        ``accelerometer_scale_factor``, ``gnss_position_bias``, …
+        ``accelerometer_scale_factor``, ``gnss_position_bias``, ``gravity_deflection``, …
     beliefs : Beliefs
+    smoothed : bool
+        Whether a fixed-interval smoother follows it.
     """
 
     estimates: tuple[str, ...]
     considers: tuple[str, ...]
     beliefs: Beliefs
+    smoothed: bool = False
 
     @property
     def states(self) -> tuple[FilterState, ...]:
@@ -107,7 +114,12 @@ def _states_of(kind: str, beliefs: Beliefs, considered: bool) -> list[FilterStat
     for name, sigma, correlation_time in _correlated_of(kind, beliefs):
         if sigma > 0.0:
             states.append(FilterState(name, sigma, correlation_time, 0.0, considered))
-    return states
+    gravity = beliefs.imu.gravity
+    return states + [
+        FilterState(name, gravity.sigma(name), np.inf, 0.0, considered, gravity.length(name))
+        for name in DISTURBANCES
+        if cause_of(name) == kind and gravity.sigma(name) > 0.0
+    ]
 
 
 def estimated_kinds(constants: tuple[str, ...]) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
+from mcnav.systems.ins.imu.gravity import DISTURBANCES
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
 from mcnav.systems.ins.linear.covariance import output_map, process_systems
 from mcnav.systems.ins.linear.response import StepResponses, respond
@@ -85,6 +86,8 @@ def tabulate_filter(
                 tables.rows[:, :, place] = measurements.constants[:, :, sources[state.name] - len(CONSTANTS)]
         if name in systems:
             tables.coupling[:, :, place] = systems[name][0][:, :NAVIGATION]
+        if name in DISTURBANCES:
+            tables.decay[:, place] = systems[name][0][:, NAVIGATION]
         for number, component in enumerate(components):
             if name == component.error_name("correlated"):
                 tables.rows[:, :, place] = -1.0 * (measurements.components == number)
@@ -123,7 +126,9 @@ def _add_noise(noise: Array, systems: Mapping[str, tuple[Array, Array, Array]], 
 
 
 def same_memory(one: Imu, other: Imu) -> bool:
-    """Return whether the Gauss-Markov processes of two units have the same correlation times."""
+    """Return whether the Gauss-Markov processes of two units, and of gravity, have the same correlation."""
+    if not np.array_equal(one.gravity.lengths, other.gravity.lengths):
+        return False
     pairs = ((one.gyro, other.gyro), (one.accelerometer, other.accelerometer))
     return all(np.array_equal(a.correlation_time, b.correlation_time) for a, b in pairs)
 

@@ -12,7 +12,9 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import compiled
+from mcnav.systems.ins.imu.gravity import DISTURBANCES, GravityDisturbance
 from mcnav.systems.ins.imu.instruments import AXES, Imu, Noise
+from mcnav.systems.ins.truth.gravity import GravityPath
 
 SERIES_BELOW: Final = 0.1
 """Duration, in correlation times, below which the variance of a mean is a series: 1e-12 of it is lost at most."""
@@ -26,13 +28,17 @@ _SERIES: Final = (-1.0) ** _ORDERS * (4.0 - 2.0**_ORDERS) / _FACTORIALS
 """Coefficients of 2 x - 3 + 4 exp(-x) - exp(-2 x) from x^3 on."""
 
 
-def draw_noise(imu: Imu, step_times: Array, seed: int, index: int) -> tuple[Array, Array]:
+def draw_noise(
+    imu: Imu, step_times: Array, seed: int, index: int, path: GravityPath | None = None
+) -> tuple[Array, Array]:
     """Draw what the processes of one sample add to the readings, as means over steps.
 
     Parameters
     ----------
     step_times : ndarray, shape (S + 1,)
         Boundaries of the steps, s.
+    path : GravityPath, optional
+        How gravity disturbances act in the steps; without it there are none.
     seed, index : int
         Of the campaign and of the sample, below 2^64.
 
@@ -42,7 +48,10 @@ def draw_noise(imu: Imu, step_times: Array, seed: int, index: int) -> tuple[Arra
         Of the gyros, rad/s, and of the accelerometers, m/s^2.
     """
     key = (seed, index)
-    return _drawn(imu.gyro, step_times, key, 0), _drawn(imu.accelerometer, step_times, key, 1)
+    gyro, accelerometer = _drawn(imu.gyro, step_times, key, 0), _drawn(imu.accelerometer, step_times, key, 1)
+    if path is not None:
+        accelerometer += draw_gravity(path, imu.gravity, seed, index)
+    return gyro, accelerometer
 
 
 def process_values(imu: Imu, step_times: Array, at: IndexArray, seed: int, index: int) -> dict[str, Array]:
@@ -82,6 +91,37 @@ def gyro_drifts(imu: Imu, step_times: Array, seed: int, index: int) -> Array:
     return drifts
 
 
+def draw_gravity(path: GravityPath, gravity: GravityDisturbance, seed: int, index: int) -> Array:
+    """Draw what the gravity disturbances of one sample take from the specific force, as means over steps.
+
+    Returns
+    -------
+    ndarray, shape (S, 3)
+        What the accelerometers read besides the specific force of the model, m/s^2.
+    """
+    total = np.zeros((len(path.pulls), 3))
+    for place, name in enumerate(DISTURBANCES):
+        if (sigma := gravity.sigma(name)) > 0.0:
+            first, variates = _gravity_variates((seed, index), place, len(total))
+            unit = _means(*_gauss_markov(path.distances / gravity.length(name)), first, variates)
+            total += sigma * unit[:, None] * path.pulls[:, :, place]
+    return total
+
+
+def gravity_values(
+    path: GravityPath, gravity: GravityDisturbance, at: IndexArray, seed: int, index: int
+) -> dict[str, Array]:
+    """Draw the values of the gravity disturbances in the sample that `draw_gravity` draws; see `process_values`."""
+    result = {}
+    for place, name in enumerate(DISTURBANCES):
+        if (sigma := gravity.sigma(name)) > 0.0:
+            first, variates = _gravity_variates((seed, index), place, len(path.pulls))
+            decay, _, factor = _gauss_markov(path.distances / gravity.length(name))
+            values = boundary_values(decay, factor[:, 0].copy(), first, variates[:, 0].copy())[at]
+            result[name] = sigma * values
+    return result
+
+
 def _drawn(noise: Noise, step_times: Array, key: tuple[int, int], instrument: int) -> Array:
     """Add up the processes of three instruments, shape (S, 3)."""
     durations = np.diff(step_times)
@@ -119,6 +159,12 @@ def _accumulated_errors(step_times: Array, interval: float, generator: np.random
 def _instability_variates(key: tuple[int, int], instrument: int, axis: int, steps: int) -> tuple[float, Array]:
     """Draw the variates of the first value of a bias instability and of its steps."""
     generator = _generator(key, instrument, 1, axis)
+    return generator.standard_normal(), generator.standard_normal((steps, 2))
+
+
+def _gravity_variates(key: tuple[int, int], place: int, steps: int) -> tuple[float, Array]:
+    """Draw the variates of the first value of a gravity disturbance and of its steps."""
+    generator = _generator(key, 0, 0, place, part=2)
     return generator.standard_normal(), generator.standard_normal((steps, 2))
 
 

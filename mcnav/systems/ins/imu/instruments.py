@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.systems.ins.imu.gravity import DISTURBANCES, GravityDisturbance
 
 AXES: Final = ("x", "y", "z")
 CROSS_AXES: Final = ("xy", "xz", "yx", "yz", "zx", "zy")
@@ -86,10 +87,11 @@ class Noise:
 
 @dataclass(frozen=True)
 class Imu:
-    """The processes of gyros and accelerometers."""
+    """The processes of gyros and accelerometers, and of the gravity that accelerometers feel and no model has."""
 
     gyro: Noise = field(default_factory=Noise)
     accelerometer: Noise = field(default_factory=Noise)
+    gravity: GravityDisturbance = field(default_factory=GravityDisturbance)
 
     @property
     def quantized(self) -> bool:
@@ -109,7 +111,7 @@ PROCESSES: Final = tuple(
     for kind in (walk, "bias_instability", "rate_random_walk", "quantization")
     for axis in AXES
 )
-"""Names of all processes in order."""
+"""Names of all processes of the instruments in order."""
 
 
 def process_sizes(imu: Imu) -> dict[str, float]:
@@ -120,4 +122,11 @@ def process_sizes(imu: Imu) -> dict[str, float]:
         for each in (noise.random_walk, noise.instability, noise.rate_random_walk, noise.quantization)
         for size in each
     ]
-    return {name: float(size) for name, size in zip(PROCESSES, sizes, strict=True) if size > 0.0}
+    present = {name: float(size) for name, size in zip(PROCESSES, sizes, strict=True) if size > 0.0}
+    return present | imu.gravity.sizes
+
+
+def count_processes(imu: Imu) -> int:
+    """Count the processes that are not zero: a deflection of the vertical is two."""
+    of_instruments = process_sizes(Imu(imu.gyro, imu.accelerometer))
+    return len(of_instruments) + sum(imu.gravity.sigma(name) > 0.0 for name in DISTURBANCES)

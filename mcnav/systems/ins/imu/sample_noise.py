@@ -13,12 +13,13 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.systems.ins.imu.fine_noise import boundary_values, draw_noise, gyro_drifts, process_values
+from mcnav.systems.ins.imu.fine_noise import boundary_values, draw_noise, gravity_values, gyro_drifts, process_values
 from mcnav.systems.ins.imu.instruments import Imu
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
 from mcnav.systems.ins.sensors.measurements import swings
 from mcnav.systems.ins.sensors.quantity import MOST_AXES
 from mcnav.systems.ins.sensors.registry import KINDS
+from mcnav.systems.ins.truth.gravity import GravityPath
 
 FIRST_STREAM: Final = 18
 """Number of the counter's highest word; lower ones are those of the instruments' processes."""
@@ -40,7 +41,7 @@ class SampleNoise:
         missing have none.
     processes : mapping of str to ndarray, shape (m,)
         Values at the epochs of the processes that a filter may estimate: bias instability and rate random walk of the
-        instruments, correlated errors of the sensors. Those that are missing are zero.
+        instruments, gravity disturbances, correlated errors of the sensors. Those that are missing are zero.
     drifts : ndarray, shape (S, 3), optional
         Bias instability and rate random walk of the gyros at the ends of the steps, rad/s, for sensors that measure an
         antenna's velocity on a lever arm; none for zero.
@@ -54,8 +55,9 @@ class SampleNoise:
 
 
 def draw_sample_noise(
-    imu: Imu, sensors: Sequence[Sensor], step_times: Array, epochs: IndexArray, seed: int, index: int
-) -> SampleNoise:
+    imu: Imu, sensors: Sequence[Sensor], step_times: Array, epochs: IndexArray, seed: int, index: int,
+    path: GravityPath | None = None,
+) -> SampleNoise:  # fmt: skip
     """Draw the noise of one sample.
 
     Parameters
@@ -66,10 +68,14 @@ def draw_sample_noise(
         Boundaries that are epochs.
     seed, index : int
         Of the campaign and of the sample, below 2^64.
+    path : GravityPath, optional
+        How gravity disturbances act in the steps; without it there are none.
     """
-    gyro, accelerometer = draw_noise(imu, step_times, seed, index)
+    gyro, accelerometer = draw_noise(imu, step_times, seed, index, path)
     measurements, correlated = draw_measurement_errors(sensors, step_times[epochs], seed, index)
     processes = process_values(imu, step_times, epochs, seed, index)
+    if path is not None:
+        processes |= gravity_values(path, imu.gravity, epochs, seed, index)
     drifts = gyro_drifts(imu, step_times, seed, index) if any(swings(sensor) for sensor in sensors) else None
     return SampleNoise(gyro, accelerometer, measurements, processes | correlated, drifts)
 

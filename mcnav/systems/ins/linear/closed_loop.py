@@ -22,6 +22,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.filter.tables import FilterTables, same_memory, tabulate_filter
+from mcnav.systems.ins.imu.gravity import add_by_cause
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu
 from mcnav.systems.ins.linear.covariance import (
     constant_inputs,
@@ -193,8 +194,8 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
         Whether after the updates at that time, or before.
     """
     own = own_covariances(loop, readings, after)
-    partials, estimates = _propagate_constants(loop, readings, after)
-    names, covariances = _propagate_processes(loop, readings, after)
+    partials, estimates = propagate_constants(loop, readings, after)
+    names, covariances = propagate_processes(loop, readings, after)
     maps = np.stack([output_map(loop.truth, float(time)) for time in loop.times[readings]])
     count = len(loop.filter.constants)
     state_partials = -estimates
@@ -214,10 +215,10 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
     return ClosedLoopErrors(
         loop.times[readings],
         maps @ partials,
-        processes,
+        add_by_cause(processes),
         map_covariances(maps, own[:, :NAVIGATION, :NAVIGATION]),
         state_partials,
-        state_variances,
+        add_by_cause(state_variances),
         np.diagonal(own, axis1=1, axis2=2)[:, NAVIGATION:].copy(),
     )
 
@@ -290,7 +291,7 @@ def constant_disturbances(loop: ClosedLoop) -> tuple[Array, Array]:
     return inputs, disturbances
 
 
-def _propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[Array, Array]:
+def propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[Array, Array]:
     """Compute what each constant error makes of y, shape (m, 9, sources), and of the estimates, (m, q, sources)."""
     inputs, disturbances = constant_disturbances(loop)
     true = true_loop(loop)
@@ -308,20 +309,13 @@ def _propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) -
     return seen[:, :NAVIGATION], seen[:, NAVIGATION:]
 
 
-def _propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[list[str], Array]:
+def propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[list[str], Array]:
     """Compute the covariance of y, the estimates and a process's own bias, shape (m, 10 + q, 10 + q, processes)."""
-    components = [component for sensor in loop.sensors for component in sensor.components]
-    systems = process_systems(loop.responses, loop.imu)
-    names = [*systems, *(name for sensor in loop.sensors for name in sensor.processes())]
+    processes = driving_processes(loop)
     true, times = true_loop(loop, 1), ReadingTimes(readings, after.astype(np.bool_))
     size = true.updates.rows.shape[2]
-    covariances = np.zeros((len(readings), size, size, len(names)))
-    quiet = _quiet(loop)
-    for number, name in enumerate(names):
-        if name in systems:
-            process = _process_of_imu(loop, quiet, name, *systems[name])
-        else:
-            process = _process_of_sensors(loop, quiet, name, components)
+    covariances = np.zeros((len(readings), size, size, len(processes)))
+    for number, process in enumerate(processes.values()):
         true.steps.rows[:, :, -1], true.steps.decay[:, -1] = process.response, process.decay
         true.updates.rows[:, :, -1] = process.seen
         start = np.zeros((size, size))
@@ -329,11 +323,20 @@ def _propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -
         covariances[..., number] = run_covariance(
             true.steps, process.noise, true.updates, process.measured, true.gains, start, times, size
         )
-    return names, covariances
+    return list(processes), covariances
+
+
+def driving_processes(loop: ClosedLoop) -> dict[str, DrivingProcess]:
+    """List the processes of the instruments, of gravity and of the sensors, by name."""
+    components = [component for sensor in loop.sensors for component in sensor.components]
+    quiet, systems = _quiet(loop), process_systems(loop.responses, loop.imu)
+    processes = {name: _process_of_imu(loop, quiet, name, *system) for name, system in systems.items()}
+    names = [name for sensor in loop.sensors for name in sensor.processes()]
+    return processes | {name: _process_of_sensors(loop, quiet, name, components) for name in names}
 
 
 @dataclass(frozen=True)
-class _Process:
+class DrivingProcess:
     """A process that drives the loop, and its bias, over K steps and U updates.
 
     Attributes
@@ -356,19 +359,19 @@ class _Process:
     measured: Array
 
 
-def _quiet(loop: ClosedLoop) -> _Process:
+def _quiet(loop: ClosedLoop) -> DrivingProcess:
     """Return a process that does nothing."""
     steps, others = len(loop.transition), len(loop.filter.constants) + 1
     none = np.zeros(loop.measurements.components.shape)
     noise = StepNoise(
         np.zeros((steps, NAVIGATION, NAVIGATION)), np.zeros((steps, NAVIGATION, others)), np.zeros((steps, others))
     )
-    return _Process(np.zeros((steps, NAVIGATION)), np.ones(steps), noise, 0.0, none, none)
+    return DrivingProcess(np.zeros((steps, NAVIGATION)), np.ones(steps), noise, 0.0, none, none)
 
 
 def _process_of_imu(
-    loop: ClosedLoop, quiet: _Process, name: str, response: Array, added: Array, variance: Array
-) -> _Process:
+    loop: ClosedLoop, quiet: DrivingProcess, name: str, response: Array, added: Array, variance: Array
+) -> DrivingProcess:
     """Return a process of the instruments, whose system `process_systems` has."""
     swings, gyro = loop.measurements.swings, rate_error(name)
     noise = quiet.noise._replace(white=np.ascontiguousarray(added[:, :NAVIGATION, :NAVIGATION]))
@@ -376,13 +379,15 @@ def _process_of_imu(
         cross, driven = noise.cross.copy(), noise.driven.copy()
         cross[:, :, -1], driven[:, -1] = added[:, NAVIGATION, :NAVIGATION], added[:, NAVIGATION, NAVIGATION]
         noise = noise._replace(cross=cross, driven=driven)
-    return _Process(
+    return DrivingProcess(
         response[:, :NAVIGATION], response[:, NAVIGATION], noise, float(variance),
         swings[:, :, gyro] if gyro >= 0 and swings.size else quiet.seen, quiet.measured,
     )  # fmt: skip
 
 
-def _process_of_sensors(loop: ClosedLoop, quiet: _Process, name: str, components: list[Component]) -> _Process:
+def _process_of_sensors(
+    loop: ClosedLoop, quiet: DrivingProcess, name: str, components: list[Component]
+) -> DrivingProcess:
     """Return a process of the sensors: correlated errors or white noise of a component."""
     for number, component in enumerate(components):
         at = loop.measurements.components == number

@@ -137,7 +137,8 @@ def _biases(loop: ClosedLoop, sources: Array) -> _Biases:
     sized = np.flatnonzero(np.diag(sources) > 0.0).tolist()
     constants = [number for number in sized if number >= len(OUTPUTS)]
     imu, responses = loop.imu, loop.responses
-    quiet = Imu(*(replace(each, random_walk=np.zeros(3)) for each in (imu.gyro, imu.accelerometer)))
+    gyro, accelerometer = (replace(each, random_walk=np.zeros(3)) for each in (imu.gyro, imu.accelerometer))
+    quiet = Imu(gyro, accelerometer, imu.gravity)
     systems = process_systems(responses, quiet)
     driving = {name: system for name, system in systems.items() if system[0].any()}
     swings = loop.measurements.swings

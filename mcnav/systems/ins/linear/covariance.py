@@ -9,6 +9,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.earth import local_axes
+from mcnav.systems.ins.imu.gravity import DISTURBANCES, add_by_cause
 from mcnav.systems.ins.imu.instruments import CONSTANTS, PROCESSES, Imu, Noise, process_sizes
 from mcnav.systems.ins.linear.response import StepResponses
 from mcnav.systems.ins.truth.trajectory import Truth
@@ -31,7 +32,7 @@ class LinearErrors:
     partials : ndarray, shape (m, 9, 39)
         Of the outputs to the constant sources.
     processes : mapping of str to ndarray, shape (m, 9, 9)
-        Covariance of the outputs from each process, by name.
+        Covariance of the outputs from each process, by name; from both deflections of the vertical together.
     """
 
     times: Array
@@ -114,7 +115,7 @@ def constant_inputs(responses: StepResponses) -> Array:
 
 
 def process_systems(responses: StepResponses, imu: Imu) -> dict[str, tuple[Array, Array, Array]]:
-    """Return the systems of psi, v, x and one bias for each process that is not zero.
+    """Return the systems of psi, v, x and one bias for each process of instruments and gravity that is not zero.
 
     Returns
     -------
@@ -155,6 +156,18 @@ def process_systems(responses: StepResponses, imu: Imu) -> dict[str, tuple[Array
         for axis in range(3):
             if (name := next(names)) in sizes:
                 systems[name] = _quantization(responses, noise, axis, first)
+    return systems | _gravity_systems(responses, imu)
+
+
+def _gravity_systems(responses: StepResponses, imu: Imu) -> dict[str, tuple[Array, Array, Array]]:
+    """Return the systems of the gravity disturbances that are not zero."""
+    systems, steps = {}, len(responses.attitude)
+    for number, name in enumerate(DISTURBANCES):
+        if (sigma := imu.gravity.sigma(name)) > 0.0:
+            response, covariance = np.zeros((steps, 10)), np.zeros((steps, 10, 10))
+            response[:, 3:9], response[:, 9] = responses.gravity.state[:, number], responses.gravity.decay[:, number]
+            covariance[:, 3:, 3:] = sigma**2 * responses.gravity.driven[:, number]
+            systems[name] = (response, covariance, np.asarray(sigma**2))
     return systems
 
 
@@ -222,5 +235,5 @@ def propagate(truth: Truth, responses: StepResponses, imu: Imu, epochs: IndexArr
             seen_partials.append(to_outputs @ partials)
             seen_covariance.append(to_outputs @ covariance[:, :9, :9] @ to_outputs.T)
     by_process = np.stack(seen_covariance)
-    named = {name: by_process[:, number] for number, name in enumerate(systems)}
+    named = add_by_cause({name: by_process[:, number] for number, name in enumerate(systems)})
     return LinearErrors(responses.times[epochs], np.stack(seen_partials), named)

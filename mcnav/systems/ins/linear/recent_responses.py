@@ -19,9 +19,10 @@ _RECENT: Final = Recent[tuple[Truth, StepResponses]](most=2)
 def recent_responses(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepResponses:
     """Return the responses over steps as `respond` computes them; the last ones are not computed again.
 
-    They are the same for the same truth and times, correlation times, and presence of quantization.
+    They are the same for the same truth and times, correlation times and lengths, and presence of quantization.
     """
     memory = imu.gyro.correlation_time.tobytes() + imu.accelerometer.correlation_time.tobytes()
+    memory += imu.gravity.lengths.tobytes()
     key = (id(truth), platform, times.tobytes(), memory, imu.quantized)  # what is kept holds on to the truth
 
     def compute() -> tuple[Truth, StepResponses]:
@@ -31,4 +32,5 @@ def recent_responses(truth: Truth, platform: Platform, times: Array, imu: Imu) -
 
 
 def _size(responses: StepResponses) -> int:
-    return sum(table.nbytes for table in responses)
+    *tables, gravity = responses
+    return sum(table.nbytes for table in (*tables, *gravity))

@@ -28,22 +28,17 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_part, compiled
 from mcnav.systems.ins.imu.instruments import CROSS_AXES, Imu
+from mcnav.systems.ins.linear.gravity_response import GravityResponses, respond_to_gravity
+from mcnav.systems.ins.linear.quadrature import (
+    AHEAD,
+    LATER,
+    LONGEST_INTERVAL,
+    NODE,
+    SHARE_OF_CORRELATION,
+    advance_motion,
+    intervals_of,
+)
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
-
-LONGEST_INTERVAL: Final = 0.25
-"""Longest interval of the quadrature, s: a rate of 1 rad/s leaves an error of 1e-6."""
-
-SHARE_OF_CORRELATION: Final = 0.25
-"""Longest interval as a share of the shortest correlation time."""
-
-_NODE: Final = float(0.5 - np.sqrt(3.0) / 6.0)
-"""First node of the Gauss method as a share of the interval; the second is one less this."""
-
-_LATER: Final = (1.0 - _NODE, _NODE)
-"""From a node to the end of the interval, as a share of it."""
-
-_AHEAD: Final = ((0.25, 0.25 + float(np.sqrt(3.0) / 6.0)), (0.25 - float(np.sqrt(3.0) / 6.0), 0.25))
-"""Weights of both nodes in an integral from a node to the end of the interval."""
 
 _ROW: Final = np.array(["xyz".index(pair[0]) for pair in CROSS_AXES])
 _COLUMN: Final = np.array(["xyz".index(pair[1]) for pair in CROSS_AXES])
@@ -78,6 +73,8 @@ class StepResponses(NamedTuple):
         has any.
     axes : ndarray, shape (K + 1, 3, 3)
         From instruments' to inertial axes at the times.
+    gravity : GravityResponses
+        To gravity disturbances.
     """
 
     times: Array
@@ -99,19 +96,7 @@ class StepResponses(NamedTuple):
     gyro_quantized: Array
     accelerometer_quantized: Array
     axes: Array
-
-
-def intervals_of(truth: Truth, times: Array, longest: float) -> Array:
-    """Return the boundaries of intervals, at most so long, in which the truth is smooth: all times are among them."""
-    inside = truth.times[(truth.times > times[0]) & (truth.times < times[-1])]
-    knots = np.union1d(times, inside)
-    gaps = np.diff(knots)
-    knots = knots[np.concatenate([[True], gaps > 1e-9]) | np.isin(knots, times)]
-    gaps = np.diff(knots)
-    pieces = np.maximum(1, np.ceil(gaps / longest - 1e-9)).astype(np.int64)
-    first = np.repeat(knots[:-1], pieces)
-    within = np.arange(len(first)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    return np.append(first + within * np.repeat(gaps / pieces, pieces), knots[-1])
+    gravity: GravityResponses
 
 
 def respond(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepResponses:
@@ -120,11 +105,11 @@ def respond(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepRes
     longest = min(LONGEST_INTERVAL, SHARE_OF_CORRELATION * float(constants.min()))
     bounds = intervals_of(truth, times, longest)
     lengths = np.diff(bounds)
-    nodes = np.stack([bounds[:-1] + _NODE * lengths, bounds[1:] - _NODE * lengths], axis=1)
+    nodes = np.stack([bounds[:-1] + NODE * lengths, bounds[1:] - NODE * lengths], axis=1)
     states = truth.states(nodes.ravel(), platform, float(times[0]))
     gradient = truth.earth.gravity_gradient(0.5 * (states.position[0::2] + states.position[1::2]))
     at_times = truth.states(times, platform, float(times[0]))
-    responses = _rooms_for(times, at_times.axes)
+    responses = _rooms_for(times, at_times.axes, respond_to_gravity(truth, times, imu.gravity))
     quadrature = _Quadrature(
         np.searchsorted(bounds, times), lengths, states.axes.reshape(-1, 2, 3, 3), states.force.reshape(-1, 2, 3),
         states.rate.reshape(-1, 2, 3), gradient,
@@ -133,13 +118,13 @@ def respond(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepRes
     return responses
 
 
-def _rooms_for(times: Array, axes: Array) -> StepResponses:
-    """Return responses over the steps between times, which are zero."""
+def _rooms_for(times: Array, axes: Array, gravity: GravityResponses) -> StepResponses:
+    """Return responses over the steps between times, which are zero but for those to gravity disturbances."""
     shapes = (
         (6, 3), (6, 6), (6, 3, 3), (15, 9), (15, 6), (3, 9), (3, 9), (3, 6), (3, 6),
         (3, 9, 9), (3, 6, 6), (3, 10, 10), (3, 10, 10), (3, 7, 7), (3, 7, 7), (3, 9, 9), (3, 6, 6),
     )  # fmt: skip
-    return StepResponses._make((times, *(np.zeros((len(times) - 1, *shape)) for shape in shapes), axes))
+    return StepResponses._make((times, *(np.zeros((len(times) - 1, *shape)) for shape in shapes), axes, gravity))
 
 
 class _Quadrature(NamedTuple):
@@ -227,19 +212,6 @@ def _fill_upper(total: Array) -> None:
                 total[a, j, i] = total[a, i, j]
 
 
-@allocation_free_part
-def _advance_motion(of_v: Array, of_x: Array, gradient: Array, s: float, out_v: Array, out_x: Array) -> None:
-    """Take the responses to v and to x back by a time s, in which the gravity gradient is constant (to order s^3)."""
-    for r in range(6):
-        for c in range(3):
-            pulled = pushed = 0.0
-            for m in range(3):
-                pulled += of_v[r, m] * gradient[m, c]
-                pushed += of_x[r, m] * gradient[m, c]
-            out_v[r, c] = of_v[r, c] + s * (of_x[r, c] + s * (0.5 * pulled + s * (pushed / 6.0)))
-            out_x[r, c] = of_x[r, c] + s * (pulled + 0.5 * s * pushed)
-
-
 @compiled
 def _respond(quadrature: _Quadrature, instruments: _Instruments, work: _Work, out: StepResponses) -> None:
     """Go through the intervals of each step from the last to the first."""
@@ -294,7 +266,7 @@ def _respond_at_nodes(k: int, j: int, quadrature: _Quadrature, work: _Work, out:
     h, gradient, axes, forces = quadrature.lengths[j], quadrature.gradients[j], quadrature.axes, quadrature.forces
     weight = 0.5 * h
     for i in range(2):
-        _advance_motion(work.of_v, work.of_x, gradient, _LATER[i] * h, along[i], work.apart[i])
+        advance_motion(work.of_v, work.of_x, gradient, LATER[i] * h, along[i], work.apart[i])
         # F = C f
         for r in range(3):
             inertial[r] = 0.0
@@ -323,7 +295,7 @@ def _respond_to_readings(j: int, quadrature: _Quadrature, work: _Work) -> None:
                 total, pushed = 0.0, 0.0
                 for m in range(3):
                     # psi acts on v from the node to the end of the interval, and after it
-                    turn = work.of_psi[r, m] + h * (_AHEAD[i][0] * turning[0, r, m] + _AHEAD[i][1] * turning[1, r, m])
+                    turn = work.of_psi[r, m] + h * (AHEAD[i][0] * turning[0, r, m] + AHEAD[i][1] * turning[1, r, m])
                     total += turn * axes[j, i, m, a]
                     pushed += along[i, r, m] * axes[j, i, m, a]
                 work.to_gyro[i, a, 3 + r] = total
@@ -395,7 +367,7 @@ def _go_back(j: int, quadrature: _Quadrature, work: _Work) -> None:
         for m in range(3):
             work.of_psi[r, m] += weight * (turning[0, r, m] + turning[1, r, m])
             of_v[r, m], of_x[r, m] = work.of_v[r, m], work.of_x[r, m]
-    _advance_motion(of_v, of_x, quadrature.gradients[j], quadrature.lengths[j], work.of_v, work.of_x)
+    advance_motion(of_v, of_x, quadrature.gradients[j], quadrature.lengths[j], work.of_v, work.of_x)
 
 
 @allocation_free_part

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
+from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, count_processes
 from mcnav.systems.ins.linear.covariance import constant_inputs, output_map, process_systems, transitions
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
@@ -103,7 +103,7 @@ def propagate_starts(
     alone = platform == "inertial" and aligned is None
     truth = truth if aligned is None else truth.held(aligned)
     times, place = np.unique(starts, return_inverse=True)
-    to_outputs, processes = output_map(truth, end), len(process_sizes(imu))
+    to_outputs, processes = output_map(truth, end), count_processes(imu)
     partials = np.empty((len(times), len(OUTPUTS), len(CONSTANTS)))
     noise = np.empty((len(times), len(OUTPUTS), len(OUTPUTS)))
     knots = np.append(times, end)

@@ -8,7 +8,7 @@ no size.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -167,7 +167,11 @@ def tabulate_causes(campaign: Campaign) -> CauseTable:
             if component.label not in noise:
                 noise[component.label] = len(causes)
                 sizes = [each.noise for each in sensor.components if each.label == component.label]
-                causes.append(_cause(campaign, f"{component.label}_noise", sizes, component.error_name("noise")))
+                cause = _cause(campaign, f"{component.label}_noise", sizes, component.error_name("noise"))
+                if sensor.log is not None and component.noise_at is not None:
+                    key = f"[[aiding]] {sensor.name}: log_factor"
+                    cause = replace(cause, key=key, log_factor=sensor.log.factor)
+                causes.append(cause)
     return CauseTable(tuple(causes), tuple(driving), start.astype(np.int64), noise)
 
 

@@ -15,7 +15,16 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from mcnav._types import Array, IndexArray
-from mcnav.contract.recorded import FilteredRecord, Part, ReadOut, RecordedSensor, Recording, RecordingError, Stage
+from mcnav.contract.recorded import (
+    FilteredRecord,
+    Part,
+    ReadOut,
+    RecordedMeasurements,
+    RecordedSensor,
+    Recording,
+    RecordingError,
+    Stage,
+)
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.linear.covariance import map_covariances
@@ -29,7 +38,7 @@ from mcnav.systems.ins.reference.earth_fixed_sensors import SensorModel
 from mcnav.systems.ins.reference.filtered_navigator import FilteredNavigator, Passage
 from mcnav.systems.ins.reference.mechanization import LONGEST_STEP, SAME_INSTANT, Diverged, divide, with_stops
 from mcnav.systems.ins.reference.normal_field import field_constants
-from mcnav.systems.ins.sensors.aiding import Sensor
+from mcnav.systems.ins.sensors.aiding import Component, Sensor
 
 Motion: TypeAlias = tuple[Array | None, Array, Array, tuple[Part, ...]]
 """F, B, D and the noise of the processes, as a `Stage` has them."""
@@ -100,9 +109,9 @@ class RecordedFlight:
         believed = {sensor.name: sensor for sensor in self.model.beliefs.sensors}
         for sensor in self.sensors:
             recorded = replace(sensor, lever_arm=np.zeros(3))
-            times = self.recording.measurements[sensor.name].times
+            measured = self.recording.measurements[sensor.name]
             models = (
-                SensorModel(recorded, _at_instants(believed[sensor.name], times), None, model.states, spin)
+                SensorModel(recorded, _at_instants(believed[sensor.name], measured), None, model.states, spin)
                 for model in (self.own, self.campaign.model)
             )
             pairs.append((next(models), next(models)))
@@ -242,12 +251,12 @@ class _Passing:
     def _noise(self, sensor: int, row: int) -> tuple[Part, ...]:
         """Return the covariance of a measurement's noise by cause."""
         recorded = self.flight.sensors[sensor]
-        times = self.flight.recording.measurements[recorded.name].times
-        components = _at_instants(recorded, times).components
+        measured = self.flight.recording.measurements[recorded.name]
+        components, count = _at_instants(recorded, measured).components, len(measured.times)
         parts = []
         for label in dict.fromkeys(component.label for component in components):
             places = np.array([n for n, each in enumerate(components) if each.label == label], dtype=np.int64)
-            variances = np.array([components[place].white_variances(len(times))[row] for place in places])
+            variances = np.array([components[place].white_variances(count)[row] for place in places])
             parts.append(Part(self.causes.noise[label], places, np.diag(variances)))
         return tuple(parts)
 
@@ -265,13 +274,20 @@ class _Passing:
         return ReadOut(errors, to_outputs, covariance, variances)
 
 
-def _at_instants(sensor: Sensor, times: Array) -> Sensor:
-    """Return a sensor that measures at other instants; sigmas of each measurement are kept where they are as many."""
+def _at_instants(sensor: Sensor, measured: RecordedMeasurements) -> Sensor:
+    """Return a sensor that measures at recorded instants, with recorded sigmas where those of its log are believed."""
     components = tuple(
-        each if each.noise_at is None or len(each.noise_at) == len(times) else replace(each, noise_at=None)
+        each if each.noise_at is None else replace(each, noise_at=_recorded_sigmas(sensor, each, measured))
         for each in sensor.components
     )
-    return replace(sensor, times=times, components=components)
+    return replace(sensor, times=measured.times, components=components)
+
+
+def _recorded_sigmas(sensor: Sensor, component: Component, measured: RecordedMeasurements) -> tuple[float, ...] | None:
+    """Return the sigmas of a component in a record; none, for their root mean square in the log, if there are none."""
+    sigmas = measured.sigmas.get(component.quantity)
+    factor = 1.0 if sensor.log is None else sensor.log.factor
+    return None if sigmas is None else tuple((factor * sigmas[:, component.axis]).tolist())
 
 
 def _recorded_sensor(sensor: Sensor, campaign: Campaign) -> RecordedSensor:

@@ -22,6 +22,16 @@ def quantities_of(sensor: Sensor) -> tuple[str, ...]:
     return tuple(dict.fromkeys(component.quantity for component in sensor.components))
 
 
+def stated_sigmas(sensor: Sensor) -> dict[str, Array]:
+    """Return the sigmas that the log of a sensor states, shape (u, 3), of quantities with all three axes."""
+    result = {}
+    for quantity in ("position", "velocity"):
+        sigmas = [each.noise_at for each in sensor.components if each.quantity == quantity]
+        if sensor.log is not None and len(sigmas) == 3 and None not in sigmas:
+            result[quantity] = np.array(sigmas, dtype=float).T / sensor.log.factor
+    return result
+
+
 def true_state(earth: Earth, values: Mapping[str, Array], row: int, indicated: Indicated) -> TrueState:
     """Return the state that has the recorded values at a row, with no lever arm; the rest of it is as indicated.
 

@@ -26,6 +26,8 @@ def _recordable(navigation: AidedNavigation | None) -> AidedNavigation:
         raise ScenarioError("filter", "there is no filter to be judged; add [[aiding]] and [filter]")
     if navigation.platform != "strapdown":
         raise ScenarioError("platform", f"got {navigation.platform!r}; only strapdown readings can be recorded")
+    if navigation.imu.gravity.sizes or navigation.filter.beliefs.imu.gravity.sizes:
+        raise ScenarioError("gravity", "recorded flights are not judged with gravity disturbances yet; leave it out")
     for sensor in navigation.sensors:
         for quantity in quantities_of(sensor):
             if quantity not in QUANTITIES:

@@ -8,7 +8,7 @@ from mcnav._types import Array
 from mcnav.contract.recorded import RecordedMeasurements, RecordedTrack, Recording
 from mcnav.systems.ins.earth import local_axes
 from mcnav.systems.ins.imu.instruments import Imu
-from mcnav.systems.ins.recorded.measurements import recorded_values
+from mcnav.systems.ins.recorded.measurements import recorded_values, stated_sigmas
 from mcnav.systems.ins.reference.aided import AidedFlight, AidedMechanization
 from mcnav.systems.ins.reference.collocation import WEIGHTS
 from mcnav.systems.ins.reference.mechanization import matrices
@@ -34,7 +34,9 @@ def simulate_recording(engine: AidedMechanization, errors: Array, seed: int, ind
             for row in range(len(times))
         ]
         values = {quantity: np.array([row[quantity] for row in rows]) for quantity in rows[0]} if rows else {}
-        measurements[model.sensor.name] = RecordedMeasurements(times - engine.start, values)
+        measurements[model.sensor.name] = RecordedMeasurements(
+            times - engine.start, values, stated_sigmas(model.sensor)
+        )
     ends = engine.step_times[1:] - engine.start
     start = _track(engine, np.zeros(1), flight.navigator.state)
     return Recording(ends, readings[:, :3], readings[:, 3:], measurements, start, true_track(engine))

@@ -45,6 +45,7 @@ from mcnav.systems.ins.reference.mechanization import (
 )
 from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, navigation_errors
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.truth.gravity import GravityPath
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 LONGEST_FILTER_STEP: Final = 0.2
@@ -157,7 +158,7 @@ class AidedMechanization:
         """The start and all instants of measurements and epochs, in order."""
         times = np.concatenate([[self.start], self.stop_times])
         boundaries, durations = self._boundaries(times), np.diff(self.step_times)
-        rates = self.errors.decay_rates
+        rates = self.errors.rates_at(np.array([self._fastest]))[0]
         longest = min([self.longest_filter_step, *(SHARE_OF_CORRELATION / rates[rates > 0.0])])
         updates: dict[int, list[tuple[int, int]]] = {}
         for number, sensor in enumerate(self.sensors):
@@ -167,7 +168,8 @@ class AidedMechanization:
         result = []
         for place, boundary in enumerate(boundaries.tolist()):
             first = int(boundaries[place - 1]) if place else boundary
-            steps = FilterSteps.group(durations[first:boundary], longest, rates) if boundary > first else None
+            of_step = durations[first:boundary]
+            steps = FilterSteps.group(of_step, longest, self.errors.decay_rates) if boundary > first else None
             here = range(int(epochs[0][place]), int(epochs[1][place]))
             result.append(Stop(float(times[place]), first, boundary, steps, tuple(updates.get(boundary, ())), here))
         return tuple(result)
@@ -179,7 +181,19 @@ class AidedMechanization:
 
     def draw(self, imu: Imu, seed: int, index: int) -> SampleNoise:
         """Draw the noise of one sample."""
-        return draw_sample_noise(imu, self.sensors, self.step_times, self.epoch_steps, seed, index)
+        path = self._path if imu.gravity.sizes else None
+        return draw_sample_noise(imu, self.sensors, self.step_times, self.epoch_steps, seed, index, path)
+
+    @cached_property
+    def _fastest(self) -> float:
+        """Largest true speed at the stops, m/s."""
+        velocity = self.navigator.earth_fixed(np.concatenate([[self.start], self.stop_times])).velocity
+        return float(np.linalg.norm(velocity, axis=1).max())
+
+    @cached_property
+    def _path(self) -> GravityPath:
+        """How gravity disturbances act in the steps."""
+        return GravityPath.along(self.truth, self.platform, self.step_times)
 
     def updated(self, sensor: int) -> IndexArray:
         """Return the steps at whose ends a sensor has its measurements, by its number."""

@@ -10,9 +10,12 @@ of gravitation)::
     dr'  = dv
 
 The errors dw and df of the compensated readings are linear in the filter's other states, which are constants, random
-walks or Gauss-Markov processes. Over a step of the filter the matrix F of this system is its mean; the transition is
-its exponential to third order, with the exact decay of the other states, and process noise is integrated by Simpson's
-rule. What the mean neglects is of second order in the step.
+walks or Gauss-Markov processes. Gravity disturbances enter dv' along the local axes, and decay with the distance
+travelled at the indicated speed (`mcnav.systems.ins.reference.indicated_gravity`).
+
+Over a step of the filter the matrix F of this system is its mean; the transition is its exponential to third order,
+with the exact decay of the other states, and process noise is integrated by Simpson's rule. What the mean neglects is
+of second order in the step.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import compiled
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel, FilterState
+from mcnav.systems.ins.imu.gravity import DISTURBANCES
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, AXES, CROSS_AXES, GYRO, Imu
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY, cross_matrix
 from mcnav.systems.ins.reference.normal_field import normal_gravitation
@@ -112,6 +116,35 @@ class Driving:
 
 
 @dataclass(frozen=True)
+class GravityStates:
+    """States of a filter that are gravity disturbances, g of them.
+
+    Attributes
+    ----------
+    places : ndarray of int, shape (g,)
+        Among the filter's states besides those of navigation.
+    disturbances : ndarray of int, shape (g,)
+        Their numbers in `mcnav.systems.ins.imu.gravity.DISTURBANCES`.
+    lengths : ndarray, shape (g,)
+        Correlation lengths, m.
+    """
+
+    places: IndexArray
+    disturbances: IndexArray
+    lengths: Array
+
+    @classmethod
+    def of(cls, states: Sequence[FilterState]) -> GravityStates:
+        """Find them among the states of a filter."""
+        found = [place for place, state in enumerate(states) if state.name in DISTURBANCES]
+        return cls(
+            np.array(found, dtype=np.int64),
+            np.array([DISTURBANCES.index(states[place].name) for place in found], dtype=np.int64),
+            np.array([states[place].correlation_length for place in found]),
+        )
+
+
+@dataclass(frozen=True)
 class ErrorModel:
     """System of the filter's states: psi, dv, dr and q others."""
 
@@ -133,8 +166,13 @@ class ErrorModel:
         return instrument_states(self.states)
 
     @cached_property
+    def gravity(self) -> GravityStates:
+        """States that are gravity disturbances."""
+        return GravityStates.of(self.states)
+
+    @cached_property
     def decay_rates(self) -> Array:
-        """Inverse correlation times of the other states, shape (q,), 1/s."""
+        """Inverse correlation times of the other states, shape (q,), 1/s; zero of gravity disturbances."""
         return np.array([1.0 / state.correlation_time for state in self.states])
 
     @cached_property
@@ -142,11 +180,16 @@ class ErrorModel:
         """Places of the states that are not estimated, among all."""
         return NAVIGATION + np.flatnonzero([state.considered for state in self.states])
 
-    @cached_property
-    def _driven(self) -> Array:
-        """Densities of the white noise that drives the other states, shape (q,)."""
+    def rates_at(self, speeds: Array) -> Array:
+        """Return what the other states decay by, 1/s, at speeds over the earth, shape (n,) m/s: shape (n, q)."""
+        rates = np.tile(self.decay_rates, (len(speeds), 1))
+        rates[:, self.gravity.places] = speeds[:, None] / self.gravity.lengths
+        return rates
+
+    def _driven(self, rates: Array) -> Array:
+        """Return the densities of the white noise that drives the other states, at their rates of decay."""
         sigma, walk = (np.array([getattr(state, name) for state in self.states]) for name in ("sigma", "walk"))
-        return np.asarray(2.0 * sigma**2 * self.decay_rates * (self.decay_rates > 0.0) + walk**2)
+        return np.asarray(2.0 * sigma**2 * rates * (rates > 0.0) + walk**2)
 
     @cached_property
     def _alone(self) -> tuple[IndexArray, Array]:
@@ -162,8 +205,9 @@ class ErrorModel:
         return initial_covariance
 
     def transitions(
-        self, spin: float, steps: FilterSteps, axes: Array, rates: Array, forces: Array, gradients: Array
-    ) -> tuple[Array, Array]:
+        self, spin: float, steps: FilterSteps, axes: Array, rates: Array, forces: Array, gradients: Array,
+        pulls: Array | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
         """Compute the transitions over K steps of the filter and the noise that processes add.
 
         Parameters
@@ -175,6 +219,8 @@ class ErrorModel:
             Compensated readings, as means over the navigator's steps.
         gradients : ndarray, shape (K, 3, 3)
             Of gravitation, 1/s^2.
+        pulls : ndarray, shape (n, 3, g), optional
+            Responses of dv' to gravity disturbances, if the filter has such states.
 
         Returns
         -------
@@ -182,15 +228,18 @@ class ErrorModel:
         """
         imu: Imu = self.model.beliefs.imu
         everything = Driving(imu.gyro.random_walk, imu.accelerometer.random_walk, np.ones(len(self.states)))
-        whole, (noise,) = self.transitions_by_cause(spin, steps, axes, rates, forces, gradients, (everything,))
+        passed = (axes, rates, forces, gradients)
+        whole, (noise,) = self.transitions_by_cause(spin, steps, *passed, (everything,), pulls)
         return whole, noise
 
     def transitions_by_cause(
         self, spin: float, steps: FilterSteps, axes: Array, rates: Array, forces: Array, gradients: Array,
-        causes: Sequence[Driving],
+        causes: Sequence[Driving], pulls: Array | None = None,
     ) -> tuple[Array, list[Array]]:  # fmt: skip
         """Compute the transitions as `transitions` does, and the noise that each of several causes adds."""
         system, coupling = self._system(spin, steps, axes, rates, forces, gradients)
+        if pulls is not None:
+            coupling[:, VELOCITY, self.gravity.places] = steps.mean(pulls)
         square = system @ system
         cube, first, second = square @ system, system @ coupling, square @ coupling
         half, whole = (
@@ -206,7 +255,7 @@ class ErrorModel:
             density = axes * random_walk**2 @ np.swapaxes(axes, -1, -2)
             white[:, place, place] = steps.mean(density)
         others = np.arange(NAVIGATION, size)
-        white[:, others, others] = self._driven * cause.states
+        white[:, others, others] = self._driven(steps.rates) * cause.states
         noise = white + 4.0 * (half @ white @ np.swapaxes(half, -1, -2)) + whole @ white @ np.swapaxes(whole, -1, -2)
         noise *= (steps.durations / 6.0)[:, None, None]
         # correlated errors of sensors drive no other state, and may be shorter than a step
@@ -261,14 +310,14 @@ class FilterSteps:
         Share of each of the navigator's steps in the filter's.
     durations : ndarray, shape (K,)
         s.
-    integrals : tuple of ndarray, shape (K, 4, q + 1)
-        Decay of the other states and its integrals, up to half a step and up to the whole.
+    rates : ndarray, shape (q,) or (K, q)
+        Of decay of the other states, 1/s.
     """
 
     begins: IndexArray
     weights: Array
     durations: Array
-    integrals: tuple[Array, Array]
+    rates: Array
 
     @classmethod
     def group(cls, durations: Array, longest: float, decay_rates: Array) -> FilterSteps:
@@ -280,9 +329,13 @@ class FilterSteps:
         begins = np.flatnonzero(np.diff(number, prepend=-1))
         totals = np.add.reduceat(durations, begins)
         counts = np.diff(begins, append=len(durations))
-        rates = np.append(decay_rates, 0.0)
-        halves = (_decay_integrals(0.5 * totals, rates), _decay_integrals(totals, rates))
-        return cls(begins, durations / np.repeat(totals, counts), totals, halves)
+        return cls(begins, durations / np.repeat(totals, counts), totals, decay_rates)
+
+    @cached_property
+    def integrals(self) -> tuple[Array, Array]:
+        """Decay of the other states and its integrals, up to half a step and up to the whole: shape (K, 4, q + 1)."""
+        rates = np.concatenate([self.rates, np.zeros((*self.rates.shape[:-1], 1))], axis=-1)
+        return _decay_integrals(0.5 * self.durations, rates), _decay_integrals(self.durations, rates)
 
     @property
     def middles(self) -> IndexArray:
@@ -297,12 +350,14 @@ class FilterSteps:
 
 
 def _decay_integrals(durations: Array, rates: Array) -> Array:
-    """Compute exp(-a s) and its first three repeated integrals over durations s, shape (K, 4, len(rates)).
+    """Compute exp(-a s) and its first three repeated integrals over durations s, shape (K, 4, q).
+
+    The rates a are of shape (q,), or (K, q).
 
     The k-th is ``s^k sum_j (-a s)^j / (k + j)!``, and by recursion ``(s^(k-1) / (k-1)! - previous) / a``.
     """
-    x = np.outer(durations, rates)
-    decay_integrals = np.empty((len(durations), 4, len(rates)))
+    x = durations[:, None] * rates
+    decay_integrals = np.empty((len(durations), 4, rates.shape[-1]))
     decay_integrals[:, 0] = np.exp(-x)
     factorials = np.cumprod(np.append(1.0, np.arange(1.0, _TERMS + 4)))
     for k in (1, 2, 3):

@@ -21,6 +21,7 @@ from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY
 from mcnav.systems.ins.reference.collocation import AT_END, NODES, REASONS, STATE, WEIGHTS, WENT_ON, advance
 from mcnav.systems.ins.reference.compensation import Compensation
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, gravitation_gradients
+from mcnav.systems.ins.reference.indicated_gravity import IndicatedGravity
 from mcnav.systems.ins.reference.local_frame import LocalFrame
 from mcnav.systems.ins.reference.mechanization import LOWEST_SHARE, Diverged, matrices
 from mcnav.systems.ins.sensors.comparison import Indicated
@@ -109,6 +110,32 @@ class FilteredNavigator:
         """
         elapsed = (begins - self.estimated_at)[:, None] + durations[:, None] * NODES
         readings = self.compensation.compensate(measured, self.estimates, elapsed)
+        states = self._integrate(readings, begins, durations)
+        pulls, rates = None, self.model.decay_rates
+        if len(self.model.gravity.places):
+            along = IndicatedGravity.along(self.earth, self.gravitation, self.model.gravity, states, durations)
+            pulls, rates, steps = along.pulls, self.model.rates_at(along.speed), along.taken_by(steps, self.model)
+            rates = np.average(rates, axis=0, weights=durations)
+            if np.any(push := along.push(self.estimates)):
+                # the attitude does not depend on it: as before, it is taken from the readings in their axes
+                axes = matrices(states[1:, :4] + states[:-1, :4])
+                readings = readings.copy()
+                readings[..., 3:] -= np.einsum("nji,nj->ni", axes, push)[:, None]
+                states = self._integrate(readings, begins, durations)
+        middles = matrices(states[1:, :4] + states[:-1, :4])
+        means = np.einsum("p,npi->ni", WEIGHTS, readings)
+        gradients = gravitation_gradients(self.gravitation, states[steps.middles + 1, 7:])
+        passed = (middles, means[:, :3], means[:, 3:], gradients)
+        transitions, noises = self.model.transitions(self.earth.rotation_rate, steps, *passed, pulls)
+        for transition, noise in zip(transitions, noises, strict=True):
+            self.filter.predict(F=transition, Q=noise)
+        self.state = states[-1]
+        self.estimates = self.estimates * np.exp(-rates * (until - self.estimated_at))
+        self.estimated_at = until
+        return Passage(*passed, transitions)
+
+    def _integrate(self, readings: Array, begins: Array, durations: Array) -> Array:
+        """Integrate the indicated state over n steps: at their ends, the first at the beginning, shape (n + 1, 10)."""
         states = np.empty((len(durations) + 1, STATE))
         states[0] = self.state
         outcome, step = advance(
@@ -117,17 +144,7 @@ class FilteredNavigator:
         )  # fmt: skip
         if outcome != WENT_ON:
             raise Diverged(f"{REASONS[outcome]} at {begins[step]:.1f} s")
-        middles = matrices(states[1:, :4] + states[:-1, :4])
-        means = np.einsum("p,npi->ni", WEIGHTS, readings)
-        gradients = gravitation_gradients(self.gravitation, states[steps.middles + 1, 7:])
-        passed = (middles, means[:, :3], means[:, 3:], gradients)
-        transitions, noises = self.model.transitions(self.earth.rotation_rate, steps, *passed)
-        for transition, noise in zip(transitions, noises, strict=True):
-            self.filter.predict(F=transition, Q=noise)
-        self.state = states[-1]
-        self.estimates = self.estimates * np.exp(-self.model.decay_rates * (until - self.estimated_at))
-        self.estimated_at = until
-        return Passage(*passed, transitions)
+        return states
 
     def indicated(self, reading: Array) -> Indicated:
         """Return the indicated state, with a compensated reading, shape (6,), at the same instant."""

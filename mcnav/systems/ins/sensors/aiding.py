@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.recorded import MeasurementFile
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 
@@ -108,6 +109,8 @@ class Sensor:
         Probability with which a measurement without blunders is accepted; none for no gate.
     outages : tuple of (float, float)
         Begin, included, and end, excluded, s.
+    log : MeasurementFile, optional
+        Of a recorded sensor.
     """
 
     name: str
@@ -118,6 +121,7 @@ class Sensor:
     has_lever_arm: bool = False
     gate: float | None = None
     outages: tuple[tuple[float, float], ...] = ()
+    log: MeasurementFile | None = None
 
     def constants(self) -> Iterator[str]:
         """Yield the names of its constant errors in order, whatever their sizes."""

@@ -133,6 +133,7 @@ def _read_sensor(
         kind.lever_arm,
         table.gate,
         table.outages if recorded is None else recorded.outages,
+        None if recorded is None else recorded.log_of(table),
     )
     return sensor, sigmas
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from mcnav.entries.validation import validate
 from mcnav.errors import suggestion
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.ins.filter.model import NAVIGATION, Beliefs, FilterModel, estimated_kinds
+from mcnav.systems.ins.imu.gravity import ANOMALY, CAUSES, DEFLECTION, GravityDisturbance
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, AXES, GYRO, Imu
 from mcnav.systems.ins.scenario import SOURCES
 from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
@@ -31,6 +32,7 @@ from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import aiding_sources
 from mcnav.systems.ins.tables.aiding import constant_sizes
 from mcnav.systems.ins.tables.error_names import error_patterns, kinds_of_errors, name_pattern
+from mcnav.systems.ins.tables.gravity import BelievedGravityTable, read_believed_gravity
 from mcnav.systems.ins.tables.imu import BelievedImuTable, read_imu
 from mcnav.systems.ins.tables.sensor_tables import BELIEVED, MULTIPLE, BelievedSensor, Gate, OfGate, OfName
 from mcnav.systems.ins.tables.sensors import SensorErrors, check_measured, errors_of
@@ -38,8 +40,8 @@ from mcnav.systems.ins.tables.sensors import SensorErrors, check_measured, error
 ALWAYS: Final = ("position", "velocity", "attitude")
 """States that every filter estimates."""
 
-KINDS: Final = estimated_kinds((*GYRO, *ACCELEROMETER))
-"""Kinds of the instruments' errors."""
+KINDS: Final = (*estimated_kinds((*GYRO, *ACCELEROMETER)), *CAUSES)
+"""Kinds of the instruments' errors, and of gravity disturbances."""
 
 OF_ANY_SENSOR: Final = name_pattern(kinds_of_errors())
 """Pattern of the kinds of any sensor's errors."""
@@ -66,6 +68,9 @@ class BelievesTable(Table):
 
     imu: Annotated[Any, Later(BelievedImuTable)] = Field(
         default_factory=dict, description="Believed errors of the instruments."
+    )
+    gravity: Annotated[Any, Later(BelievedGravityTable)] = Field(
+        default_factory=dict, description="Believed gravity disturbance."
     )
     errors: Annotated[dict[str, object], WithJsonSchema(_schema_of_believed_errors())] = Field(
         default_factory=dict, description="Believed sigmas by source, or kind of sources."
@@ -96,6 +101,10 @@ class FilterTable(Table):
         OfConsiders,
     ] = Field(default_factory=list)
     gate: Annotated[Gate | None, OfGate] = None
+    smoother: Annotated[
+        Literal["fixed-interval"] | None,
+        Field(description="Smoother that follows the filter, of all measurements of the navigation: in lincov alone."),
+    ] = None
     believes: BelievesTable = Field(
         default_factory=BelievesTable, description="What the filter takes errors for; the truth where nothing is given."
     )
@@ -115,6 +124,8 @@ class FilterPlan:
         Believed processes.
     sensors : tuple of Sensor
         Believed ones.
+    smoothed : bool
+        Whether a smoother follows the filter.
     """
 
     estimates: tuple[str, ...]
@@ -122,6 +133,7 @@ class FilterPlan:
     sigmas: Mapping[str, float]
     imu: Imu
     sensors: tuple[Sensor, ...]
+    smoothed: bool = False
 
     def completed(self, errors: ErrorModel) -> FilterModel:
         """Return the filter, which believes the statistics of all errors where it does not believe others."""
@@ -131,7 +143,8 @@ class FilterPlan:
         )
         covariance = _scaled(errors.covariance[:NAVIGATION, :NAVIGATION], believed[:NAVIGATION])
         sigmas = dict(zip(errors.names, believed.tolist(), strict=True))
-        return FilterModel(self.estimates, self.considers, Beliefs(sigmas, covariance, self.imu, self.sensors))
+        beliefs = Beliefs(sigmas, covariance, self.imu, self.sensors)
+        return FilterModel(self.estimates, self.considers, beliefs, self.smoothed)
 
 
 def _scaled(covariance: Array, sigmas: Array) -> Array:
@@ -146,7 +159,14 @@ def plan_filter(table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, conte
     """Plan the filter of a navigation with these sensors; mistakes are added to the context."""
     before = len(context.problems)
     _check_states(table, sensors, context)
+    if table.smoother is not None and table.considers:
+        message = (
+            "is not defined with considers, whose errors the filter's gains leave out; estimate them, or leave it out"
+        )
+        context.problem("filter.smoother", message)
     believed = read_imu(table.believes.imu, context, "filter.believes.imu", imu)
+    gravity = read_believed_gravity(table.believes.gravity, imu.gravity, context)
+    _check_gravity(table, gravity, context)
     sigmas = {} if believed is None else dict(believed.sigmas)
     seen = []
     by_name = {sensor.name: sensor for sensor in sensors}
@@ -162,12 +182,14 @@ def plan_filter(table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, conte
     if len(context.problems) > before or believed is None:
         return None
     estimates = tuple(name for name in table.estimates if name not in ALWAYS)
-    return FilterPlan(estimates, tuple(table.considers), {**sigmas, **stated}, believed.processes, tuple(seen))
+    processes = replace(believed.processes, gravity=gravity)
+    smoothed = table.smoother is not None
+    return FilterPlan(estimates, tuple(table.considers), {**sigmas, **stated}, processes, tuple(seen), smoothed)
 
 
 def _check_states(table: FilterTable, sensors: tuple[Sensor, ...], context: FileContext) -> None:
     """Add a mistake for each state that is missing, unknown, or named twice."""
-    kinds = estimated_kinds((*GYRO, *ACCELEROMETER, *aiding_constants(sensors)))
+    kinds = (*KINDS, *estimated_kinds(aiding_constants(sensors)))
     if absent := [name for name in ALWAYS if name not in table.estimates]:
         context.problem("filter.estimates", f"{' and '.join(absent)} must be there; expected {', '.join(ALWAYS)}, …")
     seen: set[str] = set()
@@ -184,6 +206,15 @@ def _check_states(table: FilterTable, sensors: tuple[Sensor, ...], context: File
             elif name not in known:
                 context.problem(key, _unknown_state(name, sensors, known))
             seen.add(name)
+
+
+def _check_gravity(table: FilterTable, believed: GravityDisturbance, context: FileContext) -> None:
+    """Add a mistake for each gravity disturbance that is a state and has no size anywhere in the file."""
+    lengths = {DEFLECTION: believed.deflection_length, ANOMALY: believed.anomaly_length}
+    for key, names in (("estimates", table.estimates), ("considers", table.considers)):
+        for name in lengths.keys() & set(names):
+            if not np.isfinite(lengths[name]):
+                context.problem(f"filter.{key}", f"got {name!r}; it needs {name.partition('_')[2]} in [gravity]")
 
 
 def _unknown_state(name: str, sensors: tuple[Sensor, ...], known: Sequence[str]) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 
 from mcnav._recent import Recent
 from mcnav._types import Array, IndexArray
+from mcnav.contract.recorded import MeasurementFile
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import read_file
 from mcnav.entries.inputs import InputFile
@@ -67,6 +68,10 @@ class Recorded:
     sigmas: Mapping[str, Array]
     outages: tuple[Span, ...]
     remarks: tuple[str, ...]
+
+    def log_of(self, table: InstantsTable) -> MeasurementFile:
+        """Return the file, as a table reads it."""
+        return MeasurementFile(Path(self.file.path), table.columns, table.units, table.log_factor)
 
     def at(self, times: Array) -> IndexArray:
         """Return the places of some of its instants."""

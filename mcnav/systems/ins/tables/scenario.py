@@ -24,6 +24,7 @@ from mcnav.systems.ins.scenario import NAVIGATION_ERRORS, SOURCES, Ins, Navigati
 from mcnav.systems.ins.tables.aiding import Aiding, read_aiding, with_gate
 from mcnav.systems.ins.tables.error_names import error_patterns
 from mcnav.systems.ins.tables.filter import FilterPlan, FilterTable, plan_filter
+from mcnav.systems.ins.tables.gravity import GRAVITY, read_gravity
 from mcnav.systems.ins.tables.imu import IMU, read_imu
 from mcnav.systems.ins.tables.sensor_tables import Sensors
 from mcnav.systems.ins.tables.trajectories import read_trajectory
@@ -83,6 +84,7 @@ def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileCont
         When navigation does not lie within the trajectory.
     """
     sizes = read_imu(context.content.get("imu", {}), context)
+    gravity = read_gravity(context.content.get("gravity"), context)
     trajectory = read_trajectory(table.trajectory, _read_earth(table.earth), context, table.columns)
     if trajectory is None:
         return None
@@ -90,7 +92,7 @@ def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileCont
     first, last = (float(time) for time in truth.times[[0, -1]])
     start = first if table.start is None else table.start
     end = last if table.end is None else table.end
-    imu = Imu() if sizes is None else sizes.processes
+    imu = replace(Imu() if sizes is None else sizes.processes, gravity=gravity)
     navigation = Ins(Navigation(truth, table.platform, start, end, imu)).navigation
     aiding, plan = _read_aiding(navigation, trajectory.origin, context)
     scenario = Ins(
@@ -168,6 +170,7 @@ INS: Final = ScenarioType(
     start_times=True,
     tables={
         "imu": IMU,
+        "gravity": GRAVITY,
         "aiding": FurtherTable(
             Sensors,
             "Sensors that aid the navigation; needs [filter].",

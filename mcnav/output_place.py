@@ -1,0 +1,62 @@
+"""Where a command writes: ``--out`` is a folder or, of a command that writes one file, the name of that file.
+
+A name is that of a file when it has an ending that mcnav writes, as in ``reports/both.html``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from mcnav.errors import CampaignError, Problem
+
+ENDINGS: Final = (".csv", ".html", ".json", ".mat", ".npz", ".parquet", ".pdf", ".png", ".svg", ".toml", ".txt")
+"""Endings of files, which no folder is given by mistake."""
+
+OPTION: Final = "--out"
+
+
+def output_folder(given: Path | None, default: Path) -> Path:
+    """Return the folder into which a command writes several files.
+
+    Raises
+    ------
+    CampaignError
+        When a file is named.
+
+    >>> output_folder(None, Path("reports/mine_lincov")).as_posix()
+    'reports/mine_lincov'
+    """
+    if given is None:
+        return default
+    if given.is_file() or (given.suffix.lower() in ENDINGS and not given.is_dir()):
+        raise _wrong(given, f"expected a folder, such as {given.with_suffix('')}")
+    return given
+
+
+def output_file(given: Path, name: str, endings: Sequence[str]) -> Path:
+    """Return the file that a command writes: the one that is named or, of a folder, ``name`` in it.
+
+    Raises
+    ------
+    CampaignError
+        When the file that is named has another ending.
+
+    >>> output_file(Path("both.html"), "comparison.html", [".html"]).as_posix()
+    'both.html'
+    >>> output_file(Path("reports"), "comparison.html", [".html"]).as_posix()
+    'reports/comparison.html'
+    """
+    if given.is_dir():
+        return given / name
+    if given.suffix.lower() in endings:
+        return given
+    if given.suffix.lower() in ENDINGS or given.is_file():
+        known = " or ".join([", ".join(endings[:-1]), endings[-1]] if endings[1:] else endings)
+        raise _wrong(given, f"expected a folder, or a file that ends in {known}")
+    return given / name
+
+
+def _wrong(given: Path, message: str) -> CampaignError:
+    return CampaignError([Problem(OPTION, "", f"got {given}; {message}")])

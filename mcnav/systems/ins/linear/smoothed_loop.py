@@ -1,0 +1,124 @@
+"""Errors of an aided navigator behind a fixed-interval smoother: the closed loop as `run_smoother` takes it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.systems.ins.filter.model import NAVIGATION
+from mcnav.systems.ins.imu.gravity import add_by_cause
+from mcnav.systems.ins.linear.closed_loop import (
+    ClosedLoop,
+    constant_disturbances,
+    driving_processes,
+    own_covariances,
+    propagate_constants,
+    propagate_processes,
+    true_loop,
+)
+from mcnav.systems.ins.linear.covariance import map_covariances, output_map
+from mcnav.systems.ins.linear.recursions import Steps
+from mcnav.systems.ins.linear.smoother import SmoothedLoop, SmoothedProcesses, run_smoother
+
+
+@dataclass(frozen=True)
+class SmoothedErrors:
+    """Errors behind the smoother at m readings, as `ClosedLoopErrors` has those of the filter.
+
+    Attributes
+    ----------
+    times : ndarray, shape (m,)
+    partials : ndarray, shape (m, 9, sources)
+    processes : mapping of str to ndarray, shape (m, 9, 9)
+    own : ndarray, shape (m, 9, 9)
+        Covariance that the smoother claims.
+    """
+
+    times: Array
+    partials: Array
+    processes: dict[str, Array]
+    own: Array
+
+
+def smooth_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) -> SmoothedErrors:
+    """Compute what is left of the errors at readings, given all measurements of the navigation.
+
+    Parameters
+    ----------
+    readings : ndarray of int, shape (m,)
+        Numbers of the times at which errors are read out, in order.
+    after : ndarray of bool, shape (m,)
+        Whether after the updates at that time, or before: the smoothed errors are the same.
+    """
+    tables = loop.filter
+    processes = driving_processes(loop)
+    backward = run_smoother(_smoothed_loop(loop), _smoothed_processes(loop), readings, after)
+    covariance = own_covariances(loop, readings, after)
+    claimed = covariance - covariance @ backward.own @ covariance
+    # z = (y, x - e^) of X = (y, e^), of constant errors, and of a process's bias
+    states = len(tables.constants)
+    of_state = np.diag(np.concatenate([np.ones(NAVIGATION), -np.ones(states)]))
+    y, estimates = propagate_constants(loop, readings, after)
+    of_constants = np.zeros((NAVIGATION + states, y.shape[2]))
+    for place, number in enumerate(tables.constants):
+        if number >= 0:
+            of_constants[NAVIGATION + place, number] = 1.0
+    state = np.concatenate([y, estimates], axis=1)
+    left = of_state - covariance @ backward.state
+    partials = left @ state + of_constants - covariance @ backward.constants
+    maps = np.stack([output_map(loop.truth, float(time)) for time in loop.times[readings]])
+    named = {}
+    _, covariances = propagate_processes(loop, readings, after)
+    for number, name in enumerate(processes):
+        of_bias = np.zeros(NAVIGATION + states)
+        of_bias[NAVIGATION:] = [float(name in modelled) for modelled in tables.processes]
+        column = of_bias - np.einsum("mij,mj->mi", covariance, backward.biases[:, number])
+        joint = np.concatenate([left, column[:, :, None]], axis=2)
+        total = joint @ covariances[..., number] @ joint.swapaxes(1, 2)
+        total += covariance @ backward.noise[:, number] @ covariance
+        named[name] = maps @ total[:, :NAVIGATION, :NAVIGATION] @ maps.swapaxes(1, 2)
+    return SmoothedErrors(
+        loop.times[readings], maps @ partials[:, :NAVIGATION], add_by_cause(named),
+        map_covariances(maps, claimed[:, :NAVIGATION, :NAVIGATION]),
+    )  # fmt: skip
+
+
+def _smoothed_loop(loop: ClosedLoop) -> SmoothedLoop:
+    tables, measurements, true = loop.filter, loop.measurements, true_loop(loop)
+    inputs, disturbances = constant_disturbances(loop)
+    padded = np.zeros((len(inputs), true.updates.rows.shape[2], inputs.shape[2]))
+    padded[:, :NAVIGATION] = inputs
+    return SmoothedLoop(
+        loop.first_updates, measurements.sizes,
+        _square(Steps(np.concatenate([loop.transition, tables.coupling], axis=2), tables.decay)),
+        np.concatenate([measurements.rows, tables.rows], axis=2), loop.gains, loop.roots, _square(true.steps),
+        true.updates.rows, true.gains, padded, disturbances,
+    )  # fmt: skip
+
+
+def _square(steps: Steps) -> Array:
+    """Return whole transitions, shape (K, n, n)."""
+    others = steps.decay.shape[1]
+    square = np.zeros((len(steps.decay), NAVIGATION + others, NAVIGATION + others))
+    square[:, :NAVIGATION] = steps.rows
+    places = NAVIGATION + np.arange(others)
+    square[:, places, places] = steps.decay
+    return square
+
+
+def _smoothed_processes(loop: ClosedLoop) -> SmoothedProcesses:
+    processes = driving_processes(loop).values()
+    noise = []
+    for process in processes:
+        covariance = np.zeros((len(process.decay), NAVIGATION + 1, NAVIGATION + 1))
+        covariance[:, :NAVIGATION, :NAVIGATION] = process.noise.white
+        covariance[:, :NAVIGATION, NAVIGATION] = covariance[:, NAVIGATION, :NAVIGATION] = process.noise.cross[:, :, -1]
+        covariance[:, NAVIGATION, NAVIGATION] = process.noise.driven[:, -1]
+        noise.append(covariance)
+    return SmoothedProcesses(
+        tuple(process.response for process in processes), tuple(process.decay for process in processes), tuple(noise),
+        np.stack([process.seen for process in processes], axis=2),
+        np.stack([process.measured for process in processes], axis=2),
+    )  # fmt: skip

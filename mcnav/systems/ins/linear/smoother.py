@@ -1,0 +1,160 @@
+"""Linear covariance of a fixed-interval smoother behind an aided navigator: what it claims, and its true errors.
+
+The smoother is the expectation, by the filter's own model, of the errors z of the filter's states at an instant, given
+all innovations n of the navigation (Bryson and Ho 1975, *Applied Optimal Control*, section 13.2; Bierman 1973, *Fixed
+interval smoothing with discrete measurements*). With the filter's F, H, K, S and P, backwards from the end::
+
+    lambda- = H^T S^-1 n + (I - K H)^T lambda+        lambda+ (before) = F^T lambda-          z - P lambda
+
+is what is left of the errors. By the filter's model lambda has the covariance Lambda, and the smoother claims
+``P - P Lambda P``. In truth lambda is linear in the true state X = (y, e^, b) of the closed loop, in later noise and
+in constant errors: ``lambda = L X + (later noise) + J c``. L, J and the covariance M of the noise's part run backwards
+with the true transition T and the true responses H_t and gains K_t of
+`mcnav.systems.ins.linear.closed_loop.TrueLoop`::
+
+    N  = H^T S^-1 - (I - K H)^T L+ K_t                 of an innovation
+    L- = N H_t + (I - K H)^T L+                        L+ (before) = F^T L- T
+    M- = N R N^T + (I - K H)^T M+ (I - K H)            M+ (before) = F^T (M- + L- Q L-^T) F
+
+so that one pass has the true errors at all instants. Where the filter believes the truth both are the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+
+
+@dataclass(frozen=True)
+class SmoothedLoop:
+    """A filter and the true closed loop around it, over K steps and U updates of at most M components.
+
+    Attributes
+    ----------
+    first : ndarray of int, shape (K + 2,)
+        Number of the first update at each time.
+    sizes : ndarray of int, shape (U,)
+        Components of each.
+    transitions : ndarray, shape (K, f, f)
+        F of the filter's states.
+    responses, gains, roots : ndarray, shapes (U, M, f), (U, f, M), (U, M, M)
+        H, K, and the Cholesky factor of S.
+    true_transitions : ndarray, shape (K, x, x)
+        T of the true state X.
+    true_responses, true_gains : ndarray, shapes (U, M, x), (U, x, M)
+        H_t and K_t.
+    inputs, disturbances : ndarray, shapes (K, x, c), (U, M, c)
+        What constant errors add to X in steps, and to innovations.
+    """
+
+    first: IndexArray
+    sizes: IndexArray
+    transitions: Array
+    responses: Array
+    gains: Array
+    roots: Array
+    true_transitions: Array
+    true_responses: Array
+    true_gains: Array
+    inputs: Array
+    disturbances: Array
+
+
+@dataclass(frozen=True)
+class SmoothedProcesses:
+    """Processes of noise, p of them, each with a bias of its own that drives the first d elements of X.
+
+    Attributes
+    ----------
+    responses, decays : tuple of ndarray, shapes (K, d), (K,)
+        Of X to the bias in a step, and what is left of it, of each process.
+    noise : tuple of ndarray, shape (K, d + 1, d + 1)
+        Covariance that a step adds to X and the bias.
+    seen, measured : ndarray, shape (U, M, p)
+        Responses of the innovations to the bias; variance of the measurements' white noise.
+    """
+
+    responses: tuple[Array, ...]
+    decays: tuple[Array, ...]
+    noise: tuple[Array, ...]
+    seen: Array
+    measured: Array
+
+
+@dataclass(frozen=True)
+class Backward:
+    """The backward recursion at m readings.
+
+    Attributes
+    ----------
+    own : ndarray, shape (m, f, f)
+        Lambda.
+    state, constants : ndarray, shapes (m, f, x), (m, f, c)
+        L and J.
+    biases : ndarray, shape (m, p, f)
+        L of the bias of each process.
+    noise : ndarray, shape (m, p, f, f)
+        M of each process.
+    """
+
+    own: Array
+    state: Array
+    constants: Array
+    biases: Array
+    noise: Array
+
+
+def run_smoother(loop: SmoothedLoop, processes: SmoothedProcesses, readings: IndexArray, after: Array) -> Backward:
+    """Run the smoother backwards from the end of navigation.
+
+    Parameters
+    ----------
+    readings : ndarray of int, shape (m,)
+        Numbers of times, in order, each once after updates and once before at most.
+    after : ndarray of bool, shape (m,)
+        Whether after the updates at that time, or before.
+    """
+    steps, filtered = len(loop.transitions), loop.transitions.shape[1]
+    states, constants, count = loop.true_transitions.shape[1], loop.inputs.shape[2], len(processes.decays)
+    own, noise = np.zeros((filtered, filtered)), np.zeros((count, filtered, filtered))
+    state, constant, bias = np.zeros((filtered, states)), np.zeros((filtered, constants)), np.zeros((count, filtered))
+    read = Backward(*(np.zeros((len(readings), *each.shape)) for each in (own, state, constant, bias, noise)))
+    pairs = zip(readings.tolist(), after.tolist(), strict=True)
+    wanted = {(number, bool(updated)): place for place, (number, updated) in enumerate(pairs)}
+
+    def keep(number: int, updated: bool) -> None:
+        if (place := wanted.get((number, updated))) is not None:
+            read.own[place], read.state[place], read.constants[place] = own, state, constant
+            read.biases[place], read.noise[place] = bias, noise
+
+    for k in range(steps, -1, -1):
+        if k < steps:
+            # back over step k: F^T ... T
+            over, true = loop.transitions[k].T, loop.true_transitions[k]
+            added, faded = np.zeros_like(noise), np.zeros_like(bias)
+            for p in range(count):
+                driven = processes.responses[p].shape[1]
+                joint = np.concatenate([state[:, :driven], bias[p, :, None]], axis=1)
+                added[p] = joint @ processes.noise[p][k] @ joint.T
+                faded[p] = state[:, :driven] @ processes.responses[p][k] + bias[p] * processes.decays[p][k]
+            own, noise, bias = over @ own @ over.T, over @ (noise + added) @ over.T, faded @ over.T
+            constant, state = over @ (constant + state @ loop.inputs[k]), over @ state @ true
+        keep(k, True)
+        for u in range(loop.first[k + 1] - 1, loop.first[k] - 1, -1):
+            m = loop.sizes[u]
+            response, gain, root = loop.responses[u, :m], loop.gains[u, :, :m], loop.roots[u, :m, :m]
+            left = (np.eye(filtered) - gain @ response).T
+            whitened = np.linalg.solve(root, response)
+            weight = np.linalg.solve(root.T, whitened).T  # H^T S^-1
+            innovation = weight - left @ state @ loop.true_gains[u, :, :m]
+            own = whitened.T @ whitened + left @ own @ left.T
+            scaled = innovation * np.sqrt(processes.measured[u, :m].T)[:, None, :]
+            noise = scaled @ scaled.swapaxes(1, 2) + left @ noise @ left.T
+            bias = processes.seen[u, :m].T @ innovation.T + bias @ left.T
+            constant = innovation @ loop.disturbances[u, :m] + left @ constant
+            state = innovation @ loop.true_responses[u, :m] + left @ state
+        keep(k, False)
+    return read
