@@ -29,11 +29,15 @@ from mcnav.report import sentences
 from mcnav.report.arrays import arrays
 from mcnav.report.card import run_card
 from mcnav.report.dataset import dataset
+from mcnav.report.document import Page
 from mcnav.report.figures.figure import Figure
+from mcnav.report.framed import FramedPage
+from mcnav.report.html import page_html
 from mcnav.report.model import RunAnalysis
 from mcnav.report.output_columns import outputs_frame
 from mcnav.report.page import figures
 from mcnav.report.result_table import Units
+from mcnav.report.sections.what_if import what_if_section
 from mcnav.report.sweep import frame
 from mcnav.report.tables_over_time import epochs
 from mcnav.store.run_folder import RunFolder
@@ -43,6 +47,7 @@ from mcnav.systems.user.conformance import Check
 from mcnav.workflow import run as workflow
 from mcnav.workflow.analyse import analyse, samples_of
 from mcnav.workflow.export import result_tables, write_export
+from mcnav.workflow.what_if import what_if_of_run
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -219,6 +224,15 @@ class FlownRun:
         if name not in self.drawings:
             raise ValueError(f"the report has no figure {name!r:.60}{suggestion(name, list(self.drawings))}")
         return self.drawings[name].figure()
+
+    @property
+    def what_if(self) -> FramedPage | None:
+        """The report's section "What if", with its sliders; none where nothing can be changed."""
+        with one_thread():
+            content = self.content
+            section = what_if_section(what_if_of_run(content), content.manifest.model.outputs, content.looped)
+            name = content.summary.campaign
+            return None if section is None else FramedPage(name, page_html(Page(name, "What if", name, (), [section])))
 
     def _repr_html_(self) -> str:
         """Show the verdicts, sigmas, error budget and errors over time, as a card."""

@@ -24,7 +24,7 @@ from mcnav.analysis.requirements import requirements_from
 from mcnav.analysis.vector_sizes import components_of, linear_sizes
 from mcnav.analysis.what_if import WhatIf
 from mcnav.config.overrides import document_of
-from mcnav.config.read import UNNAMED, Campaign, campaign_from
+from mcnav.config.read import Campaign, campaign_from
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import kinds_of
 from mcnav.contract.scenario import (
@@ -236,11 +236,15 @@ def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> 
 
 
 def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:
-    """Return what the page lets its reader change; nothing where the campaign was read with entries of no file."""
-    content, file, _ = document_of(campaign)
-    if any(content.get(name) != campaign.resolved.get(name) for name in OF_SIZES):
-        return None
-    beside = "beside the files that it names" if file == UNNAMED else f"beside {Path(file).name}"
+    """Return what the page lets its reader change, by the campaign's file, or by its entries where these are others."""
+    beside = f"beside {Path(campaign.file).name}"
+    try:
+        content = document_of(campaign)[0]
+    except CampaignError:  # it was read from no file
+        content = {}
+    names = OF_SIZES if campaign.tables else (*OF_SIZES, "errors")  # columns of tables have other paths there
+    if any(content.get(name) != campaign.resolved.get(name) for name in names):
+        content, beside = dict(campaign.resolved), "beside the files that it names"
     return what_if_of_answer(answer, content, beside)
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import mcnav
 from mcnav.analysis.requirements import normal_box_probability
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.report.html import page_html
@@ -179,3 +180,15 @@ def test_nothing_to_change(browser: Browser) -> None:
     """A campaign whose errors have no size that a file states has no such section."""
     answer = answer_linearly(campaign(1))
     assert what_if_of_answer(answer, {"scenario": {"type": "reentry"}}, "") is None
+
+
+def test_sliders_in_a_notebook(browser: Browser, page_of: Callable[[str], Path], tmp_path: Path) -> None:
+    """The section stands in a frame of the notebook's page, and its script runs there."""
+    shown = mcnav.open_run(page_of("report").parent).what_if
+    assert shown is not None
+    cell = tmp_path / "cell.html"
+    cell.write_text(f'<!doctype html><meta charset="utf-8">{shown._repr_html_()}', encoding="utf-8")
+    with browser.opened(cell, silent=False) as page:
+        frame = page.frame_locator("iframe")
+        frame.get_by_role("slider", name="errors.altitude", exact=True).press("ArrowRight")
+        assert frame.locator(".state").inner_text().startswith("1 number changed.")
