@@ -19,6 +19,7 @@ from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
+from mcnav.report.figures.requirements import requirements_over_time
 from mcnav.report.html import page_html
 from mcnav.report.left_out import not_modelled
 from mcnav.report.model import RunAnalysis
@@ -42,6 +43,7 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "convergence": agreement.running_ratios, "nees_history": normalized_errors.nees_over_time,
     "nis_history": normalized_errors.nis_over_time, "sigma_history": sigma_ratios.sigma_ratios_over_time,
     "within_history": sigma_ratios.shares_within, "estimation": estimation, "combination": combination,
+    "requirements_over_time": requirements_over_time,
     "dispersion_over_time": truth.dispersion_over_time, "landing_ellipses": truth.ellipses_at_end,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
@@ -116,7 +118,7 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
         what_if_section(content.what_if, content.manifest.model.outputs, content.looped),
         joint_section(content, drawn) if dispersed else None,
         dispersion_section(content, drawn) if dispersed else None,
-        requirements_section(content),
+        requirements_section(content, drawn),
         sigmas_section(content, drawn) if dispersed else None,
         causes_section(content),
         provenance_section(content),
