@@ -177,6 +177,7 @@ def _notes(content: RunAnalysis) -> list[str]:
         f"{summary.samples:,} samples, {summary.failed:,} failed; engine {summary.engine}, design {summary.design}, "
         f"seed {summary.seed}{took}."
     )
-    left_out = not_modelled(str(content.manifest.identity.campaign.get("scenario", {}).get("type", "")))
+    kind = str(content.manifest.identity.campaign.get("scenario", {}).get("type", ""))
+    left_out = not_modelled(kind, content.model.processes)
     remarks = (*_further(content), sentences.certain_but_small(summary), sentences.stopping(summary))
     return [*filter(None, (missing, *remarks, kept, flown, left_out))]

@@ -97,3 +97,18 @@ def test_every_command_and_every_example_has_a_section(pages: dict[str, str]) ->
     assert headings == commands(get_command(app), "mcnav")
     examples = re.findall(r"<h2>(.*?)<a ", pages["reference/examples.html"])
     assert examples == sorted(file.stem for file in Path(ROOT / "campaigns").glob("*.toml"))
+
+
+def test_every_example_is_in_the_gallery(site: Path, pages: dict[str, str]) -> None:
+    """Its question stands there, with its picture if it is drawn; it leads to the example."""
+    page = pages["gallery.html"]
+    examples = sorted(file.stem for file in Path(ROOT / "campaigns").glob("*.toml"))
+    assert re.findall(r"<h2>(.*?)<a ", page) == examples
+    stored = sorted(file.stem for file in (ROOT / ".github" / "site" / "static" / "gallery").glob("*.svg"))
+    pictures = dict(re.findall(r'<img alt="Linear analysis of (\w+)" src="([^"]+)"', page))
+    assert sorted(pictures) == stored
+    assert set(stored) <= set(examples)
+    for name in examples:
+        assert f'href="reference/examples.html#{name.replace("_", "-")}"' in page
+    assert page.count("?</strong>") + page.count(".</strong>") == len(examples)
+    assert page.count(">report<") == len(list((ROOT / "reports" / "examples").glob("*/report.html"))) > 2
