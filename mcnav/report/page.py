@@ -79,7 +79,8 @@ def render(content: RunAnalysis) -> str:
 def page(content: RunAnalysis) -> Page:
     """Return the report."""
     name, sections = content.summary.campaign, _numbered(_sections(content, figures(content)))
-    made = tiles(content.summary, _stated(content), {section.name for section in sections}, content.time_unit)
+    consistent = None if content.filter is None else filter_tables.interval_at_worst(content.filter)
+    made = tiles(content.summary, _stated(content), {each.name for each in sections}, content.time_unit, consistent)
     head = [Tiles(made), *joined(_requirements(content), answers(content)), *map(Note, _notes(content))]
     kind, foremost = "Linear covariance analysis and Monte Carlo", made[0]
     return Page(name, kind, name, head, sections, status=headline(foremost), tone=foremost.tone)
