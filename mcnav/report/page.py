@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import count
 from typing import Final
 
 from markupsafe import Markup
 
 from mcnav.analysis.heading import heading_remark
 from mcnav.report import filter_tables, sentences
-from mcnav.report.document import Findings, Note, Page, Section, Tiles, joined
+from mcnav.report.document import Beside, Findings, Folded, Note, Page, Part, Section, Tiles, joined
+from mcnav.report.figure_words import words_on
 from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios, truth
 from mcnav.report.figures.combination import combination
 from mcnav.report.figures.envelopes import envelopes
@@ -63,7 +65,8 @@ def figures(content: RunAnalysis) -> dict[str, Figure]:
     drawn = {"flight": flight(content.history)}
     if content.dispersed:
         drawn |= {name: draw(content) for name, draw in FIGURES.items()}
-    return {name: drawing for name, drawing in drawn.items() if drawing is not None}
+    known = {name: drawing for name, drawing in drawn.items() if drawing is not None}
+    return {name: replace(drawing, shows=words_on(name, content)) for name, drawing in known.items()}
 
 
 def render(content: RunAnalysis) -> str:
@@ -73,11 +76,31 @@ def render(content: RunAnalysis) -> str:
 
 def page(content: RunAnalysis) -> Page:
     """Return the report."""
-    name, sections = content.summary.campaign, _sections(content, figures(content))
+    name, sections = content.summary.campaign, _numbered(_sections(content, figures(content)))
     made = tiles(content.summary, _stated(content), {section.name for section in sections}, content.time_unit)
     head = [Tiles(made), *joined(_requirements(content), answers(content)), *map(Note, _notes(content))]
     kind, foremost = "Linear covariance analysis and Monte Carlo", made[0]
     return Page(name, kind, name, head, sections, status=headline(foremost), tone=foremost.tone)
+
+
+def _numbered(sections: Sequence[Section]) -> list[Section]:
+    """Give the figures their numbers, in the order of the page."""
+    numbers = count(1)
+
+    def counted(figure: Figure) -> Figure:
+        return replace(figure, number=next(numbers))
+
+    def with_numbers(part: Part) -> Part:
+        match part:
+            case Figure():
+                return counted(part)
+            case Beside():
+                return Beside([counted(figure) for figure in part.figures])
+            case Folded():
+                return replace(part, parts=[*map(with_numbers, part.parts)])
+        return part
+
+    return [replace(section, parts=[*map(with_numbers, section.parts)]) for section in sections]
 
 
 def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section]:
@@ -152,6 +175,7 @@ def _notes(content: RunAnalysis) -> list[str]:
         f"{summary.samples:,} samples, {summary.failed:,} failed; engine {summary.engine}, design {summary.design}, "
         f"seed {summary.seed}{took}."
     )
-    left_out = not_modelled(str(content.manifest.identity.campaign.get("scenario", {}).get("type", "")))
+    kind = str(content.manifest.identity.campaign.get("scenario", {}).get("type", ""))
+    left_out = not_modelled(kind, content.model.processes)
     remarks = (*_further(content), sentences.certain_but_small(summary), sentences.stopping(summary))
     return [*filter(None, (missing, *remarks, kept, flown, left_out))]

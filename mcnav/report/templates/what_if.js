@@ -289,11 +289,11 @@
       const [grid, ghost, claimed, line] = ["grid", "ghost", "claimed", "line"].map((kind) => set(made("path"), { class: kind }));
       const words = made("g");
       svg.append(grid, words, ghost, claimed, line);
-      const caption = make("figcaption", [name, unitOf(unit)]);
+      const caption = make("p", [name, unitOf(unit)]);
       const [from, to] = [times[0], times[times.length - 1]];
       const across = (t) => L + (W - L - 6) * (t - from) / (to - from || 1);
       const put = (x, y, content, anchor) => { const each = set(made("text"), { x, y, "text-anchor": anchor }); each.textContent = content; words.append(each); };
-      return { i, element: make("figure", [caption, svg]), draw(m, until) {
+      return { i, element: make("div", [caption, svg], { class: "panel" }), draw(m, until) {
         const value = (each, r) => shownScale * sigma(each, r, i);
         const stated = (r) => shownScale * (own ? own[r * width + i] : NaN);
         const top = max(...times.map((_, r) => max(value(before.m, r), r < until ? value(m, r) : 0))) || 1;
