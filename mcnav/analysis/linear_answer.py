@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,10 @@ from mcnav.analysis.requirements import (
 from mcnav.analysis.requirements_over_time import largest_quantile
 from mcnav.contract.quantities import Output, Source
 from mcnav.statistics.bisection import root_between, smallest_reaching
+from mcnav.statistics.normal_tails import probability_beyond_box, probability_beyond_distance
+
+RARE: Final = 1e-3
+"""Probability beyond its limits that a requirement allows, from which on it is stated by linear analysis."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +49,16 @@ class LinearRequirement:
         errors has stays as it is; zero where that is beyond the limit already.
     time : float or None
         Where it holds at several epochs, time of the largest value, in the unit of the history.
+    beyond : float
+        Probability beyond its limits, then or at the end, of one that allows no more than `RARE`; else, and where it is
+        not known (`mcnav.statistics.normal_tails`), NaN.
     """
 
     requirement: Requirement
     value: float
     margin: float
     time: float | None = None
+    beyond: float = math.nan
 
     @property
     def judged(self) -> bool:
@@ -82,9 +91,9 @@ class LinearAnswer:
         At times that were asked for.
     filter : LinearVerdict or None
         Verdict on the filter; none without a filter whose covariance is known over time.
-    smoothed : LinearCovariance or None
-        Of the errors behind a smoother at the readings of `asked`, or else of `history`: its ``sigma_filter`` is what
-        the smoother claims.
+    smoothed, smoothed_asked : LinearCovariance or None
+        Of the errors behind a smoother at the readings of `history` and of `asked`: their ``sigma_filter`` is what the
+        smoother claims.
     smoother : LinearVerdict or None
         Verdict on the smoother.
     kind : str
@@ -104,6 +113,7 @@ class LinearAnswer:
     asked: LinearCovariance | None = None
     filter: LinearVerdict | None = None
     smoothed: LinearCovariance | None = None
+    smoothed_asked: LinearCovariance | None = None
     smoother: LinearVerdict | None = None
     kind: str = ""
     remarks: tuple[str, ...] = ()
@@ -206,7 +216,7 @@ class LinearAnswer:
             return causes_of_requirement(
                 judged.requirement, self.final_variances, self.means, self.covariance, self.mean
             )
-        history = self.history
+        history = self.smoothed if judged.requirement.of and self.smoothed is not None else self.history
         at = int(history.settled[np.argmin(np.abs(history.readings.times[history.settled] - judged.time))])
         variances, means = (
             {name: values[at] for name, values in parts.items()} for parts in (history.variances, history.means)
@@ -239,7 +249,8 @@ def within_range(
             return True
         return bool((times[list(epochs)] >= beyond.time).any())
 
-    return tuple(replace(each, value=math.nan, margin=math.nan, time=None) if meaningless(each) else each
+    nan = math.nan
+    return tuple(replace(each, value=nan, margin=nan, time=None, beyond=nan) if meaningless(each) else each
                  for each in judged)  # fmt: skip
 
 
@@ -300,8 +311,10 @@ def _judge(
     members = size_members(requirement.outputs, sizes)
     picked = np.array(members or requirement.outputs)
     mean, covariance, nominal = mean[picked], covariance[np.ix_(picked, picked)], nominal[picked]
+    rare = 1.0 - size_probability(requirement) <= RARE * (1.0 + 1e-9)
     if requirement.kind == "box":
-        return _judge_box(requirement, mean, covariance, nominal)
+        beyond = probability_beyond_box(mean, covariance, np.array(requirement.limits)) if rare else math.nan
+        return replace(_judge_box(requirement, mean, covariance, nominal), beyond=beyond)
 
     def quantile(mean: Array, covariance: Array) -> float:
         return law_quantile(mean, covariance, probability, bool(members))
@@ -319,7 +332,8 @@ def _judge(
         margin = _margin_about(requirement.limits[0], nominal, mean, covariance, quantile)
     else:
         margin = requirement.limits[0] / value if value > 0.0 else math.inf
-    return LinearRequirement(requirement, value, margin, time)
+    beyond = probability_beyond_distance(mean, covariance, requirement.limits[0]) if rare else math.nan
+    return LinearRequirement(requirement, value, margin, time, beyond)
 
 
 def _margin_about(

@@ -101,6 +101,7 @@ class RequirementRow:
     margin: float | None
     causes: list[tuple[str, float]]
     at: str
+    exceedance: float | None = None
 
     @property
     def tone(self) -> str:
@@ -166,6 +167,7 @@ def requirement_rows(answer: LinearAnswer) -> list[RequirementRow]:
             shown=shown_value(each, *units[limited[0]]),
             margin=each.margin if math.isfinite(each.margin) else None,
             causes=cause_words(answer, answer.requirement_causes(place)) if each.judged else [],
+            exceedance=each.beyond if math.isfinite(each.beyond) else None,
             at="" if each.time is None else f"{each.time:.6g} {label.partition('[')[2].removesuffix(']')}".strip(),
         ))  # fmt: skip
     return rows

@@ -71,7 +71,7 @@ CAUSES: Final = "largest causes, share of the variance"
 def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = None) -> Page:
     """Return the page; outages are those of the aiding sensors."""
     (words, tone), *others = statements(answer)
-    left_out, largest = not_modelled(answer.kind), largest_table(answer)
+    left_out, largest = not_modelled(answer.kind, answer.causes), largest_table(answer)
     verdict = Verdict(
         f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION], noticed(answer.remarks)
     )
@@ -125,22 +125,30 @@ def _causes(causes: Sequence[tuple[str, float]]) -> str:
     return listed(causes).replace(" %", "\N{NO-BREAK SPACE}%")
 
 
+BEYOND_LIMIT: Final[Column[RequirementRow]] = Column(
+    "Beyond the limit", lambda row: "–" if row.exceedance is None else f"{row.exceedance:.2e}", "beyond the limit"
+)
+"""Linear probability beyond the limit, of requirements that allow one in a thousand and less."""
+
+
 def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
     """Tabulate the requirements and their linear values."""
     boxes = any(each.requirement.kind == "box" for each in answer.requirements)
     several = "; of several outputs within limits together, each in multiples of its limit" if boxes else ""
+    rows = requirement_rows(answer)
     columns: list[Column[RequirementRow]] = [
         Column("Requirement", lambda row: row.requirement, "requirement", "words"),
         Column("Finding", lambda row: Cell(row.finding, tone=row.tone), "finding", "label"),
         Column("Linear", lambda row: Cell(row.shown, below=f"largest at {row.at}" if row.at else ""), "linear"),
         Column("largest at", lambda row: row.at or "–", kind="text", place="terminal"),
+        *([BEYOND_LIMIT] if any(row.exceedance is not None for row in rows) else []),
         Column("Errors may be ×", lambda row: row.margin, "errors may be ×"),
         Column("Largest causes", lambda row: _causes(row.causes),
                "largest causes then, share of the mean square", "words"),
     ]  # fmt: skip
     words, what = end_words(answer.outputs), "outputs" if any(kinds_of(answer.outputs)) else "errors"
     title, caption = f"Requirements, for linear normal {what}", REQUIREMENTS.format(what, words.many)
-    return Table(f"{caption}{several}.", columns, requirement_rows(answer), title, keys=2)
+    return Table(f"{caption}{several}.", columns, rows, title, keys=2)
 
 
 def _size(value: float | None) -> str:
@@ -225,7 +233,11 @@ class _Reading:
 
 
 def reading_table(answer: LinearAnswer, covariance: LinearCovariance) -> Table[_Reading]:
-    """Tabulate the sigmas at all readings: true ones and, below them, those that the filter states, and the means."""
+    """Tabulate the sigmas at readings that were asked for: true ones, and below them those that the filter states.
+
+    Then those behind a smoother, with what it claims, and the means.
+    """
+    smoothed = answer.smoothed_asked
     readings, own, beyond = covariance.readings, covariance.sigma_filter, answer.readings_beyond(covariance)
     several = own is not None or bool(covariance.means)
     rows = []
@@ -233,6 +245,9 @@ def reading_table(answer: LinearAnswer, covariance: LinearCovariance) -> Table[_
         rows.append(_Reading(f"{time:g}", readings.updates[at] or "–", "true", covariance.sigma[at], beyond[at]))
         if own is not None:
             rows.append(_Reading("", "", "filter's", own[at], beyond[at]))
+        if smoothed is not None and smoothed.sigma_filter is not None:
+            rows.append(_Reading("", "", "smoothed", smoothed.sigma[at], beyond[at]))
+            rows.append(_Reading("", "", "smoother's", smoothed.sigma_filter[at], beyond[at]))
         if covariance.means:
             rows.append(_Reading("", "", "mean", covariance.mean[at], beyond[at]))
     scale = scale_of(answer.outputs)

@@ -39,6 +39,19 @@ def test_quantile_and_radius_of_normal_errors() -> None:
     assert one.margin == pytest.approx(5.0 / one.value)
 
 
+def test_small_probabilities_beyond_limits_are_stated_of_requirements_that_allow_them() -> None:
+    """Of one output, a circle (Rayleigh) and a box, far beyond where one less a probability is rounding."""
+    asked = [
+        Requirement("quantile", (0,), (14.0,), 1.0 - 1e-6), Requirement("box", (0, 1), (14.0, 16.0), 1.0 - 1e-6),
+        Requirement("quantile", (0,), (14.0,), 0.99), Requirement("cep", (0, 1), (14.0,), 0.5),
+    ]  # fmt: skip
+    one, both, usual, half = judged(asked, model(2.0, 2.0))
+    each = 2.0 * special.ndtr([-7.0, -8.0])
+    assert one.beyond == pytest.approx(each[0], rel=ROOT, abs=0.0)
+    assert both.beyond == pytest.approx(each.sum() - each.prod(), rel=ROOT, abs=0.0)
+    assert np.isnan([usual.beyond, half.beyond]).all()
+
+
 def test_margin_of_a_box() -> None:
     """Of one output: sigma may grow to limit / Phi^-1((1 + p) / 2)."""
     (found,) = judged([Requirement("box", (0,), (3.0,), 0.9)], model(1.0))
