@@ -39,7 +39,7 @@ from mcnav.report.lincov import (
     requirement_rows,
     statements,
 )
-from mcnav.report.model import humanize, scale_of
+from mcnav.report.names import humanize, scale_of
 from mcnav.report.requirements import listed
 from mcnav.report.sentences import BEYOND, noticed
 from mcnav.report.share_table import ShareRow, each_cause, share_tables, together
