@@ -48,8 +48,16 @@ GROUPS: Final = {
 """Commands in the order and under the headings of ``mcnav --help``."""
 
 
+EARLIER: Final = {"check-scenario": "check"}
+"""Former names of commands, which still work."""
+
+
 class _Groups(TyperGroup):
     """Commands under the headings of `GROUPS`, one line each."""
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by its name or a former one."""
+        return super().get_command(ctx, EARLIER.get(cmd_name, cmd_name))
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands into the help."""

@@ -25,6 +25,7 @@ sys.path[:0] = [str(ROOT), str(HERE)]  # of this working copy, whatever is insta
 from mcnav.pages import PAGES  # noqa: E402
 
 import equations  # noqa: E402  # isort: skip
+import gallery  # noqa: E402  # isort: skip
 import generated  # noqa: E402  # isort: skip
 import keys  # noqa: E402  # isort: skip
 
@@ -36,15 +37,16 @@ FROM_THE_REPOSITORY: Final = {
 """Pages outside of the package, which `mcnav docs` does not show."""
 
 GENERATED: Final = {
+    "gallery": gallery.page,
     "reference/commands": generated.commands,
     "reference/keys": keys.page,
     "reference/examples": generated.examples,
 }
 
 CONTENTS: Final = {
-    "Tutorials": ("guide", *(page for page in PAGES if page.startswith("tutorial-"))),
+    "Tutorials": ("guide", "gallery", *(page for page in PAGES if page.startswith("tutorial-"))),
     "How to": ("questions", *(page for page in PAGES if page.startswith("howto-")), "scaling"),
-    "Explanation": ("method", "theory", "report", "notation", "tn-d1772", "story", "textbook"),
+    "Explanation": ("method", "theory", "report", "glossary", "notation", "tn-d1772", "story", "textbook"),
     "Reference": (
         "commands", "reference/commands", "campaigns", "reference/keys", "reference/examples", "trajectories",
         "scenarios", "notebook", "reference/api",
@@ -125,7 +127,7 @@ def stage(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(HERE / "static", folder / "static")
     pages = copied_pages()
-    names, attached = {str(page.file): page.name for page in pages}, set[str]()
+    names, attached = {str(page.file): page.name for page in pages}, gallery.attached()
     texts = {page.name: linked((ROOT / page.file).read_text(encoding="utf-8"), page, names, attached) for page in pages}
     texts = {name: equations.with_equations(text) for name, text in texts.items()}
     texts |= {name: make() for name, make in GENERATED.items()}

@@ -22,7 +22,7 @@ class Size:
     @property
     def text(self) -> str:
         """The size as the file has it."""
-        return f"{self.value!r}" if self.unit is None else f"{self.value:.15g} {self.unit}".rstrip()
+        return f"{repr(self.value).removesuffix('.0')} {self.unit or ''}".rstrip()
 
 
 @dataclass(frozen=True)

@@ -91,9 +91,9 @@ class LinearAnswer:
         At times that were asked for.
     filter : LinearVerdict or None
         Verdict on the filter; none without a filter whose covariance is known over time.
-    smoothed : LinearCovariance or None
-        Of the errors behind a smoother at the readings of `asked`, or else of `history`: its ``sigma_filter`` is what
-        the smoother claims.
+    smoothed, smoothed_asked : LinearCovariance or None
+        Of the errors behind a smoother at the readings of `history` and of `asked`: their ``sigma_filter`` is what the
+        smoother claims.
     smoother : LinearVerdict or None
         Verdict on the smoother.
     kind : str
@@ -113,6 +113,7 @@ class LinearAnswer:
     asked: LinearCovariance | None = None
     filter: LinearVerdict | None = None
     smoothed: LinearCovariance | None = None
+    smoothed_asked: LinearCovariance | None = None
     smoother: LinearVerdict | None = None
     kind: str = ""
     remarks: tuple[str, ...] = ()
@@ -215,7 +216,7 @@ class LinearAnswer:
             return causes_of_requirement(
                 judged.requirement, self.final_variances, self.means, self.covariance, self.mean
             )
-        history = self.history
+        history = self.smoothed if judged.requirement.of and self.smoothed is not None else self.history
         at = int(history.settled[np.argmin(np.abs(history.readings.times[history.settled] - judged.time))])
         variances, means = (
             {name: values[at] for name, values in parts.items()} for parts in (history.variances, history.means)

@@ -57,7 +57,7 @@ class Requirement:
     with a probability.
 
     ``epochs`` are those at each of which it holds, by number; ``when`` has them in words. Without any it is on the
-    final errors.
+    final errors. ``of`` is "smoother" where it is on the errors behind one.
     """
 
     kind: str
@@ -66,6 +66,7 @@ class Requirement:
     probability: float | None
     when: str = ""
     epochs: tuple[int, ...] = ()
+    of: str = ""
 
 
 def requirements_from(
@@ -76,7 +77,7 @@ def requirements_from(
     return tuple(
         Requirement(entry["kind"], tuple(at[name] for name in entry["outputs"]),
                     tuple(map(float, entry["limits"])), entry["probability"],
-                    entry.get("when") or "", tuple(entry.get("epochs") or ()))
+                    entry.get("when") or "", tuple(entry.get("epochs") or ()), entry.get("of") or "")
         for entry in entries
     )  # fmt: skip
 

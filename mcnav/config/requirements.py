@@ -19,14 +19,21 @@ def read_requirements(table: AcceptTable, scenario: Scenario, context: FileConte
     """Read all requirements; mistakes are added to the context."""
     units = {output.name: output.unit for output in scenario.outputs}
     records: list[RequirementRecord] = []
+    filtered = context.content.get("filter")
+    smoothed = isinstance(filtered, Mapping) and "smoother" in filtered
 
     def require(
         kind: str, names: Sequence[str], limits: list[float], probability: float | None,
-        epochs: RequirementEpochs | None = None,
+        epochs: RequirementEpochs | None = None, of: str | None = None, key: str = "",
     ) -> None:  # fmt: skip
         record = RequirementRecord(kind=kind, outputs=tuple(names), limits=tuple(limits), probability=probability)
         if epochs is not None:
             record = record.completed({"when": epochs.words, "epochs": epochs.numbers})
+        if of is not None:
+            when = "behind the smoother" if record.when is None else f"{record.when}, behind the smoother"
+            record = record.completed({"of": of, "when": when})
+            if not smoothed:
+                context.problem(f"{key}.of", f'got {of!r}; it needs smoother = "fixed-interval" in [filter]')
         records.append(record)
 
     def limit(written: object, name: str, key: str) -> float:
@@ -45,13 +52,14 @@ def read_requirements(table: AcceptTable, scenario: Scenario, context: FileConte
         if known([entry.output], f"{key}.output"):
             largest = limit(entry.below, entry.output, f"{key}.below")
             epochs = read_epochs(entry, scenario, key, context)
-            require("quantile", [entry.output], [largest], entry.probability, epochs)
+            require("quantile", [entry.output], [largest], entry.probability, epochs, entry.of, key)
     for kind, probability in RADII.items():
         for number, radius in enumerate(getattr(table, kind), start=1):
             key = f"accept.{kind} #{number}"
             if known(radius.outputs, f"{key}.outputs") and _alike(radius.outputs, units, f"{key}.outputs", context):
                 largest = limit(radius.below, radius.outputs[0], f"{key}.below")
-                require(kind, radius.outputs, [largest], probability, read_epochs(radius, scenario, key, context))
+                epochs = read_epochs(radius, scenario, key, context)
+                require(kind, radius.outputs, [largest], probability, epochs, radius.of, key)
     for number, box in enumerate(table.box, start=1):
         key = f"accept.box #{number}"
         if not box.within:

@@ -45,6 +45,12 @@ During = Annotated[Span | None, Field(description='Begin and end between which i
 At = Annotated[Duration | None, Field(description="Time of the one epoch at which the requirement holds.")]
 
 
+Of = Annotated[
+    Literal["smoother"] | None,
+    Field(description="Of the errors behind the smoother, in place of the filter's: in lincov."),
+]
+
+
 class CorrelationTable(Table):
     """An entry of ``[[correlations]]``."""
 
@@ -99,6 +105,7 @@ class QuantileTable(Table):
     after: After = None
     during: During = None
     at: At = None
+    of: Of = None
 
 
 class CircularTable(Table):
@@ -109,6 +116,7 @@ class CircularTable(Table):
     after: After = None
     during: During = None
     at: At = None
+    of: Of = None
 
 
 class SphericalTable(CircularTable):

@@ -130,7 +130,7 @@ SIGMAS: Final[tuple[ResultColumn[RatioRow], ...]] = (
 GROUP_CAPTION: Final = (
     "True over filter sigma by groups of states: root of the mean NEES over the number of states. Certain: first and "
     "last epoch at which the interval that holds together with those of all deciding groups, outputs and epochs is "
-    "beyond the tolerance."
+    "beyond the tolerance. Marks: intervals at the end are of that epoch, those of the worst ratio hold together."
 )
 SIGMA_CAPTIONS: Final = {
     "output": "True over filter sigma of each output. Each of them decides.",

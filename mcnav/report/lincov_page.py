@@ -71,7 +71,7 @@ CAUSES: Final = "largest causes, share of the variance"
 def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = None) -> Page:
     """Return the page; outages are those of the aiding sensors."""
     (words, tone), *others = statements(answer)
-    left_out, largest = not_modelled(answer.kind), largest_table(answer)
+    left_out, largest = not_modelled(answer.kind, answer.causes), largest_table(answer)
     verdict = Verdict(
         f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION], noticed(answer.remarks)
     )
@@ -233,7 +233,11 @@ class _Reading:
 
 
 def reading_table(answer: LinearAnswer, covariance: LinearCovariance) -> Table[_Reading]:
-    """Tabulate the sigmas at all readings: true ones and, below them, those that the filter states, and the means."""
+    """Tabulate the sigmas at readings that were asked for: true ones, and below them those that the filter states.
+
+    Then those behind a smoother, with what it claims, and the means.
+    """
+    smoothed = answer.smoothed_asked
     readings, own, beyond = covariance.readings, covariance.sigma_filter, answer.readings_beyond(covariance)
     several = own is not None or bool(covariance.means)
     rows = []
@@ -241,6 +245,9 @@ def reading_table(answer: LinearAnswer, covariance: LinearCovariance) -> Table[_
         rows.append(_Reading(f"{time:g}", readings.updates[at] or "–", "true", covariance.sigma[at], beyond[at]))
         if own is not None:
             rows.append(_Reading("", "", "filter's", own[at], beyond[at]))
+        if smoothed is not None and smoothed.sigma_filter is not None:
+            rows.append(_Reading("", "", "smoothed", smoothed.sigma[at], beyond[at]))
+            rows.append(_Reading("", "", "smoother's", smoothed.sigma_filter[at], beyond[at]))
         if covariance.means:
             rows.append(_Reading("", "", "mean", covariance.mean[at], beyond[at]))
     scale = scale_of(answer.outputs)

@@ -97,7 +97,7 @@ def filter_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     """Put the verdict on the filter in a sentence; nothing without a filter."""
     yield from _verdict_words(answer, answer.filter, "filter")
     yield from _verdict_words(answer, answer.smoother, "smoother")
-    if (smoothed := answer.smoothed) is not None and (filtered := answer.asked or answer.history) is not None:
+    if (smoothed := answer.smoothed) is not None and (filtered := answer.history) is not None:
         worse = np.any(smoothed.sigma > filtered.sigma * (1.0 + WORSE), axis=1)
         if worse.any():
             yield (

@@ -15,7 +15,9 @@ from mcnav.analysis.envelopes import Envelopes, envelopes_from
 from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.linear_range import BeyondRange
+from mcnav.analysis.requirement_curves import RequirementCurve, requirement_curve
 from mcnav.analysis.requirements import RequirementResult
+from mcnav.analysis.requirements_over_time import ErrorHistories
 from mcnav.analysis.running_ratios import Convergence
 from mcnav.analysis.summary import HigherOrder, Summary
 from mcnav.analysis.tails import Quantile
@@ -39,7 +41,7 @@ class RunAnalysis:
     Of a run that stores a summary, ``samples`` are the first ones. ``failures`` gives for each reason how many samples
     failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter, and ``beyond``
     where linear errors leave the range in which they have a meaning, none where they do not. ``what_if`` is known where
-    a page is to be written.
+    a page is to be written, ``histories`` of the first samples where a requirement holds at epochs.
     """
 
     folder: RunFolder
@@ -58,6 +60,7 @@ class RunAnalysis:
     filter: FilterConsistency | None = None
     beyond: BeyondRange | None = None
     sizes: tuple[SampledSize, ...] = ()
+    histories: ErrorHistories | None = None
     what_if: WhatIf | None = None
 
     @cached_property
@@ -94,6 +97,18 @@ class RunAnalysis:
         """Dispersions at every epoch; none where the engine computes no histories."""
         epochs = self.folder.epochs()
         return None if epochs is None else envelopes_from(*epochs, self.manifest.model.to_json()["outputs"])
+
+    @cached_property
+    def requirement_curves(self) -> tuple[RequirementCurve | None, ...]:
+        """Curve of each requirement that holds at epochs, none of others; empty without histories."""
+        histories = self.histories
+        if histories is None or self.beyond is not None:
+            return ()
+        return tuple(
+            requirement_curve(each.requirement, histories, self.criterion.confidence)
+            if each.requirement.epochs and max(each.requirement.epochs) < len(histories.times) else None
+            for each in self.requirements
+        )  # fmt: skip
 
     @property
     def development(self) -> LinearSystem | None:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import count
 from typing import Final
 
 from markupsafe import Markup
 
 from mcnav.analysis.heading import heading_remark
 from mcnav.report import filter_tables, sentences
-from mcnav.report.document import Findings, Note, Page, Section, Tiles, joined
+from mcnav.report.document import Beside, Findings, Folded, Note, Page, Part, Section, Tiles, joined
+from mcnav.report.figure_words import words_on
 from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios, truth
 from mcnav.report.figures.combination import combination
 from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
+from mcnav.report.figures.requirements import requirements_over_time
 from mcnav.report.html import page_html
 from mcnav.report.left_out import not_modelled
 from mcnav.report.model import RunAnalysis
@@ -40,6 +43,7 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "convergence": agreement.running_ratios, "nees_history": normalized_errors.nees_over_time,
     "nis_history": normalized_errors.nis_over_time, "sigma_history": sigma_ratios.sigma_ratios_over_time,
     "within_history": sigma_ratios.shares_within, "estimation": estimation, "combination": combination,
+    "requirements_over_time": requirements_over_time,
     "dispersion_over_time": truth.dispersion_over_time, "landing_ellipses": truth.ellipses_at_end,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
@@ -63,7 +67,8 @@ def figures(content: RunAnalysis) -> dict[str, Figure]:
     drawn = {"flight": flight(content.history)}
     if content.dispersed:
         drawn |= {name: draw(content) for name, draw in FIGURES.items()}
-    return {name: drawing for name, drawing in drawn.items() if drawing is not None}
+    known = {name: drawing for name, drawing in drawn.items() if drawing is not None}
+    return {name: replace(drawing, shows=words_on(name, content)) for name, drawing in known.items()}
 
 
 def render(content: RunAnalysis) -> str:
@@ -73,11 +78,32 @@ def render(content: RunAnalysis) -> str:
 
 def page(content: RunAnalysis) -> Page:
     """Return the report."""
-    name, sections = content.summary.campaign, _sections(content, figures(content))
-    made = tiles(content.summary, _stated(content), {section.name for section in sections}, content.time_unit)
+    name, sections = content.summary.campaign, _numbered(_sections(content, figures(content)))
+    consistent = None if content.filter is None else filter_tables.interval_at_worst(content.filter)
+    made = tiles(content.summary, _stated(content), {each.name for each in sections}, content.time_unit, consistent)
     head = [Tiles(made), *joined(_requirements(content), answers(content)), *map(Note, _notes(content))]
     kind, foremost = "Linear covariance analysis and Monte Carlo", made[0]
     return Page(name, kind, name, head, sections, status=headline(foremost), tone=foremost.tone)
+
+
+def _numbered(sections: Sequence[Section]) -> list[Section]:
+    """Give the figures their numbers, in the order of the page."""
+    numbers = count(1)
+
+    def counted(figure: Figure) -> Figure:
+        return replace(figure, number=next(numbers))
+
+    def with_numbers(part: Part) -> Part:
+        match part:
+            case Figure():
+                return counted(part)
+            case Beside():
+                return Beside([counted(figure) for figure in part.figures])
+            case Folded():
+                return replace(part, parts=[*map(with_numbers, part.parts)])
+        return part
+
+    return [replace(section, parts=[*map(with_numbers, section.parts)]) for section in sections]
 
 
 def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section]:
@@ -93,7 +119,7 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
         what_if_section(content.what_if, content.manifest.model.outputs, content.looped),
         joint_section(content, drawn) if dispersed else None,
         dispersion_section(content, drawn) if dispersed else None,
-        requirements_section(content),
+        requirements_section(content, drawn),
         sigmas_section(content, drawn) if dispersed else None,
         causes_section(content),
         provenance_section(content),
@@ -152,6 +178,7 @@ def _notes(content: RunAnalysis) -> list[str]:
         f"{summary.samples:,} samples, {summary.failed:,} failed; engine {summary.engine}, design {summary.design}, "
         f"seed {summary.seed}{took}."
     )
-    left_out = not_modelled(str(content.manifest.identity.campaign.get("scenario", {}).get("type", "")))
+    kind = str(content.manifest.identity.campaign.get("scenario", {}).get("type", ""))
+    left_out = not_modelled(kind, content.model.processes)
     remarks = (*_further(content), sentences.certain_but_small(summary), sentences.stopping(summary))
     return [*filter(None, (missing, *remarks, kept, flown, left_out))]

@@ -233,6 +233,8 @@ def confirmed_words(sweep: Sweep) -> tuple[str, str]:
         return f"Monte Carlo does not decide at {where}", "undecided"
     joint = sum(each.summary.verdict_matrix == "differs" for each in sweep.confirmations)
     words = f"Monte Carlo agrees with linear analysis at all {count} points where it was run"
+    if others := sum(each.summary.verdict == "differs" for each in sweep.confirmations):
+        return f"{words}, in what is looked at; other outputs differ at {others} of them", "partly"
     if joint:
         return f"{words}, except for the joint distribution of all outputs at {joint} of them", "partly"
     return words, "agrees"

@@ -199,7 +199,7 @@ class RequirementRecord(Record):
     """See `mcnav.analysis.requirements.Requirement`; outputs by name.
 
     ``epochs`` are those at each of which it holds, by number from zero, the start, and ``when`` has them in words; a
-    requirement without them holds at the end.
+    requirement without them holds at the end. ``of`` is "smoother" where it is on the errors behind one.
     """
 
     kind: Words
@@ -208,6 +208,7 @@ class RequirementRecord(Record):
     probability: float | None
     when: Words | None = None
     epochs: Annotated[tuple[Count, ...], Field(min_length=1)] | None = None
+    of: Words | None = None
 
 
 class CodeRecord(Record):

@@ -133,7 +133,7 @@ class _Variations:
                 self._tried[key] = None
                 return None
             scenario, errors = campaign.scenario, campaign.errors
-            if not knows_covariance(scenario):
+            if not knows_covariance(scenario) or any(each.requirement.of for each in self.base.requirements):
                 return self.judged(values)
             with one_thread():
                 readings = scenario.covariance_readings(

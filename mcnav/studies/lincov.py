@@ -108,9 +108,16 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         history = None if readings is None else covariance_over_time(readings, names, *moments)
         outputs = [{"name": output.name} for output in scenario.outputs]
         entries = [record.model_dump() for record in described.requirements]
-        judged = judge_linearly(
-            requirements_from(entries, outputs), model.outcome_mean, model.outcome_covariance,
-            None if history is None else history.moments, model.sizes, model.nominal,
+        smoothed = None
+        if has_smoother(scenario):
+            smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)
+        judged = tuple(
+            judge_linearly(
+                [each], model.outcome_mean, model.outcome_covariance, None if known is None else known.moments,
+                model.sizes, model.nominal,
+            )[0]
+            for each in requirements_from(entries, outputs)
+            for known in [smoothed if each.of else history]
         )  # fmt: skip
         asked = None
         if times is not None:
@@ -119,10 +126,9 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         answer = LinearAnswer(
             described.name, scenario.sources, scenario.outputs, model, history, judged, asked, kind=kind
         )
-        smoothed = None
-        if has_smoother(scenario):
-            at = scenario.reading_times if times is None else np.unique(times)
-            smoothed = covariance_over_time(scenario.smoothed(at), names, *moments)
+        smoothed_asked = None
+        if has_smoother(scenario) and times is not None:
+            smoothed_asked = covariance_over_time(scenario.smoothed(np.unique(times)), names, *moments)
         epochs = None if history is None else history.moments.times
         known = [each for each in (history, asked) if each is not None]
         return replace(
@@ -130,6 +136,7 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
             requirements=within_range(judged, answer.beyond, epochs),
             filter=_judge_filter(answer, known, scenario, described),
             smoothed=smoothed,
+            smoothed_asked=smoothed_asked,
             smoother=None if smoothed is None else _judge_filter(answer, [smoothed], scenario, described),
         )
 
@@ -240,7 +247,7 @@ def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:
 def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
     """Arrange a linear covariance as ``lincov.json`` has it: SI units, and two rows where an update falls on a time."""
     names, kinds = [output.name for output in answer.outputs], kinds_of(answer.outputs)
-    history = answer.asked or answer.history
+    history, smoothed = answer.asked or answer.history, answer.smoothed_asked or answer.smoothed
     return {
         "campaign": answer.campaign,
         **({"remarks": answer.remarks} if answer.remarks else {}),
@@ -277,7 +284,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
             "begin": answer.beyond.time,
         },
         "time": None if history is None else history.readings.label,
-        "rows": [] if history is None else _rows(history, answer.readings_beyond(history), answer.smoothed),
+        "rows": [] if history is None else _rows(history, answer.readings_beyond(history), smoothed),
     }  # fmt: skip
 
 

@@ -155,7 +155,10 @@ def in_threads(compute: Callable[[Item], Result], items: Sequence[Item], jobs: i
 
 
 def campaign_requirements(campaign: Campaign) -> tuple[Requirement, ...]:
-    """Return the requirements of a campaign."""
+    """Return the requirements of a campaign; `CampaignError` for one of a smoother, which points do not have."""
+    if any(record.of for record in campaign.requirements):
+        message = "a sweep has no requirements of a smoother; mcnav lincov judges them"
+        raise CampaignError([Problem(campaign.file, "accept", message)])
     outputs = [{"name": output.name} for output in campaign.scenario.outputs]
     return requirements_from([record.model_dump() for record in campaign.requirements], outputs)
 

@@ -156,6 +156,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         filter=None if filtered is None else assess_filter(filtered, criterion),
         beyond=beyond,
         sizes=sampled_sizes(model, samples.outputs, blocks, criterion),
+        histories=histories,
     )
 
 

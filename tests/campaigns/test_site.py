@@ -20,8 +20,9 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture
 def pages(site: Path) -> dict[str, str]:
-    """Every page by its name on the site."""
-    return {str(file.relative_to(site)): file.read_text(encoding="utf-8") for file in site.rglob("*.html")}
+    """Every page by its name on the site, without the reports that the gallery leads to."""
+    files = (file for file in site.rglob("*.html") if "_downloads" not in file.parts)
+    return {str(file.relative_to(site)): file.read_text(encoding="utf-8") for file in files}
 
 
 def commands(group: object, name: str) -> list[str]:
@@ -97,3 +98,19 @@ def test_every_command_and_every_example_has_a_section(pages: dict[str, str]) ->
     assert headings == commands(get_command(app), "mcnav")
     examples = re.findall(r"<h2>(.*?)<a ", pages["reference/examples.html"])
     assert examples == sorted(file.stem for file in Path(ROOT / "campaigns").glob("*.toml"))
+
+
+def test_every_example_is_in_the_gallery(site: Path, pages: dict[str, str]) -> None:
+    """Its question stands there, with its picture if it is drawn; it leads to the example."""
+    page = pages["gallery.html"]
+    examples = sorted(file.stem for file in Path(ROOT / "campaigns").glob("*.toml"))
+    assert re.findall(r"<h2>(.*?)<a ", page) == examples
+    stored = sorted(file.stem for file in (ROOT / ".github" / "site" / "static" / "gallery").glob("*.svg"))
+    pictures = dict(re.findall(r'<img alt="Linear analysis of (\w+)" src="([^"]+)"', page))
+    assert sorted(pictures) == stored
+    assert set(stored) <= set(examples)
+    for name in examples:
+        anchor = name.partition("_")[2].replace("_", "-")  # which begins with a letter
+        assert f'href="reference/examples.html#{anchor}"' in page
+    assert page.count("?</strong>") + page.count(".</strong>") == len(examples)
+    assert page.count(">report<") == len(list((ROOT / "reports" / "examples").glob("*/report.html"))) > 2

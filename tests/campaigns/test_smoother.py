@@ -11,7 +11,9 @@ from mcnav.config.read import parse_campaign
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError
 from mcnav.report.lincov import statements
+from mcnav.report.lincov_page import reading_table
 from mcnav.studies.lincov import answer_linearly, lincov_table
+from mcnav.studies.sweep_points import campaign_requirements
 
 
 def content(**changes: Any) -> dict[str, Any]:
@@ -46,6 +48,21 @@ def test_a_matched_smoother_claims_what_is_true_and_less_than_its_filter() -> No
     assert "worse" not in said
 
 
+def test_times_that_are_asked_for() -> None:
+    """Between measurements and at one, where it is the same before and after the update."""
+    answer = answer_linearly(parse_campaign(content(), "mine.toml", "mine"), np.array([31.0, 50.0]))
+    rows: Any = lincov_table(answer)["rows"]
+    assert [(row["time"], row["update"]) for row in rows] == [(31.0, None), (50.0, "before"), (50.0, "after")]
+    np.testing.assert_allclose(rows[1]["sigma_smoothed"], rows[2]["sigma_smoothed"], rtol=1e-9)
+    assert answer.smoothed is not None
+    assert answer.history is not None
+    assert len(answer.smoothed.readings.times) == len(answer.history.readings.times)
+    assert answer.asked is not None
+    assert [row.what for row in reading_table(answer, answer.asked).rows][:4] == [
+        "true", "filter's", "smoothed", "smoother's",
+    ]  # fmt: skip
+
+
 def test_a_mismatched_one_is_told() -> None:
     """It believes in a tenth of the noise."""
     campaign = parse_campaign(
@@ -53,6 +70,31 @@ def test_a_mismatched_one_is_told() -> None:
     )
     said = " ".join(words for words, _ in statements(answer_linearly(campaign)))
     assert "The smoother is optimistic" in said
+
+
+def test_requirements_of_a_smoother() -> None:
+    """A radius at a minute that lies between those of smoother and filter: met by the one, and not by the other."""
+    outputs = ["position_north", "position_east"]
+    limited = {"outputs": outputs, "below": "3 m", "at": "60 s"}
+    accept = {"r95": [limited, {**limited, "of": "smoother"}]}
+    described = {**content(), "accept": accept}
+    answer = answer_linearly(parse_campaign(described, "mine.toml", "mine"))
+    filtered, smoothed = answer.requirements
+    assert not filtered.met
+    assert smoothed.met
+    assert answer.history is not None
+    assert answer.smoothed is not None
+    ratio = smoothed.value / filtered.value
+    at = [int(each.settled[np.argmin(np.abs(each.readings.times[each.settled] - 60.0))])
+          for each in (answer.history, answer.smoothed)]  # fmt: skip
+    expected = answer.smoothed.sigma[at[1], :2].mean() / answer.history.sigma[at[0], :2].mean()
+    assert ratio == pytest.approx(expected, rel=1e-3)  # circles, but for a difference of the two sigmas
+    assert answer.requirement_causes(1) != answer.requirement_causes(0)
+    without = {**described, "filter": {"estimates": content()["filter"]["estimates"]}}
+    with pytest.raises(CampaignError, match="of: got 'smoother'; it needs smoother"):
+        parse_campaign(without, "mine.toml", "mine")
+    with pytest.raises(CampaignError, match="a sweep has no requirements of a smoother"):
+        campaign_requirements(parse_campaign(described, "mine.toml", "mine"))
 
 
 def test_what_is_refused() -> None:

@@ -13,6 +13,7 @@ from typer.main import get_command
 from mcnav import next_command
 from mcnav.cli import app
 
+PROGRAM: Any = get_command(app)
 CAMPAIGN, FOLDER = Path("my campaigns/mine.toml"), Path("reports/mine")
 
 
@@ -20,9 +21,8 @@ def accepted(command: str) -> list[str]:
     """Return the words of a command whose options the program has."""
     program, *words = shlex.split(command)
     assert program == "mcnav"
-    group: Any = get_command(app)
-    context = group.make_context("mcnav", list(words), resilient_parsing=True)
-    _, chosen, rest = group.resolve_command(context, words)
+    context = PROGRAM.make_context("mcnav", list(words), resilient_parsing=True)
+    _, chosen, rest = PROGRAM.resolve_command(context, words)
     if hasattr(chosen, "commands"):
         _, chosen, rest = chosen.resolve_command(context, rest)
     chosen.make_context(chosen.name, list(rest))

@@ -45,8 +45,9 @@ class Figure:
 
     ``name`` names it on its page; ``title`` and ``description`` are for those who do not see it. ``key`` is empty where
     the panels speak for themselves. ``columns`` are the numbers behind it, of one length, and ``file`` has them in full
-    beside the page. ``size`` is that of a panel, px, as wide as `HALF` or `THIRD`. If ``shown`` is not zero, the page
-    shows so many panels until the reader chooses others.
+    beside the page. ``shows`` says in a sentence what is to be seen, from the numbers drawn; ``number`` is that on its
+    page, where figures are counted. ``size`` is that of a panel, px, as wide as `HALF` or `THIRD`. If ``shown`` is not
+    zero, the page shows so many panels until the reader chooses others.
     """
 
     name: str
@@ -59,6 +60,8 @@ class Figure:
     caption: str = ""
     file: str = ""
     shown: int = 0
+    shows: str = ""
+    number: int = 0
 
     @property
     def layout(self) -> str:

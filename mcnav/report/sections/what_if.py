@@ -23,7 +23,8 @@ LARGEST: Final = 1_200_000
 """Bytes of numbers, beyond which a page would become too large: it has no such section then."""
 
 EXPLANATION: Final = (
-    "Move a number of the data sheet, or type another one: the linear covariance follows. Faint: as in the campaign."
+    "Move a number of the data sheet, or type another one: the linear covariance follows. Dashed lines, and marks on "
+    "sliders and bars, are the campaign's own."
 )
 SUM: Final = (
     "The covariance is a sum over all causes, and what a number causes grows with its square. The page has these parts "

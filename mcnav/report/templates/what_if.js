@@ -274,7 +274,7 @@
     const held = data.tuned || own ? ["Claimed", "True / claimed"] : [];
     const asked = make("tbody", requirements.map(({ words }) => make("tr", [make("th", words, { scope: "row" }), ...cells("td", ["", "", "", ""])])));
     const sigmas = make("tbody", outputs.map(({ name, unit }) => make("tr", [make("th", [name, unitOf(unit)], { scope: "row" }), ...cells("td", ["", "", ...held.map(() => "")])])));
-    const table = (caption, headings, body) => make("div", make("table", [make("caption", make("span", caption)), heading(headings), body]), { class: "scroll", tabindex: 0, role: "group", "aria-label": caption });
+    const table = (caption, headings, body, kind) => make("div", make("table", [make("caption", make("span", caption)), heading(headings), body], { class: kind }), { class: "scroll", tabindex: 0, role: "group", "aria-label": caption });
     const write = (row, words) => words.forEach((each, k) => {
       const cell = row.cells[k + 1];
       if (cell.textContent !== each) cell.textContent = each;
@@ -289,11 +289,11 @@
       const [grid, ghost, claimed, line] = ["grid", "ghost", "claimed", "line"].map((kind) => set(made("path"), { class: kind }));
       const words = made("g");
       svg.append(grid, words, ghost, claimed, line);
-      const caption = make("figcaption", [name, unitOf(unit)]);
+      const caption = make("p", [name, unitOf(unit)]);
       const [from, to] = [times[0], times[times.length - 1]];
       const across = (t) => L + (W - L - 6) * (t - from) / (to - from || 1);
       const put = (x, y, content, anchor) => { const each = set(made("text"), { x, y, "text-anchor": anchor }); each.textContent = content; words.append(each); };
-      return { i, element: make("figure", [caption, svg]), draw(m, until) {
+      return { i, element: make("div", [caption, svg], { class: "panel" }), draw(m, until) {
         const value = (each, r) => shownScale * sigma(each, r, i);
         const stated = (r) => shownScale * (own ? own[r * width + i] : NaN);
         const top = max(...times.map((_, r) => max(value(before.m, r), r < until ? value(m, r) : 0))) || 1;
@@ -394,9 +394,9 @@
       make("div", [
         make("div", [make("p", make("label", ["Shares of the variance at the end of ", chosen]), { class: "choice" }), ...groups.values()], { class: "numbers" }),
         make("div", [
-          ...(requirements.length ? [table("Requirements, for linear normal errors", ["Requirement", "Campaign", "What if", "Margin", "Finding"], asked)] : []),
+          ...(requirements.length ? [table("Requirements, for linear normal errors", ["Requirement", "Campaign", "What if", "Margin", "Finding"], asked, "requirements")] : []),
           ...(panels.length ? [key, plotsOf(first.map((each) => panels[each])), ...(more ? [more] : [])] : []),
-          table("At the end, one sigma", ["Output", "Campaign", "What if", ...held], sigmas),
+          table("At the end, one sigma", ["Output", "Campaign", "What if", ...held], sigmas, "sigmas"),
         ], { class: "results" }),
       ], { class: "halves" }),
     );

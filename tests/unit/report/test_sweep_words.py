@@ -113,6 +113,17 @@ def test_monte_carlo(verdicts: tuple[str, str], finding: str, joint: str, words:
     assert colour == tone
 
 
+def test_a_run_that_an_index_calls_different_is_not_said_to_agree() -> None:
+    """Its outputs that a sweep does not look at differ."""
+    known = confirmed(("agrees", "agrees"), "met")
+    run = replace(
+        known.confirmations[0], summary=known.confirmations[0].summary.model_copy(update={"verdict": "differs"})
+    )
+    stated, tone = confirmed_words(replace(known, confirmations=(run,)))
+    assert stated.endswith("other outputs differ at 1 of them")
+    assert tone == "partly"
+
+
 def test_remarks() -> None:
     assert remarks(SWEEP) == [
         "The filter states the same values: at every point it believes what is true.",
