@@ -71,7 +71,7 @@ def page() -> str:
     for file in sorted((ROOT / "campaigns").glob("*.toml")):
         question, answer = question_and_answer(file.read_text(encoding="utf-8"))
         anchor = file.stem.replace("_", "-")
-        question = question[:1].upper() + question[1:]
+        question, answer = (each[:1].upper() + each[1:] for each in (question, answer))
         report = REPORTS / file.stem / "report.html"
         links = [f"[campaign](/reference/examples.md#{anchor})"]
         links += [f"[report](/{report.as_posix()})"] if (ROOT / report).exists() else []

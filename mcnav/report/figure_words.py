@@ -17,11 +17,14 @@ from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.filter_remarks import instant
 from mcnav.report import filter_figure_words
 from mcnav.report.figures.matrices import certain_differences
+from mcnav.report.figures.requirements import measure
 from mcnav.report.figures.sources import contributors, variance_over_time
 from mcnav.report.format import number, rounded, signed
 from mcnav.report.joint_words import BRIEFLY, combination_words, joined
 from mcnav.report.kinds import planes, quantities
-from mcnav.report.model import RunAnalysis, humanize, shown_units
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize, shown_units
+from mcnav.report.requirements import RequirementRow, requirement_rows
 
 TAIL: Final = 0.05
 """Share of the samples beyond a point of the chi-square distribution that is compared with what is expected."""
@@ -233,6 +236,28 @@ def _combination(content: RunAnalysis) -> str:
     return f"The sigma of {name} is {simulated} by Monte Carlo, {linear} by linear analysis."
 
 
+def _requirements(content: RunAnalysis) -> str:
+    """State the least margin of the curves where their requirements hold."""
+    rows = requirement_rows(content.summary, "shown", content.time_unit)
+    used: list[tuple[float, RequirementRow, float, float]] = []
+    for row, each in zip(rows, content.requirement_curves, strict=False):
+        known = None if each is None else np.where(each.holds & np.isfinite(each.estimate), each.estimate, -1.0)
+        if each is not None and known is not None and known.max(initial=-1.0) >= 0.0:
+            place, limit = int(np.argmax(known)), row.entry.limits[0]
+            used.append((float(known[place]) / limit, row, float(known[place]), float(each.times[place])))
+    if not used:
+        return ""
+    share, row, size, time = max(used, key=lambda each: each[0])
+    off, side = abs(1.0 - share), "below" if share <= 1.0 else "above"
+    label = content.development.label if content.development else ""
+    shown = f"{rounded(size * row.scale)} {row.unit}".strip()
+    return (
+        f"{measure(row.entry)} of {joined([humanize(name) for name in row.entry.outputs])} is {shown} at "
+        f"{instant(time, label)} by Monte Carlo, {100.0 * off:.3g} % {side} its limit"
+        f"{', the least margin' if len(used) > 1 else ''}."
+    )
+
+
 def _dispersion(content: RunAnalysis) -> str:
     """Compare truth and navigation error of the quantity in which they differ most at the end."""
     known, outputs = content.envelopes, content.manifest.model.outputs
@@ -274,6 +299,7 @@ WORDS: Final[dict[str, Callable[[RunAnalysis], str]]] = {
     "flight": _flight, "ratios": _ratios, "nees": _nees, "matrices": _matrices, "budget": _budget,
     "development": _development, "envelopes": _envelopes, "scatter": _scatter, "histograms": _histograms,
     "quantiles": _quantiles, "convergence": _convergence, "combination": _combination,
+    "requirements_over_time": _requirements,
     "dispersion_over_time": _dispersion, "landing_ellipses": _ellipses,
     "nees_history": _of_filter(filter_figure_words.nees_history),
     "nis_history": _of_filter(filter_figure_words.nis_history),

@@ -12,7 +12,7 @@ from mcnav.analysis.summary import Ends, FilterRatio, FilterSummary, NeglectedEn
 from mcnav.report.document import Cell, Column, Table
 from mcnav.report.filter_verdict import LEAST, TONES
 from mcnav.report.format import interval, number, percent, rounded
-from mcnav.report.model import humanize, labels_in
+from mcnav.report.names import humanize, labels_in
 from mcnav.report.result_table import ResultColumn, ResultTable, Units, in_units
 from mcnav.report.sentences import more_samples
 from mcnav.report.strip import Strip
@@ -130,7 +130,7 @@ SIGMAS: Final[tuple[ResultColumn[RatioRow], ...]] = (
 GROUP_CAPTION: Final = (
     "True over filter sigma by groups of states: root of the mean NEES over the number of states. Certain: first and "
     "last epoch at which the interval that holds together with those of all deciding groups, outputs and epochs is "
-    "beyond the tolerance."
+    "beyond the tolerance. Marks: intervals at the end are of that epoch, those of the worst ratio hold together."
 )
 SIGMA_CAPTIONS: Final = {
     "output": "True over filter sigma of each output. Each of them decides.",

@@ -8,13 +8,15 @@ from typing import Literal
 
 import numpy as np
 
-from mcnav.analysis.filter_consistency import FilterConsistency, Honesty, SigmaConsistency
+from mcnav._types import Array
+from mcnav.analysis.filter_consistency import FilterConsistency, Finding, Honesty, SigmaConsistency
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.report.document import Cell
 from mcnav.report.figures.filter_errors import sigmas
 from mcnav.report.filter_verdict import TONES, worst_sigmas
 from mcnav.report.format import number, rounded
-from mcnav.report.model import RunAnalysis, humanize
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize
 from mcnav.report.output_columns import OutputEntry
 from mcnav.report.strip import Strip
 
@@ -75,8 +77,28 @@ def _ratio(consistency: FilterConsistency, each: SigmaConsistency) -> Cell:
     if finding.factor is None or not np.isfinite(finding.factor):
         return Cell("–")
     when = "" if finding.worst is None else instant(float(consistency.times[finding.worst]), consistency.label)
-    strip = Strip.of(finding.factor, finding.interval, consistency.tolerance)
+    strip = Strip.of(finding.factor, deciding_interval(finding, each.ratio.each), consistency.tolerance)
     return Cell(rounded(finding.factor), below=when.replace(" ", "\N{NO-BREAK SPACE}"), strip=strip)
+
+
+def deciding_interval(finding: Finding, single: Array) -> tuple[float, float] | None:
+    """Return the interval of a finding's factor that its verdict rests on.
+
+    A consistent one rests on the interval of each epoch, ``single``, shape (m, 2); any other on those of all epochs
+    together, which are wider.
+    """
+    if finding.verdict != Honesty.CONSISTENT or finding.worst is None:
+        return finding.interval
+    low, high = single[finding.worst].tolist()
+    return low, high
+
+
+def interval_at_worst(consistency: FilterConsistency) -> tuple[float, float] | None:
+    """Return that interval of a consistent filter's ratio farthest from one; none where it is not known."""
+    known = consistency.groups if consistency.group else consistency.outputs
+    name = consistency.group or consistency.output
+    found = next((each for each in known if each.name == name), None)
+    return None if found is None else deciding_interval(found.finding, found.ratio.each)
 
 
 def _worst(consistency: FilterConsistency, each: SigmaConsistency) -> WorstSigmas | None:

@@ -15,7 +15,9 @@ from mcnav.analysis.envelopes import Envelopes, envelopes_from
 from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.linear_range import BeyondRange
+from mcnav.analysis.requirement_curves import RequirementCurve, requirement_curve
 from mcnav.analysis.requirements import RequirementResult
+from mcnav.analysis.requirements_over_time import ErrorHistories
 from mcnav.analysis.running_ratios import Convergence
 from mcnav.analysis.summary import HigherOrder, Summary
 from mcnav.analysis.tails import Quantile
@@ -24,12 +26,12 @@ from mcnav.analysis.vector_sizes import SampledSize
 from mcnav.analysis.what_if import WhatIf
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearSystem
-from mcnav.contract.quantities import EndWords, Output, Source, end_words, kinds_of, source_labels
+from mcnav.contract.quantities import EndWords, end_words, kinds_of
+from mcnav.report.names import humanize, labels_of, scale_of
 from mcnav.report.summary import summarise
 from mcnav.store.chunk_files import Samples
-from mcnav.store.manifest import Manifest, Variable
+from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import RunFolder
-from mcnav.units import conversion
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class RunAnalysis:
     Of a run that stores a summary, ``samples`` are the first ones. ``failures`` gives for each reason how many samples
     failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter, and ``beyond``
     where linear errors leave the range in which they have a meaning, none where they do not. ``what_if`` is known where
-    a page is to be written.
+    a page is to be written, ``histories`` of the first samples where a requirement holds at epochs.
     """
 
     folder: RunFolder
@@ -58,6 +60,7 @@ class RunAnalysis:
     filter: FilterConsistency | None = None
     beyond: BeyondRange | None = None
     sizes: tuple[SampledSize, ...] = ()
+    histories: ErrorHistories | None = None
     what_if: WhatIf | None = None
 
     @cached_property
@@ -94,6 +97,18 @@ class RunAnalysis:
         """Dispersions at every epoch; none where the engine computes no histories."""
         epochs = self.folder.epochs()
         return None if epochs is None else envelopes_from(*epochs, self.manifest.model.to_json()["outputs"])
+
+    @cached_property
+    def requirement_curves(self) -> tuple[RequirementCurve | None, ...]:
+        """Curve of each requirement that holds at epochs, none of others; empty without histories."""
+        histories = self.histories
+        if histories is None or self.beyond is not None:
+            return ()
+        return tuple(
+            requirement_curve(each.requirement, histories, self.criterion.confidence)
+            if each.requirement.epochs and max(each.requirement.epochs) < len(histories.times) else None
+            for each in self.requirements
+        )  # fmt: skip
 
     @property
     def development(self) -> LinearSystem | None:
@@ -204,35 +219,3 @@ class RunAnalysis:
         """Final errors of the samples that did not fail, in the units shown, shape (n, outputs)."""
         known = np.isfinite(self.outputs).all(axis=1)
         return np.asfortranarray(self.outputs if known.all() else self.outputs[known]) * self.output_scale
-
-
-def scale_of(variables: Sequence[Variable | Source | Output]) -> Array:
-    """Return what SI values of outputs or sources are multiplied by to be shown."""
-    return np.array([conversion(each.unit, each.shown_in) for each in variables])
-
-
-def labels_of(sources: Sequence[Variable | Source], outputs: Sequence[Variable | Output]) -> list[str]:
-    """Return names of the sources for people."""
-    return source_labels([each.name for each in sources], [each.name for each in outputs])
-
-
-def labels_in(summary: Summary) -> list[str]:
-    """Return names for people of the sources of a summary."""
-    return source_labels([source.name for source in summary.sources], summary.names)
-
-
-def shown_units(summary: Summary) -> dict[str, tuple[float, str]]:
-    """Return for each output of a summary the factor from SI and the unit shown."""
-    return {
-        output.name: (conversion(output.unit, shown), shown)
-        for output, shown in zip(summary.outputs, summary.units_shown, strict=True)
-    }
-
-
-def humanize(name: str) -> str:
-    """Replace the underscores of a key by spaces.
-
-    >>> humanize("gyro_drift")
-    'gyro drift'
-    """
-    return name.replace("_", " ")

@@ -19,6 +19,7 @@ from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
+from mcnav.report.figures.requirements import requirements_over_time
 from mcnav.report.html import page_html
 from mcnav.report.left_out import not_modelled
 from mcnav.report.model import RunAnalysis
@@ -42,6 +43,7 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "convergence": agreement.running_ratios, "nees_history": normalized_errors.nees_over_time,
     "nis_history": normalized_errors.nis_over_time, "sigma_history": sigma_ratios.sigma_ratios_over_time,
     "within_history": sigma_ratios.shares_within, "estimation": estimation, "combination": combination,
+    "requirements_over_time": requirements_over_time,
     "dispersion_over_time": truth.dispersion_over_time, "landing_ellipses": truth.ellipses_at_end,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
@@ -77,7 +79,8 @@ def render(content: RunAnalysis) -> str:
 def page(content: RunAnalysis) -> Page:
     """Return the report."""
     name, sections = content.summary.campaign, _numbered(_sections(content, figures(content)))
-    made = tiles(content.summary, _stated(content), {section.name for section in sections}, content.time_unit)
+    consistent = None if content.filter is None else filter_tables.interval_at_worst(content.filter)
+    made = tiles(content.summary, _stated(content), {each.name for each in sections}, content.time_unit, consistent)
     head = [Tiles(made), *joined(_requirements(content), answers(content)), *map(Note, _notes(content))]
     kind, foremost = "Linear covariance analysis and Monte Carlo", made[0]
     return Page(name, kind, name, head, sections, status=headline(foremost), tone=foremost.tone)
@@ -116,7 +119,7 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
         what_if_section(content.what_if, content.manifest.model.outputs, content.looped),
         joint_section(content, drawn) if dispersed else None,
         dispersion_section(content, drawn) if dispersed else None,
-        requirements_section(content),
+        requirements_section(content, drawn),
         sigmas_section(content, drawn) if dispersed else None,
         causes_section(content),
         provenance_section(content),

@@ -7,13 +7,14 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.summary import Ends, Summary
 from mcnav.report import sentences
 from mcnav.report.document import Tile
 from mcnav.report.format import number, rounded
 from mcnav.report.joint_words import BRIEFLY, combination_words
-from mcnav.report.model import humanize, shown_units
+from mcnav.report.names import humanize, shown_units
 from mcnav.report.requirements import RADII, RequirementRow, requirement_rows
 from mcnav.report.sentences import WORST, Statement, Subject
 from mcnav.report.strip import Strip
@@ -48,8 +49,20 @@ class Worst:
 NOTHING: Final = Worst()
 
 
-def tiles(summary: Summary, stated: Sequence[Statement], sections: Container[str], time_unit: str = "") -> list[Tile]:
-    """Return a tile for each of some statements, the worst first; each links to one of the page's sections."""
+def tiles(
+    summary: Summary,
+    stated: Sequence[Statement],
+    sections: Container[str],
+    time_unit: str = "",
+    consistent: Ends | None = None,
+) -> list[Tile]:
+    """Return a tile for each of some statements, the worst first; each links to one of the page's sections.
+
+    ``consistent`` is the interval of a consistent filter's ratio at its epoch alone, on which that verdict rests.
+    """
+    if summary.filter and summary.filter.verdict == Honesty.CONSISTENT:
+        judged = summary.filter.model_copy(update={"factor_interval": consistent})
+        summary = summary.model_copy(update={"filter": judged})
     made = [_tile(summary, each, sections, time_unit) for each in stated]
     order = [*NAMES.values()]
     return sorted(made, key=lambda each: (WORST.index(each.tone), order.index(each.subject)))

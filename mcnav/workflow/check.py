@@ -14,6 +14,7 @@ from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.config.toml import load_file
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError, Problem
+from mcnav.statistics.demonstration import runs_to_show
 from mcnav.systems.user.code import classes_in
 from mcnav.systems.user.conformance import Check, check_conformance
 from mcnav.systems.user.table import read_code
@@ -60,8 +61,26 @@ def check_any(path: Path, columns: Mapping[str, str] | None = None) -> list[Chec
 def _campaign_checks(campaign: Campaign) -> list[Check]:
     """Check a campaign that could be read, and its scenario with its errors."""
     asked = len(campaign.requirements)
-    read = Check("keys and values", True, f"{asked} requirement{'' if asked == 1 else 's'}")
+    told = [f"{asked} requirement{'' if asked == 1 else 's'}", *by_counting(campaign)]
+    read = Check("keys and values", True, "; ".join(told))
     return [read, *check_conformance(campaign.scenario, campaign.errors.standard_deviations)]
+
+
+def by_counting(campaign: Campaign) -> list[str]:
+    """Say what counting takes of the requirement that allows the least beyond its limit, where the samples are fewer.
+
+    None without requirements on a probability at the end.
+    """
+    asked = [0.5 if each.probability is None else each.probability
+             for each in campaign.requirements if each.kind != "sigma_ratio" and not each.epochs]  # fmt: skip
+    largest = max(asked, default=0.0)
+    runs = runs_to_show(largest, campaign.confidence) if 0.0 < largest < 1.0 else 0
+    if runs is not None and runs <= campaign.samples:
+        return []
+    takes = "more than a billion samples" if runs is None else f"{runs:,} samples"
+    return [
+        f"to show {100.0 * largest:.12g} % by counting takes {takes} with none beyond; there are {campaign.samples:,}"
+    ]
 
 
 def _code_checks(path: Path) -> list[Checked]:

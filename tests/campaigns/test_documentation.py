@@ -196,7 +196,7 @@ def test_a_run_in_a_notebook(place: Path) -> None:
     run = mcnav.fly(place / "own.toml", place / "run", samples=500)
     assert "&lt;b&gt;polar&lt;/b&gt;" in run._repr_html_()
     shown = run._repr_html_()
-    assert shown.count("<tr>") == 1 + len(run.outputs)
+    assert shown.count("<tr>") == 2 + len(run.outputs)  # headings, and all outputs together
     assert [shown.count(f'<figure id="figure-{name}-') for name in ("budget", "envelopes")] == [1, 0]
     np.testing.assert_allclose(np.sqrt(np.diag(run.covariance("linear"))), run.summary["sigma_linear"])
     for name, drawing in run.drawings.items():

@@ -13,6 +13,7 @@ from mcnav.analysis.exceedance import Event, weigh
 from mcnav.analysis.requirements import Exceedance, Finding, Requirement, RequirementResult
 from mcnav.config.read import parse_campaign
 from mcnav.workflow.analyse import report_run
+from mcnav.workflow.check import by_counting
 from mcnav.workflow.run import run_campaign
 from tests.campaigns.test_ins import described
 
@@ -77,6 +78,18 @@ def test_requirements_that_counting_decides_have_none(tmp_path: Path) -> None:
     (required,) = run(tmp_path / "run", accept={"quantile": [limit]})["requirements"]
     assert required["finding"] == "met"
     assert "exceedance" not in required
+
+
+def test_a_check_says_how_many_samples_show_it_by_counting() -> None:
+    """852 without a failure show 99.73 % at 90 % (consumer's risk); a campaign that has them is not told."""
+    limit = {"output": "altitude", "probability": 0.9973, "below": "160 km"}
+
+    def told(samples: int) -> list[str]:
+        described = capsule(samples, accept={"quantile": [limit]}, confidence=0.9)
+        return by_counting(parse_campaign(described, "test.toml", "test"))
+
+    assert told(851) == ["to show 99.73 % by counting takes 852 samples with none beyond; there are 851"]
+    assert told(852) == []
 
 
 def test_too_few_samples_are_refused_in_a_line(tmp_path: Path) -> None:

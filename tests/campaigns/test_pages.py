@@ -21,6 +21,7 @@ ELSEWHERE = {
     "NOTEBOOK.md": {"python"},
     "SCALING.md": {"sh"},
     "SCENARIOS.md": {"sh", "python"},
+    "THEORY.md": {"math"},
     "TRAJECTORIES.md": {"toml"},
 }
 """Languages of the blocks of other pages, which `test_documentation.py` executes or checks."""

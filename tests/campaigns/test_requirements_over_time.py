@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,13 @@ import pyarrow.parquet as pq
 import pytest
 from scipy import stats
 
+import mcnav
 from mcnav.config.read import parse_campaign
 from mcnav.errors import RunFolderError
+from mcnav.report.figure_words import words_on
+from mcnav.report.figures.requirements import requirements_over_time
+from mcnav.report.model import RunAnalysis
+from mcnav.report.requirements import requirement_rows
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.run import run_campaign
 from tests.campaigns.test_ins import described
@@ -47,6 +53,32 @@ def test_requirements_at_epochs_of_a_flight(tmp_path: Path) -> None:
     assert "radius of 95 % of the errors of position north and position east below 1 m, from 0 s on" in report
     assert "largest at 0 min, of 400 samples" in report
     assert "spherical error probable of position north, position east and position down" in report
+    _figure_has_what_was_judged(mcnav.open_run(tmp_path / "run").content)
+
+
+def _figure_has_what_was_judged(content: RunAnalysis) -> None:
+    """The largest of the curve where a requirement holds is what was found of it; the limit is drawn there alone."""
+    figure = requirements_over_time(content)
+    assert figure is not None
+    asked = [entry for entry in content.summary.requirements if entry.epochs]
+    assert len(figure.panels) == len(asked) == 4
+    assert requirements_over_time(replace(content, histories=None)) is None
+    for entry, row in zip(content.summary.requirements, requirement_rows(content.summary), strict=True):
+        drawn = figure.data[figure.data["requirement"] == row.words]
+        assert len(drawn) == (0 if not entry.epochs else len(content.histories.times if content.histories else ()))
+        if entry.epochs:
+            holds = drawn[np.isfinite(drawn["limit"])]
+            assert len(holds) == len(entry.epochs)
+            assert set(holds["limit"]) == {entry.limits[0]}
+            assert holds["Monte Carlo"].max() == pytest.approx(entry.estimate, rel=1e-12)
+            assert holds["linear"].max() == pytest.approx(entry.linear, rel=1e-9)
+            assert holds["upper bound"].max() == pytest.approx(entry.interval[1], rel=1e-12)
+            assert (drawn["lower bound"] <= drawn["Monte Carlo"]).all()
+    told = words_on("requirements_over_time", content)
+    (r95,) = (entry for entry in asked if entry.kind == "r95")  # 1 m, and errors of 5 m from the start
+    assert told.startswith("R95 of position north and position east is ")
+    over = 100.0 * ((r95.estimate or 0.0) / 1.0 - 1.0)
+    assert f" {over:.3g} % above its limit, the least margin." in told
 
 
 @pytest.mark.parametrize("engine", ["ensemble", "reference"])

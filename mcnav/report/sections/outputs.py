@@ -97,15 +97,15 @@ def _farthest_table(content: RunAnalysis) -> Table[_Far]:
     return Table(caption, columns, rows)
 
 
-def requirements_section(content: RunAnalysis) -> Section | None:
-    """Arrange the requirements, and the sigmas that each allows its sources; none without requirements."""
+def requirements_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section | None:
+    """Arrange the requirements, a figure of those over time, and the sigmas that each allows; none without any."""
     if not content.summary.requirements:
         return None
     confidence, _ = _levels(content)
     asked = requirements_table(content.summary, "shown", content.time_unit, confidence).read
     allowed = allowed_by_requirement(content.summary)
     folded = [Folded(f"Allowed source sigmas: {words}", [table]) for words, table in allowed.items()]
-    return Section("requirements", "Requirements", [asked, *folded])
+    return Section("requirements", "Requirements", [asked, *joined(drawn.get("requirements_over_time")), *folded])
 
 
 def sigmas_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section:

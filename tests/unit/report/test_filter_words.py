@@ -148,6 +148,17 @@ def test_answers_without_what_they_need() -> None:
     assert rows(replace(found, outputs=(growing, *found.outputs[1:])), None)[0].worst is None  # it is the end
 
 
+def test_the_interval_that_a_verdict_rests_on() -> None:
+    """Of a consistent ratio that of its epoch, of others that of all epochs together."""
+    each = consistency().outputs[0].ratio.each
+    together, at = (0.8, 1.3), 7
+    rests = {
+        verdict: filter_tables.deciding_interval(Finding(verdict, 1.0, together, worst=at), each) for verdict in Honesty
+    }
+    assert rests.pop(Honesty.CONSISTENT) == tuple(each[at])
+    assert set(rests.values()) == {together}
+
+
 def test_findings() -> None:
     found = consistency()
     departed = Finding(Honesty.OPTIMISTIC, 1.7, worst=22, begin=20, end=24)

@@ -92,6 +92,17 @@ def test_the_filters_largest_certain_departure() -> None:
     assert " min (" in tile.of
 
 
+def test_a_consistent_filter_has_the_interval_that_its_verdict_rests_on() -> None:
+    """That of the epoch alone, if it is known; the one that holds at all epochs together may reach farther."""
+    summary = run("agrees", 1.0)
+    tile = tiles(summary, sentences.statements(summary), SECTIONS, "min", (0.97, 1.04))[-2]
+    assert (tile.subject, tile.status) == ("Filter", "consistent")
+    assert tile.of.endswith(" (0.970 to 1.04)")
+    assert tile.strip is not None
+    assert (tile.strip.low, tile.strip.high) == (0.97, 1.04)
+    assert not tiles_of(summary)[-2].of.endswith(")")
+
+
 def test_the_requirement_with_the_least_margin() -> None:
     """A finding outweighs a margin; of one finding the share of the limit that the estimate uses counts."""
     near = requirement("met", estimate=1.9, limits=[2.0], interval=[1.85, 1.95])

@@ -1,0 +1,95 @@
+"""Requirements over time: the quantile that each limits, with its bounds, linear analysis, and the limit."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav.analysis.requirement_curves import RequirementCurve
+from mcnav.analysis.summary import RequirementEntry
+from mcnav.report.figures.figure import Figure, side_by_side
+from mcnav.report.figures.gapped import areas, curve, known_ends, upward
+from mcnav.report.figures.marks import Mark, Panel, Rule, Series, axis
+from mcnav.report.figures.outages import outages, shading_key
+from mcnav.report.figures.palette import AREA, FLOWN, INK, LINEAR
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize
+from mcnav.report.requirements import RADII, RequirementRow, requirement_rows
+
+ESTIMATE: Final = Series("flown", "Monte Carlo", FLOWN)
+BOUNDS: Final = Series("bounds", "its bounds at each epoch", AREA, "area")
+BY_LINEAR: Final = Series("linear", "linear, normal errors", LINEAR, "dashed")
+LIMIT: Final = Series("limit", "limit, where it holds", INK, "long")
+
+
+LONGEST: Final = 56
+"""Characters of a panel's title."""
+
+
+def requirements_over_time(content: RunAnalysis) -> Figure | None:
+    """Draw each requirement that holds at epochs; none without any, or without histories."""
+    curves = content.requirement_curves
+    rows = requirement_rows(content.summary, "shown", content.time_unit)
+    drawn = [(row, curve) for row, curve in zip(rows, curves, strict=True) if curve is not None] if curves else []
+    if not drawn:
+        return None
+    shaded = outages(content)
+    label = "time" if content.development is None else content.development.label
+    columns: dict[str, Any] = {"requirement": [], label: []}
+    for row, each in drawn:
+        columns["requirement"] += [row.words] * len(each.times)
+        columns[label] += each.times.tolist()
+    for name, values in (
+        ("Monte Carlo", [each.estimate * row.scale for row, each in drawn]),
+        ("lower bound", [each.bounds[:, 0] * row.scale for row, each in drawn]),
+        ("upper bound", [each.bounds[:, 1] * row.scale for row, each in drawn]),
+        ("linear", [each.linear * row.scale for row, each in drawn]),
+        ("limit", [_limit(row, each) for row, each in drawn]),
+    ):
+        columns[name] = np.concatenate(values)
+    columns["unit"] = [row.unit for row, each in drawn for _ in each.times]
+    linear = any(np.isfinite(each.linear).any() for _, each in drawn)
+    confidence = f"{100.0 * content.summary.confidence:g} %"
+    return Figure(
+        name="requirements-over-time",
+        title="Requirements over time",
+        description="Quantile of the errors that each requirement limits over time by Monte Carlo with its bounds, and "
+        "by linear analysis, with the limit where it holds.",
+        panels=[_panel(row, each, label, [*shaded]) for row, each in drawn],
+        key=[ESTIMATE, BOUNDS, *([BY_LINEAR] if linear else []), LIMIT, *shading_key(shaded)],
+        columns=columns,
+        size=side_by_side(len(drawn)),
+        caption=f"Bounds are one-sided at {confidence} each at one epoch and distribution-free; what is found of a "
+        "requirement takes all its epochs together.",
+    )
+
+
+def _limit(row: RequirementRow, each: RequirementCurve) -> NDArray[np.float64]:
+    """Return the limit where the requirement holds, in the unit shown; NaN elsewhere."""
+    return np.where(each.holds, row.entry.limits[0] * row.scale, np.nan)
+
+
+def measure(entry: RequirementEntry) -> str:
+    """Name the quantile that a requirement limits, such as ``R95`` or ``99 % quantile``."""
+    return entry.kind.upper() if entry.kind in RADII else f"{100.0 * (entry.probability or 0.0):g} % quantile"
+
+
+def _panel(row: RequirementRow, each: RequirementCurve, label: str, shaded: list[Mark]) -> Panel:
+    estimate, linear, limit = each.estimate * row.scale, each.linear * row.scale, _limit(row, each)
+    ends = np.where(known_ends(each.bounds)[:, None], each.bounds * row.scale, np.nan)
+    reach = np.concatenate([estimate, linear, limit, ends.ravel()])
+    at = row.entry.time
+    marks: list[Mark] = [
+        *shaded,
+        *areas(BOUNDS, each.times, ends),
+        *(curve(BY_LINEAR, each.times, linear) if np.isfinite(linear).any() else []),
+        *curve(ESTIMATE, each.times, estimate),
+        *curve(LIMIT, each.times, limit),
+        *([] if at is None or not each.holds.sum() > 1 else [Rule(at, kind="dotted")]),
+    ]
+    title = f"{measure(row.entry)} of {', '.join(map(humanize, row.entry.outputs))}"
+    full = f"{title}, {row.entry.when}"
+    title = full if len(full) <= LONGEST else title
+    return Panel(title, axis(label, margin=0.0, link=True), upward(measure(row.entry), row.unit, reach), marks)
