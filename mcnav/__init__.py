@@ -53,9 +53,10 @@ if TYPE_CHECKING:
     )
     from mcnav.systems.closed_loop.strapdown.navigator import Strapdown
     from mcnav.systems.user.flown import Flown, Innovations
-    from mcnav.workflow.analyse import report_run, samples_of, summary_of
+    from mcnav.workflow.analyse import report_run, samples_of
     from mcnav.workflow.compare import RunComparison, compare_runs
     from mcnav.workflow.export import export_run
+    from mcnav.workflow.stored_summary import summary_of
 
 _HOMES = {
     "Attitude": "mcnav.systems.closed_loop.declarations",
@@ -103,7 +104,7 @@ _HOMES = {
     "report_run": "mcnav.workflow.analyse",
     "run_campaign": "mcnav.notebook",
     "samples_of": "mcnav.workflow.analyse",
-    "summary_of": "mcnav.workflow.analyse",
+    "summary_of": "mcnav.workflow.stored_summary",
     "sweep": "mcnav.notebook",
     "Track": "mcnav.logs.track",
 }

@@ -129,9 +129,8 @@ def _reported_errors(file: Path | None, given: Path | None) -> Iterator[None]:
 
     Those of scenarios name the campaign file, and where memory is short what was given.
     """
-    from mcnav.contract.scenario import ScenarioError
+    from mcnav.contract.errors import ScenarioError, SimulationFailed
     from mcnav.errors import CampaignError, ClusterError, Problem, RunFolderBusy, RunFolderError, TooManyFailures
-    from mcnav.lincov.partials import SimulationFailed
 
     try:
         yield
@@ -306,7 +305,7 @@ def run(
     Example: mcnav run campaigns/11_cruise.toml --samples 1000
     """
     from mcnav.config.read import read_campaign
-    from mcnav.execution.dask_cluster import open_executor
+    from mcnav.execution.executors import open_executor
     from mcnav.report import progress
     from mcnav.workflow.run import engine_of, run_campaign
 
@@ -514,12 +513,11 @@ def compare(
     from mcnav.report.output_columns import output_rows
     from mcnav.report.show import escaped
     from mcnav.report.terminal_parts import printed
-    from mcnav.workflow.analyse import summary_of
-    from mcnav.workflow.compare import compare_runs, page_name
+    from mcnav.workflow.compare import compare_runs, compared_summary, page_name
 
     page = None if html is None else output_file(html, page_name(folders), [".html"])
     runs, verdicts = dict[str, Summary](), []
-    for name, summary in {str(folder): summary_of(folder) for folder in folders}.items():
+    for name, summary in {str(folder): compared_summary(folder) for folder in folders}.items():
         with reading_file(Path(name) / "summary.json"):
             runs[name] = shown = Summary.of(escaped(summary))
             terminal.comparison({name: shown})

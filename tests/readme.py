@@ -15,8 +15,8 @@ import numpy as np
 
 from mcnav.store.run_folder import RunFolder
 from mcnav.units import conversion
-from mcnav.workflow.analyse import summary_of
 from mcnav.workflow.figure import draw_figure
+from mcnav.workflow.stored_summary import summary_of
 from tests.commands import invoke
 
 ROOT: Final = Path(__file__).parent.parent

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.analysis.filter_causes import MEAN
+from mcnav.analysis.filter_consistency import MEAN
 
 LEAST: Final = 0.001
 """Smallest share that is listed."""

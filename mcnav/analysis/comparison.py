@@ -26,7 +26,7 @@ from mcnav.analysis.combinations import Combination, FixedCombination, compare_f
 from mcnav.analysis.decision_rule import DecisionRule
 from mcnav.analysis.ellipsoid import Ellipsoid, compare_ellipsoid, name_combinations
 from mcnav.analysis.multivariate import MultivariateTests, compare_jointly
-from mcnav.analysis.verdict import Judgement, Verdict, combine_verdicts
+from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Judgement, Verdict, combine_verdicts
 from mcnav.lincov.block_sums import BlockSums, Normalization
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.sampling.designs import SamplingDesign
@@ -35,9 +35,6 @@ from mcnav.statistics.estimates import Estimate, block_begins
 from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.whitening import whitening
-
-LARGEST_FAILED_SHARE: Final = 1e-3
-"""Largest share of failed samples with which agreement is claimed."""
 
 ROUNDING: Final = 1e-10
 """A sigma below this share of the terms that form it is rounding, and counts as zero."""

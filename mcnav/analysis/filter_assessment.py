@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array
-from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion
+from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_causes import Departure, largest_departure, neglected_errors
 from mcnav.analysis.filter_consistency import (
     Band,
@@ -42,6 +42,7 @@ from mcnav.analysis.filter_judgement import (
     undecidable,
 )
 from mcnav.analysis.filter_remarks import remarks_on
+from mcnav.analysis.verdict import LARGEST_FAILED_SHARE
 from mcnav.statistics.filter_sums import FilterMeans, Means
 from mcnav.statistics.mean_square import mean_square_bounds, share_bounds, share_intervals
 

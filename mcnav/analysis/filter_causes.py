@@ -12,12 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.filter_consistency import NeglectedError, rounding_floor
+from mcnav.analysis.filter_consistency import MEAN, NeglectedError, rounding_floor
 from mcnav.analysis.filter_evidence import LinearFilter
-
-MEAN: Final = "mean_of_"
-"""Beginning of the name of an error whose mean is larger than its sigma."""
-
 
 NEARLY: Final = 0.99
 """Share of the largest ratio from which another one counts as equal: of a steady filter all are, but for rounding."""

@@ -27,6 +27,9 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 
+MEAN: Final = "mean_of_"
+"""Beginning of the name of an error whose mean is larger than its sigma."""
+
 
 class Honesty(StrEnum):
     """Verdict on the ratio of true sigma to the filter's sigma."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -17,8 +17,11 @@ from mcnav.analysis.filter_consistency import (
     SigmaConsistency,
 )
 from mcnav.analysis.filter_decision import Decision
-from mcnav.statistics.filter_sums import FilterMeans
 from mcnav.statistics.power import sensible_step
+
+if TYPE_CHECKING:
+    from mcnav.statistics.filter_sums import FilterMeans
+
 
 GROUPS: Final[Mapping[str, str]] = {"all": "all states", "sensors": "errors of instruments and sensors"}
 """Groups of states in a sentence, where their names do not say it."""

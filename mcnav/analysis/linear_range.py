@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.analysis.linear_covariance import LinearCovariance
+
+if TYPE_CHECKING:
+    from mcnav.analysis.linear_covariance import LinearCovariance
 
 
 @dataclass(frozen=True)

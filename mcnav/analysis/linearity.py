@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion, Model, compare
-from mcnav.analysis.verdict import Verdict
+from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Verdict
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult
 from mcnav.lincov.partials import Propagate

@@ -24,6 +24,9 @@ NUMERICAL: Final = 1e-9
 """Difference of a ratio from one that derivatives by differences, and steps of integration, may leave: it is shown as
 zero, and nothing is said of it."""
 
+LARGEST_FAILED_SHARE: Final = 1e-3
+"""Largest share of failed samples with which agreement is claimed."""
+
 HOPELESS: Final = 1e4
 """Ratio of half width to distance from the tolerance above which no number of samples is given (1e8 times as many)."""
 

@@ -19,7 +19,7 @@ from mcnav.entries.validation import validate
 from mcnav.errors import CampaignError, Problem
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.store.manifest import RequirementRecord
-from mcnav.store.run_folder import CAMPAIGN
+from mcnav.store.run_files import CAMPAIGN
 from mcnav.systems.user.scenario import is_users
 
 MOST_STORED: Final = 1_000_000_000

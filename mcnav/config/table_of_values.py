@@ -17,7 +17,7 @@ from mcnav.errors import suggestion
 from mcnav.files import read_whole
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.chunk_files import table_from
-from mcnav.store.run_folder import TABLES
+from mcnav.store.run_files import TABLES
 from mcnav.units import UnitError, quantity
 
 TABLE: Final = "table"

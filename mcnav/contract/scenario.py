@@ -8,6 +8,7 @@ from typing import Protocol, TypeGuard
 
 from mcnav._types import Array
 from mcnav.contract.engine import Engine
+from mcnav.contract.errors import ScenarioError as ScenarioError
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import History, StartClock
 from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
@@ -299,11 +300,3 @@ def runs_user_code(scenario: Scenario) -> bool:
 def is_differenced(scenario: Scenario) -> bool:
     """Return whether derivatives are differences of whole simulations."""
     return Capability.DIFFERENCED in scenario.can
-
-
-class ScenarioError(ValueError):
-    """A scenario that cannot be simulated as described; `key` names the entry that would have to change."""
-
-    def __init__(self, key: str, message: str) -> None:
-        super().__init__(message)
-        self.key = key

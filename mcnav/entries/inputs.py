@@ -40,10 +40,6 @@ _IGNORED_PART: Final = re.compile(r"__pycache__|\.cache|\.matplotlib|.*\.(?:egg|
 _IGNORED_SUFFIX: Final = frozenset({".py", ".pyc", ".pyi", ".so", ".pyd", ".dll", ".nbi", ".nbc", ".pth"})
 
 
-INPUTS: Final = "inputs"
-"""Folder of a run with copies of the files that its scenario reads."""
-
-
 @dataclass(frozen=True)
 class SourceFile:
     """Name and text of a user's Python file."""

@@ -28,16 +28,13 @@ from mcnav._subprocess import interrupts_blocked, start_trackers
 from mcnav.errors import ClusterError
 from mcnav.execution.chunks import ChunkJob, SampleRange, find_chunk
 from mcnav.execution.dask_worker import incompatibility, processor, simulate_on_worker
+from mcnav.execution.executors import JOBS
 from mcnav.execution.identity import versions
 from mcnav.execution.processes import end_workers_apart, simulate_isolated
-from mcnav.execution.runner import ChunkExecutor
 from mcnav.files import write_whole
 from mcnav.store.chunk_files import ChunkFile, chunk_name
 from mcnav.store.run_folder import RunFolder
 from mcnav.units import printable
-
-JOBS: Final = 2
-"""Default number of workers."""
 
 ANSWERS: Final = 10.0
 """Seconds that a scheduler may take to answer."""
@@ -352,22 +349,3 @@ def _scratch() -> Iterator[tuple[str, _Held]]:
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         resource_tracker.unregister(folder, "folder")
-
-
-@contextmanager
-def open_executor(
-    scheduler: str | None, workers: int | None, jobs: int | None
-) -> Iterator[tuple[ChunkExecutor | None, int, list[str]]]:
-    """Yield the executor of a command's options, none for this machine; its workers, and notices for the user.
-
-    Raises `ClusterError` when the options contradict each other, or the cluster cannot be used.
-    """
-    if scheduler is not None and workers is not None:
-        raise ClusterError("--dask makes a cluster of its own, --scheduler names one that is there; give one of them")
-    if scheduler is None and workers is None:
-        yield None, jobs or JOBS, []
-        return
-    if jobs is not None:
-        raise ClusterError("--jobs counts workers without a cluster; --dask N makes N, and a --scheduler has its own")
-    with connect(scheduler, workers or JOBS) as (cluster, notices):
-        yield cluster.simulate, cluster.threads, notices

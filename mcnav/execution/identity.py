@@ -20,8 +20,9 @@ from mcnav.files import to_json
 from mcnav.lincov.block_sums import block_size
 from mcnav.sampling.designs import REPLICATES, block_length
 from mcnav.store.chunk_files import identities_in
-from mcnav.store.manifest import CodeRecord, Identity, json_digest
-from mcnav.store.run_folder import MANIFEST, RunFolder
+from mcnav.store.manifest import CodeRecord, Identity
+from mcnav.store.run_files import MANIFEST, json_digest
+from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import SLOW, SUMMARY, summary_chunk
 
 LIBRARIES: Final = ("numpy", "scipy", "numba", "pyarrow")

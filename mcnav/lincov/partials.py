@@ -13,6 +13,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.engine import Engine, HistoryEngine, without_noise
+from mcnav.contract.errors import SimulationFailed as SimulationFailed
 from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import Scenario
@@ -38,10 +39,6 @@ QUICK: Final = 1_024
 METHODS: Final = ("variational", "differences", "runs")
 """The equations of variation along the truth; one error at a time on the ensemble engine; F S^-1 from independent error
 sets on the reference engine."""
-
-
-class SimulationFailed(ArithmeticError):
-    """Failure of a sample that a derivative needs."""
 
 
 def require_fast(engine: Engine) -> None:

@@ -36,7 +36,7 @@ from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Mark, Panel, Rule, Series
 from mcnav.report.figures.palette import LINEAR, SOURCE_COLOURS
 from mcnav.report.format import interval, number, with_error
-from mcnav.report.model import humanize, labels_in
+from mcnav.report.names import humanize, labels_in
 from mcnav.statistics.estimates import Estimate
 from mcnav.store.manifest import Manifest
 from mcnav.units import conversion

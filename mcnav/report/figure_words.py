@@ -22,7 +22,8 @@ from mcnav.report.figures.sources import contributors, variance_over_time
 from mcnav.report.format import number, rounded, signed
 from mcnav.report.joint_words import BRIEFLY, combination_words, joined
 from mcnav.report.kinds import planes, quantities
-from mcnav.report.model import RunAnalysis, humanize, shown_units
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize, shown_units
 from mcnav.report.requirements import RequirementRow, requirement_rows
 
 TAIL: Final = 0.05

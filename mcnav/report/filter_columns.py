@@ -12,7 +12,7 @@ from mcnav.analysis.summary import Ends, FilterRatio, FilterSummary, NeglectedEn
 from mcnav.report.document import Cell, Column, Table
 from mcnav.report.filter_verdict import LEAST, TONES
 from mcnav.report.format import interval, number, percent, rounded
-from mcnav.report.model import humanize, labels_in
+from mcnav.report.names import humanize, labels_in
 from mcnav.report.result_table import ResultColumn, ResultTable, Units, in_units
 from mcnav.report.sentences import more_samples
 from mcnav.report.strip import Strip

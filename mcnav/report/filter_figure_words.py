@@ -11,7 +11,7 @@ from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistenc
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.report.figures.filter_errors import sigmas
 from mcnav.report.format import rounded
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 
 
 def sigma_history(result: FilterConsistency) -> str:

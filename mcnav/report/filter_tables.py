@@ -15,7 +15,8 @@ from mcnav.report.document import Cell
 from mcnav.report.figures.filter_errors import sigmas
 from mcnav.report.filter_verdict import TONES, worst_sigmas
 from mcnav.report.format import number, rounded
-from mcnav.report.model import RunAnalysis, humanize
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize
 from mcnav.report.output_columns import OutputEntry
 from mcnav.report.strip import Strip
 

@@ -6,7 +6,7 @@ from typing import Final
 
 from mcnav.analysis.summary import FilterSummary, Summary
 from mcnav.report.format import number
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 
 TONES: Final = {
     "consistent": "agrees", "optimistic": "differs", "pessimistic": "partly", "undecided": "undecided",

@@ -35,7 +35,7 @@ from mcnav.report.identified import (
     ParameterRow,
     SigmaRow,
 )
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 from mcnav.units import conversion
 
 WORDS: Final = {

@@ -10,7 +10,7 @@ from typing import Final
 from mcnav.analysis.summary import ContainedEntry, HypothesisEntry, Summary
 from mcnav.report.document import Cell, Column, five_digits
 from mcnav.report.format import fixed, number, probability
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 from mcnav.report.result_table import ResultColumn, ResultTable
 
 HYPOTHESES: Final = {

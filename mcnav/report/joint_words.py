@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from scipy import special
+import scipy  # its special functions are imported when one is called
 
 from mcnav.analysis.summary import CombinationEntry, Joint, Summary
 from mcnav.report.format import number, percent
-from mcnav.report.model import humanize, shown_units
+from mcnav.report.names import humanize, shown_units
 from mcnav.statistics.power import sensible_step
 
 LEAST: Final = 0.01
@@ -160,7 +160,7 @@ def _agreement(summary: Summary) -> str:
 
 def _is_certain(bias: float, error: float, confidence: float) -> bool:
     """Return whether a bias is not zero; a normal interval, for errors of many samples."""
-    return abs(bias) > float(special.ndtri(0.5 + 0.5 * confidence)) * error
+    return abs(bias) > float(scipy.special.ndtri(0.5 + 0.5 * confidence)) * error
 
 
 def _sigmas(sigmas: CombinationEntry, summary: Summary) -> tuple[str, str, str]:

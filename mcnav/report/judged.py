@@ -20,7 +20,7 @@ from mcnav.judgement.verdict import (
 )
 from mcnav.report.document import Cell, Column, Lines, Note, Part, Sentence, Table, Verdict, joined
 from mcnav.report.format import number
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 from mcnav.units import conversion
 
 TWICE: Final = FACTORS.index(2.0)

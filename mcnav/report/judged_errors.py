@@ -14,7 +14,7 @@ from mcnav.report.figures.figure import Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Series
 from mcnav.report.figures.palette import FILTER, POINT
 from mcnav.report.format import number
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 
 LEVEL: Final = 0.05
 """Probability of a false alarm of all tests together, shared equally (Bonferroni)."""

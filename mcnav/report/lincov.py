@@ -23,7 +23,7 @@ from mcnav.report.lincov_words import (
     size_words,
     worst_first,
 )
-from mcnav.report.model import scale_of
+from mcnav.report.names import scale_of
 from mcnav.report.requirements import TONES, NamedRequirement, stated
 from mcnav.units import conversion
 

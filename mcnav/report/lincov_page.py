@@ -44,7 +44,7 @@ from mcnav.report.lincov import (
     smoothed_rows,
     statements,
 )
-from mcnav.report.model import humanize, scale_of
+from mcnav.report.names import humanize, scale_of
 from mcnav.report.requirements import listed
 from mcnav.report.sections.what_if import what_if_section
 from mcnav.report.sentences import BEYOND, noticed

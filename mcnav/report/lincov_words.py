@@ -10,8 +10,8 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.causes import Cause, causes_of
-from mcnav.analysis.filter_causes import MEAN, NEARLY
-from mcnav.analysis.filter_consistency import Honesty
+from mcnav.analysis.filter_causes import NEARLY
+from mcnav.analysis.filter_consistency import MEAN, Honesty
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import NOMINAL
@@ -21,7 +21,7 @@ from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.filter_verdict import LEAST
 from mcnav.report.filter_verdict import TONES as FILTER_TONES
 from mcnav.report.format import number, signed
-from mcnav.report.model import humanize, scale_of
+from mcnav.report.names import humanize, scale_of
 from mcnav.report.requirements import NAMED, listed
 from mcnav.report.vector_sizes import size_sentence
 

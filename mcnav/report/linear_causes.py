@@ -6,7 +6,7 @@ import numpy as np
 
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.causes import causes_of
-from mcnav.analysis.filter_causes import MEAN
+from mcnav.analysis.filter_consistency import MEAN
 from mcnav.report.model import RunAnalysis
 from mcnav.report.requirements import NAMED
 

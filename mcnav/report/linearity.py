@@ -36,7 +36,7 @@ from mcnav.report.linearity_words import (
     multiple_words,
     without_sigma,
 )
-from mcnav.report.model import humanize, labels_of
+from mcnav.report.names import humanize, labels_of
 from mcnav.report.sentences import JOINT
 
 ALL_AT_ONCE: Final = "all at once"

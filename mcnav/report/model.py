@@ -26,12 +26,12 @@ from mcnav.analysis.vector_sizes import SampledSize
 from mcnav.analysis.what_if import WhatIf
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearSystem
-from mcnav.contract.quantities import EndWords, Output, Source, end_words, kinds_of, source_labels
+from mcnav.contract.quantities import EndWords, end_words, kinds_of
+from mcnav.report.names import humanize, labels_of, scale_of
 from mcnav.report.summary import summarise
 from mcnav.store.chunk_files import Samples
-from mcnav.store.manifest import Manifest, Variable
+from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import RunFolder
-from mcnav.units import conversion
 
 
 @dataclass(frozen=True)
@@ -219,35 +219,3 @@ class RunAnalysis:
         """Final errors of the samples that did not fail, in the units shown, shape (n, outputs)."""
         known = np.isfinite(self.outputs).all(axis=1)
         return np.asfortranarray(self.outputs if known.all() else self.outputs[known]) * self.output_scale
-
-
-def scale_of(variables: Sequence[Variable | Source | Output]) -> Array:
-    """Return what SI values of outputs or sources are multiplied by to be shown."""
-    return np.array([conversion(each.unit, each.shown_in) for each in variables])
-
-
-def labels_of(sources: Sequence[Variable | Source], outputs: Sequence[Variable | Output]) -> list[str]:
-    """Return names of the sources for people."""
-    return source_labels([each.name for each in sources], [each.name for each in outputs])
-
-
-def labels_in(summary: Summary) -> list[str]:
-    """Return names for people of the sources of a summary."""
-    return source_labels([source.name for source in summary.sources], summary.names)
-
-
-def shown_units(summary: Summary) -> dict[str, tuple[float, str]]:
-    """Return for each output of a summary the factor from SI and the unit shown."""
-    return {
-        output.name: (conversion(output.unit, shown), shown)
-        for output, shown in zip(summary.outputs, summary.units_shown, strict=True)
-    }
-
-
-def humanize(name: str) -> str:
-    """Replace the underscores of a key by spaces.
-
-    >>> humanize("gyro_drift")
-    'gyro drift'
-    """
-    return name.replace("_", " ")

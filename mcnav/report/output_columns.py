@@ -13,7 +13,7 @@ from mcnav.contract.quantities import AT_END, FINAL_ERRORS, KINDS, end_words, ki
 from mcnav.report import sentences
 from mcnav.report.document import Cell, Column, Table, five_digits
 from mcnav.report.format import interval, number, with_error
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 from mcnav.report.result_table import ResultColumn, ResultTable, Row, Units, in_units, row_of
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import Final
 from mcnav.analysis.summary import QuantileEntry, Summary
 from mcnav.report.document import Cell, Column
 from mcnav.report.format import number
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 from mcnav.report.result_table import ResultColumn, ResultTable, Units, in_units
 
 TITLE: Final = "Quantiles of the errors' absolute values; of two outputs the CEP"

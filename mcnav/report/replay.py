@@ -14,7 +14,7 @@ from mcnav.report.document import Cell, Column, Facts, Lines, Note, Page, Part, 
 from mcnav.report.figures.flight import flight
 from mcnav.report.format import number
 from mcnav.report.html import page_html
-from mcnav.report.model import humanize, labels_of
+from mcnav.report.names import humanize, labels_of
 from mcnav.units import conversion
 
 

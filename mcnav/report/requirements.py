@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.filter_causes import MEAN
+from mcnav.analysis.filter_consistency import MEAN
 from mcnav.analysis.summary import RequirementEntry, Summary
 from mcnav.report import sentences
 from mcnav.report.document import Cell, Column, Table
 from mcnav.report.format import number
-from mcnav.report.model import humanize, labels_in, shown_units
+from mcnav.report.names import humanize, labels_in, shown_units
 from mcnav.report.result_table import ResultColumn, ResultTable, Units, in_units
 from mcnav.statistics.demonstration import runs_to_show
 

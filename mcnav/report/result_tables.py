@@ -102,6 +102,11 @@ def _budget(results: Results) -> list[Row]:
     return rows
 
 
+def budget_table(results: Results) -> ResultTable:
+    """Tabulate the linear error budget."""
+    return ResultTable.of_rows("budget", "Linear error budget", 2, _budget(results))
+
+
 def _simulated_budget(results: Results) -> list[Row]:
     """List the variance with each source alone and without it, and Sobol indices."""
     flown, linear = results.summary.budget.flown, results.summary.covariance_linear
@@ -188,7 +193,7 @@ def _failures(results: Results) -> list[Row]:
 FINAL_TABLES: Final[tuple[Build, ...]] = (
     _of_rows("verdict", "Verdict", 1, _verdict),
     lambda results: outputs_table(results.summary, results.units),
-    _of_rows("budget", "Linear error budget", 2, _budget),
+    budget_table,
     _of_rows("simulated_budget", "Variance with each source alone and without it, over the linear variance", 2,
              _simulated_budget),
     lambda results: requirements_table(results.summary, results.units),

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from mcnav.analysis.comparison import LARGEST_FAILED_SHARE
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.summary import Beyond, Summary, Tally, Unsettled
-from mcnav.analysis.verdict import NUMERICAL
+from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, NUMERICAL
 from mcnav.contract.failure import message_of
 from mcnav.report import filter_verdict, joint_words
 from mcnav.report.format import percent
-from mcnav.report.model import humanize, labels_in
+from mcnav.report.names import humanize, labels_in
 from mcnav.report.vector_sizes import size_sentences
 from mcnav.statistics.power import sensible_step
 

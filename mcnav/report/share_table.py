@@ -14,7 +14,7 @@ from mcnav.contract.quantities import KINDS, Output, kinds_of
 from mcnav.report.document import Cell, Column, Part, Sentence, Table
 from mcnav.report.figures.sources import Contributor
 from mcnav.report.format import ROUNDING, number, share
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 from mcnav.store.manifest import Variable
 
 SMALLEST: Final = 1e-12

@@ -16,9 +16,9 @@ from mcnav.report import terminal
 from mcnav.report.filter_columns import groups_table, sensors_table, sigmas_of
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import share
-from mcnav.report.model import humanize, labels_in
+from mcnav.report.names import humanize, labels_in
 from mcnav.report.result_table import ResultTable, Units
-from mcnav.report.result_tables import CORRELATIONS
+from mcnav.report.result_tables import CORRELATIONS, Results, budget_table
 from mcnav.report.terminal_parts import fitted
 from mcnav.units import printable
 
@@ -46,13 +46,13 @@ def unknown_table(tables: Mapping[str, ResultTable], name: str) -> str:
     return f"the run has no table {printable(name)!r}{suggestion(name, list(tables))}"
 
 
-def show(summary: Summary, tables: Mapping[str, ResultTable], units: Units = "shown") -> RenderableType:
-    """Show verdicts, sigmas, budget, requirements and consistency of the filter; ``tables`` are all of the run."""
+def show(summary: Summary, units: Units = "shown") -> RenderableType:
+    """Show verdicts, sigmas, budget, requirements and consistency of the filter."""
     parts: list[RenderableType] = [terminal.comparison({"": summary}), terminal.verdict(summary)]
     if (warning := terminal.warnings({summary.campaign: summary})) is not None:
         parts.insert(0, warning)
     if any(summary.sigma_linear) and not summary.beyond_range:
-        parts.append(budget(summary, tables["budget"]))
+        parts.append(budget(summary, budget_table(Results(summary, units))))
     if summary.requirements:
         parts.append(terminal.requirements(summary))
     if summary.filter:

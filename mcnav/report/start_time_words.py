@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.analysis.comparison import Comparison
 from mcnav.analysis.linear_range import limits_of, outputs_beyond
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.contract.quantities import Output, kind_of
-from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report.format import number
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 from mcnav.units import conversion
+
+if TYPE_CHECKING:
+    from mcnav.analysis.comparison import Comparison
+    from mcnav.lincov.start_times import StartTimeStudy
 
 
 def minutes(seconds: float) -> str:

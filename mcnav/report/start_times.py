@@ -31,7 +31,7 @@ from mcnav.report.document import (
 )
 from mcnav.report.figures import start_times as drawn
 from mcnav.report.format import interval, number
-from mcnav.report.model import humanize, labels_of, scale_of
+from mcnav.report.names import humanize, labels_of, scale_of
 from mcnav.report.sentences import NOT_DISTURBED, output_words
 from mcnav.report.start_time_words import answer, minutes
 from mcnav.units import conversion

@@ -32,7 +32,7 @@ from mcnav.report.document import (
 )
 from mcnav.report.figures import sweep as drawn
 from mcnav.report.format import interval, number
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 from mcnav.report.requirements import TONES
 from mcnav.report.result_table import Row
 from mcnav.report.sweep import frame

@@ -12,7 +12,7 @@ from mcnav.analysis.accuracy_measures import BOX, DRMS, SIGMA, Measure
 from mcnav.analysis.curve_refinement import MOST_ADDED
 from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
 from mcnav.report.figures import sweep as drawn
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 from mcnav.report.output_columns import output_rows
 from mcnav.report.result_table import Row
 

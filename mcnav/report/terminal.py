@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from mcnav._types import Array
-from mcnav.analysis.comparison import Comparison
 from mcnav.analysis.summary import Summary
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.contract.quantities import Output, Source, end_words
-from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report import sentences, start_time_words
 from mcnav.report.export import partial_rows
 from mcnav.report.fitted_table import FittedTable, numbers, texts
-from mcnav.report.model import humanize, labels_of, scale_of
+from mcnav.report.names import humanize, labels_of, scale_of
 from mcnav.report.output_columns import outputs_of_runs
 from mcnav.report.requirements import requirements_table
 from mcnav.report.terminal_parts import COLOURS, fitted
+
+if TYPE_CHECKING:
+    from mcnav.analysis.comparison import Comparison
+    from mcnav.lincov.start_times import StartTimeStudy
+
 
 ELSEWHERE = "report.html or --format csv"
 """Where a narrow terminal's missing columns are."""

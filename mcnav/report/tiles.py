@@ -14,7 +14,7 @@ from mcnav.report import sentences
 from mcnav.report.document import Tile
 from mcnav.report.format import number, rounded
 from mcnav.report.joint_words import BRIEFLY, combination_words
-from mcnav.report.model import humanize, shown_units
+from mcnav.report.names import humanize, shown_units
 from mcnav.report.requirements import RADII, RequirementRow, requirement_rows
 from mcnav.report.sentences import WORST, Statement, Subject
 from mcnav.report.strip import Strip

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 
-from scipy import special
+import scipy  # its special functions are imported when one is called
 
 from mcnav.statistics.samples_to_decide import MOST
 
@@ -31,7 +31,7 @@ def runs_to_show(probability: float, confidence: float, failures: int = 0) -> in
     def shown(runs: int) -> bool:
         if failures == 0:
             return runs * math.log(probability) <= math.log(risk) * (1.0 - 1e-12)
-        return bool(special.bdtr(failures, runs, 1.0 - probability) <= risk)
+        return bool(scipy.special.bdtr(failures, runs, 1.0 - probability) <= risk)
 
     runs = bisect_left(range(MOST), True, lo=failures + 1, key=shown)
     return runs if runs < MOST else None

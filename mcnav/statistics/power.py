@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from scipy import special
+import scipy  # its special functions are imported when one is called
 
 USUAL_POWER: Final = 0.9
 """Probability of detecting a difference."""
@@ -23,7 +23,7 @@ def detectable_ratio(error: float, degrees_of_freedom: float, confidence: float)
     """
     if degrees_of_freedom < 1.0:
         return math.inf
-    reach = float(special.stdtrit(degrees_of_freedom, [0.5 + 0.5 * confidence, USUAL_POWER]).sum()) * error
+    reach = float(scipy.special.stdtrit(degrees_of_freedom, [0.5 + 0.5 * confidence, USUAL_POWER]).sum()) * error
     return math.expm1(reach) if reach < 700.0 else math.inf
 
 
@@ -34,7 +34,7 @@ def samples_to_detect(departure: float, error: float, count: int, confidence: fl
     """
     if departure <= 0.0:
         raise ValueError(f"departure must be positive; got {departure!r}")
-    reach = float(special.ndtri(0.5 + 0.5 * confidence) + special.ndtri(USUAL_POWER)) * error
+    reach = float(scipy.special.ndtri(0.5 + 0.5 * confidence) + scipy.special.ndtri(USUAL_POWER)) * error
     return count * (reach / math.log1p(departure)) ** 2
 
 

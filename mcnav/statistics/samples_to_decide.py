@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
-from scipy import special
+import scipy  # its special functions are imported when one is called
 
 from mcnav._types import Array
 from mcnav.statistics.power import USUAL_POWER
@@ -99,7 +99,7 @@ def samples_for_ratio(
     54125
     """
     down, up = ratio - interval[0], interval[1] - ratio
-    error = max(down, up) / float(special.ndtri(0.5 + 0.5 * confidence))
+    error = max(down, up) / float(scipy.special.ndtri(0.5 + 0.5 * confidence))
     upper, lower = 1.0 + tolerance - ratio, ratio - 1.0 + tolerance
     if not 0.0 < error < math.inf or upper == 0.0 or lower == 0.0:
         return None
@@ -107,10 +107,10 @@ def samples_for_ratio(
     def power(number: float) -> float:
         shrunk = math.sqrt(count / number)
         if upper > 0.0 and lower > 0.0:
-            clear = special.ndtr(np.array([upper - up * shrunk, lower - down * shrunk]) / (error * shrunk))
+            clear = scipy.special.ndtr(np.array([upper - up * shrunk, lower - down * shrunk]) / (error * shrunk))
             return float(clear.sum() - 1.0)
         beyond = -upper - down * shrunk if upper < 0.0 else -lower - up * shrunk
-        return float(special.ndtr(beyond / (error * shrunk)))
+        return float(scipy.special.ndtr(beyond / (error * shrunk)))
 
     if power(float(MOST)) < USUAL_POWER:
         return None
@@ -149,7 +149,7 @@ def samples_for_ratios(
     >>> samples_for_ratios(np.ones(1), wide, wide, 0.05, 200, (0.95, 0.95), 1)
     2707
     """
-    z_each, z_together = (float(special.ndtri(0.5 + 0.5 * confidence)) for confidence in confidences)
+    z_each, z_together = (float(scipy.special.ndtri(0.5 + 0.5 * confidence)) for confidence in confidences)
     error = 0.5 * (each[:, 1] - each[:, 0]) / z_each
     real = (together[:, 0] > 1.0) | (together[:, 1] < 1.0)
     away = np.where(real, np.abs(ratios - 1.0), 0.0)
@@ -157,10 +157,10 @@ def samples_for_ratios(
     if np.any(edge <= 0.0) or not np.isfinite(error).all():
         return None
     if beyond.any():
-        reach = float(np.min(((z_together + special.ndtri(USUAL_POWER)) * error / edge)[beyond]))
+        reach = float(np.min(((z_together + scipy.special.ndtri(USUAL_POWER)) * error / edge)[beyond]))
     else:
         missed = (1.0 - USUAL_POWER) / max(statements, 1)
-        power = np.where(real, special.ndtri(1.0 - missed), special.ndtri(1.0 - 0.5 * missed))
+        power = np.where(real, scipy.special.ndtri(1.0 - missed), scipy.special.ndtri(1.0 - 0.5 * missed))
         reach = float(np.max((z_each + power) * error / edge))
     needed = count * reach**2
     return max(count + 1, math.ceil(needed)) if needed < MOST else None
@@ -168,7 +168,7 @@ def samples_for_ratios(
 
 def _at_most(number: int, samples: int, share: float) -> float:
     """Compute ``P(Bin(samples, share) <= number)``."""
-    return 1.0 if number >= samples else float(special.betaincc(number + 1.0, samples - number, share))
+    return 1.0 if number >= samples else float(scipy.special.betaincc(number + 1.0, samples - number, share))
 
 
 def _smallest(decides: Callable[[int], bool], allowed: float) -> int:

@@ -18,7 +18,8 @@ from pydantic import Field
 
 from mcnav._types import Array, IndexArray
 from mcnav.contract.failure import OK, Failure
-from mcnav.files import arrow_array, arrow_texts, numbers_in, parquet_bytes, read_whole, repeated_text, write_whole
+from mcnav.files import read_whole, write_whole
+from mcnav.parquet import arrow_array, arrow_texts, numbers_in, parquet_bytes, repeated_text
 from mcnav.units import printable
 
 _TEXT: Final = ("status",)

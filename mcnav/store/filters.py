@@ -13,7 +13,7 @@ from mcnav._types import Array
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.quantities import Output
-from mcnav.files import arrow_table, parquet_bytes
+from mcnav.parquet import arrow_table, parquet_bytes
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 
 MARK: Final = "mcnav.filter"

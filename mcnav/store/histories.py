@@ -21,7 +21,8 @@ from mcnav._types import Array
 from mcnav.contract.history import Epochs
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
-from mcnav.files import arrow_table, check_regular, numbers_in, parquet_bytes
+from mcnav.files import check_regular
+from mcnav.parquet import arrow_table, numbers_in, parquet_bytes
 from mcnav.store.chunk_files import ChunkFile, check_room
 
 MARK: Final = "mcnav.histories"

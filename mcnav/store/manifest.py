@@ -6,12 +6,10 @@ before they existed. Only fields that were set are written.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.quantities import Of
@@ -19,10 +17,8 @@ from mcnav.contract.scenario import ScenarioError
 from mcnav.records import Json, Matrices, Matrix, Number, Record, Vector
 from mcnav.sampling.designs import DESIGNS, SamplingDesign
 from mcnav.store.chunk_files import MOST_SAMPLES, ChunkFile, Count, Digest, SampleSchema, Words
+from mcnav.store.run_files import FORMAT, json_digest, validate
 from mcnav.systems.user.settings import check_unit
-
-FORMAT: Final = 1
-"""Counts the changes after which an earlier program cannot read a manifest."""
 
 MOST_KEYS: Final = 250_000
 """Keys of a campaign: a file of a million bytes, the longest that is read, cannot have more."""
@@ -30,10 +26,6 @@ MOST_KEYS: Final = 250_000
 Positive = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,199}$")]
-
-
-class ManifestError(ValueError):
-    """Content that is no manifest of this program."""
 
 
 class Variable(Record):
@@ -350,15 +342,7 @@ class Manifest(Record):
 
         Raises `ManifestError` naming the first entry that is not as this program writes it.
         """
-        if content.get("format", FORMAT) != FORMAT:
-            raise ManifestError(f"format: got {str(content['format'])[:20]!r}; this version reads format {FORMAT}")
-        try:
-            return cls.model_validate_json(json.dumps(content) if text is None else text)
-        except ValidationError as invalid:
-            first = invalid.errors(include_url=False, include_input=False, include_context=False)[0]
-            message = str(first["msg"]).removeprefix("Value error, ")
-            place = ".".join(map(str, first["loc"]))
-            raise ManifestError(": ".join(filter(None, (place, message[:1].lower() + message[1:])))) from None
+        return validate(cls, content, text)
 
     @property
     def sample_schema(self) -> SampleSchema:
@@ -370,8 +354,3 @@ class Manifest(Record):
     def sampling_design(self) -> SamplingDesign:
         """Dependence between the samples, and what their statistics may rely on."""
         return SamplingDesign.of(self.design, self.samples, self.normal, bool(self.heavy_tailed))
-
-
-def json_digest(content: Mapping[str, Any]) -> str:
-    """SHA-256 of a JSON table."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

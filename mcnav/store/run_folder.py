@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
@@ -25,21 +24,12 @@ from typing import Any, Final
 import filelock
 import pyarrow as pa
 
-from mcnav._recent import Recent
 from mcnav._types import Array
 from mcnav.contract.history import NOMINAL_FLIGHT, History, Panel
-from mcnav.entries.inputs import INPUTS, InputFile
+from mcnav.entries.inputs import InputFile
 from mcnav.errors import RunFolderBusy, RunFolderError
-from mcnav.files import (
-    arrow_table,
-    indented_json,
-    is_temporary,
-    numbers_in,
-    parquet_bytes,
-    read_whole,
-    to_json,
-    write_whole,
-)
+from mcnav.files import INPUTS, is_temporary, read_whole, to_json, write_whole
+from mcnav.parquet import arrow_table, numbers_in, parquet_bytes
 from mcnav.store.chunk_files import (
     LARGEST_CHUNK,
     MOST_EXPANSION,
@@ -53,47 +43,33 @@ from mcnav.store.chunk_files import (
 )
 from mcnav.store.histories import first_histories
 from mcnav.store.inputs import LARGEST_COPY
-from mcnav.store.manifest import FileRecord, Manifest, ManifestError, json_digest
+from mcnav.store.manifest import FileRecord, Manifest
+from mcnav.store.run_files import (
+    CAMPAIGN,
+    EPOCHS,
+    FILES,
+    HISTORIES,
+    HISTORY,
+    LARGEST_JSON,
+    LOCK,
+    MANIFEST,
+    SAMPLES,
+    TABLES,
+    as_text,
+    check_exists,
+    folders_of,
+    json_digest,
+    read_manifest,
+    read_summary,
+    refuse_links,
+    remember_whole,
+)
 from mcnav.systems.histories import check_history
-
-CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
-HISTORY, SAMPLES, LOCK = "history.parquet", "samples", ".lock"
-EPOCHS, HISTORIES, FILTER = "epochs.parquet", "histories.parquet", "filter.parquet"
-FILES: Final = (MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, FILTER, CAMPAIGN)
-TABLES: Final = "tables"
-"""Folder of a run with the tables of its campaign."""
-
-LARGEST_JSON: Final = 64_000_000
-"""Bytes of a manifest or summary; a quarter of a million chunks."""
-
-MOST_ENTRIES: Final = 3_000_000
-"""Entries of a manifest or summary; those of a quarter of a million chunks are half of it."""
 
 READERS: Final = 2
 """Threads that read and verify sample files."""
 
-_SURROGATE: Final = re.compile(rb"\\u[dD][89a-fA-F]")
-"""Half of a surrogate pair as JSON escapes it; this program escapes none."""
-
 _REPLAY: Final = re.compile(r"replay_\d+\.(?:html|csv)")
-
-
-def _as_text(content: Mapping[str, Any]) -> bytes:
-    """Format a JSON file."""
-    return (indented_json(content, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
-_WHOLE: Final = Recent[bool](most=8)
-"""Digests of the last manifests that are as this program writes them: finding out takes longer than reading."""
-
-
-def _is_whole(text: bytes, manifest: Mapping[str, Any]) -> bool:
-    """Return whether a text is that of its manifest, and the manifest has its checksum."""
-    try:
-        content = {key: value for key, value in manifest.items() if key != "checksum"}
-        return _as_text(manifest) == text and manifest.get("checksum") == json_digest(content)
-    except (ValueError, RecursionError):
-        return False
 
 
 def _rows_of(chunk: ChunkFile, stored_rows: int | None) -> int:
@@ -124,7 +100,7 @@ class RunFolder:
         to.
         """
         lock = filelock.FileLock(self.path / LOCK)
-        _refuse_links([self.path / LOCK, *self._all_folders])
+        refuse_links([self.path / LOCK, *folders_of(self.path)])
         try:
             self.chunk_folder.mkdir(parents=True, exist_ok=True)
             lock.acquire(timeout=0)
@@ -139,37 +115,17 @@ class RunFolder:
         finally:
             lock.release()
 
-    def check_links(self) -> None:
-        """Raise `RunFolderError` where a link is in place of a file of a run: it may lead anywhere."""
-        _refuse_links([*(self.path / name for name in (*FILES, LOCK)), *self._all_folders])
-        _refuse_links([path for folder in self._all_folders if folder.is_dir() for path in _links_in(folder)])
-
     def manifest(self) -> Manifest | None:
         """Read the manifest; none when nothing has been run here.
 
         Raises `RunFolderError` when the manifest is damaged, or of a format that this version does not read, or when
         there are links in the folder.
         """
-        self.check_links()
-        remedy = "run the campaign again to mend it"
-        content = self._json(MANIFEST, remedy)
-        if content is None:
-            return None
-        text = self._read(MANIFEST, remedy)
-        if text is None or not _WHOLE.get(hashlib.sha256(text).digest(), lambda: _is_whole(text, content), fits=bool):
-            raise RunFolderError(f"{self.path / MANIFEST}: is damaged or was edited; {remedy}")
-        try:
-            return Manifest.from_json(content, text)
-        except ManifestError as fault:
-            raise RunFolderError(
-                f"{self.path / MANIFEST}: is not as this program writes it ({fault}); {remedy}"
-            ) from None
+        return read_manifest(self.path, Manifest)
 
     def check_exists(self) -> None:
         """Raise `RunFolderError` where there is no folder."""
-        if not self.path.is_dir():
-            missing = "it is a file" if self.path.exists() else "there is no such folder"
-            raise RunFolderError(f"{self.path}: holds no run ({missing})")
+        check_exists(self.path)
 
     def existing_manifest(self) -> Manifest:
         """Read the manifest of a run, finished or not; `RunFolderError` when there is none."""
@@ -191,50 +147,18 @@ class RunFolder:
     def write_manifest(self, manifest: Manifest) -> None:
         """Write the manifest with a checksum of itself."""
         content = manifest.to_json()
-        text = _as_text(content | {"checksum": json_digest(content)})
+        text = as_text(content | {"checksum": json_digest(content)})
         self.write(MANIFEST, text)
-        _WHOLE.get(hashlib.sha256(text).digest(), lambda: True)
+        remember_whole(text)
 
     def summary(self) -> dict[str, Any]:
         """Read the analysed results; `RunFolderError` when there are none, or they are not those of the run."""
-        remedy = "run mcnav report on the folder"
-        manifest, summary = self.manifest(), self._json(SUMMARY, remedy)
-        if summary is None or manifest is None:
-            raise RunFolderError(f"{self.path}: holds no finished run; run the campaign first")
-        same = all(summary.get(key) == getattr(manifest, key) for key in ("campaign", "samples", "seed", "design"))
-        if not (manifest.complete and same):
-            raise RunFolderError(f"{self.path / SUMMARY}: is not that of the run in this folder; {remedy}")
-        return summary
-
-    def _read(self, name: str, remedy: str) -> bytes | None:
-        """Read a file of this folder; none when it is not there."""
-        try:
-            return read_whole(self.path / name, LARGEST_JSON)
-        except (FileNotFoundError, NotADirectoryError):
-            return None
-        except OSError as failure:
-            told = failure.strerror or failure
-            raise RunFolderError(f"{self.path / name}: cannot be read: {told}; {remedy}") from None
-
-    def _json(self, name: str, remedy: str) -> dict[str, Any] | None:
-        result = self._read(name, remedy)
-        if result is None:
-            return None
-        if sum(result.count(mark) for mark in (b",", b"[", b"{")) > MOST_ENTRIES:
-            raise RunFolderError(f"{self.path / name}: has more than {MOST_ENTRIES:,} entries; {remedy}")
-        try:
-            content = json.loads(result.decode("utf-8"))
-            if _SURROGATE.search(result):
-                json.dumps(content, ensure_ascii=False).encode()  # half a pair alone cannot be encoded, nor printed
-        except (ValueError, RecursionError):
-            content = None
-        if not isinstance(content, dict):
-            raise RunFolderError(f"{self.path / name}: is damaged; {remedy}")
-        return content
+        self.manifest()  # all of it is checked, also what the summary does not repeat
+        return read_summary(self.path)
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
         """Write a JSON file of this folder."""
-        self.write(name, _as_text(to_json(content)))
+        self.write(name, as_text(to_json(content)))
 
     def write(self, name: str, content: bytes) -> None:
         """Write a file of this folder, whole; `RunFolderError` when the disk refuses it."""
@@ -284,15 +208,6 @@ class RunFolder:
             return None
         return path if hashlib.sha256(content).hexdigest() == record.sha256 else None
 
-    @property
-    def _folders(self) -> tuple[Path, ...]:
-        """Folders that some runs have beside that of their samples."""
-        return self.path / TABLES, self.path / INPUTS
-
-    @property
-    def _all_folders(self) -> tuple[Path, ...]:
-        return self.chunk_folder, *self._folders
-
     def foreign(self) -> list[str]:
         """Names in the folder that no run writes."""
         own = {*FILES, SAMPLES, TABLES, INPUTS, LOCK}
@@ -333,7 +248,7 @@ class RunFolder:
 
     def remove_partial_files(self) -> None:
         """Delete what killed processes and workers left half written."""
-        for place in (self.path, *self._all_folders):
+        for place in (self.path, *folders_of(self.path)):
             for entry in place.glob(".*.tmp"):
                 if is_temporary(entry.name):
                     entry.unlink(missing_ok=True)
@@ -461,18 +376,6 @@ def _content_of(file: InputFile) -> bytes:
     if hashlib.sha256(content).hexdigest() != file.digest:
         raise RunFolderError(f"{file.path}: changed while the run began; run the campaign again")
     return content
-
-
-def _links_in(folder: Path) -> list[Path]:
-    with os.scandir(folder) as entries:
-        return [folder / entry.name for entry in entries if entry.is_symlink()]
-
-
-def _refuse_links(places: Sequence[Path]) -> None:
-    """Raise `RunFolderError` naming the first of some places that is a link."""
-    for place in places:
-        if place.is_symlink():
-            raise RunFolderError(f"{place}: is a link to somewhere else, which no run makes; remove it")
 
 
 def _refuse_strangers(present: Sequence[Path], listed: Set[str]) -> None:

@@ -39,8 +39,9 @@ from mcnav.statistics.filter_sums import FilterMeans
 from mcnav.store.chunk_files import Samples
 from mcnav.store.histories import STORED
 from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord
-from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
-from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
+from mcnav.store.run_files import MANIFEST, REPORT
+from mcnav.store.run_files import SUMMARY as SUMMARY_FILE
+from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, collect_summary
 from mcnav.store.totals import read_totals
 from mcnav.workflow.linear_extremes import beyond_range, explain, linear_moments
@@ -80,28 +81,6 @@ def samples_of(path: str | Path) -> pd.DataFrame:
     columns |= dict(zip(names.outputs, samples.outputs.T, strict=True))
     columns |= dict(zip(names.linear, samples.linear.T, strict=True))
     return pd.DataFrame(columns | dict(zip(names.filter, samples.filter.T, strict=True)))
-
-
-def summary_of(path: str | Path) -> dict[str, Any]:
-    """Read the summary of a finished run folder as `json.load` does; see `mcnav.analysis.summary.Summary`.
-
-    Raises `RunFolderError` when there is none, or it is damaged.
-    """
-    folder = RunFolder(Path(path))
-    folder.check_exists()
-    summary = folder.summary()
-    if not {"verdict", "outputs", "sigma_linear", "verdict_matrix", "direction_ratio"} <= summary.keys():
-        raise RunFolderError(
-            f"{folder.path / SUMMARY_FILE}: is not a summary of this program; run mcnav report on the folder"
-        )
-    return summary
-
-
-def stored_summary(path: Path) -> Summary:
-    """Read the summary of a finished run folder; `RunFolderError` when there is none, or it is damaged."""
-    content = summary_of(path)
-    with reading_file(path / SUMMARY_FILE):
-        return Summary.of(content)
 
 
 def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysis:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +21,8 @@ from mcnav.report.html import page_html, parts_html
 from mcnav.report.model import RunAnalysis
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import RunFolder
-from mcnav.workflow.analyse import analyse, stored_summary
+from mcnav.workflow.analyse import analyse
+from mcnav.workflow.stored_summary import stored_summary, summary_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,6 +76,16 @@ class RunComparison:
         known = self.over_time or (None,) * len(self.titles)
         page = comparison_page(self.titles, self.summaries, self.manifests, self.rows, self.confidence, known)
         return page_html(page)
+
+
+def compared_summary(path: Path) -> dict[str, Any]:
+    """Read the summary of a finished run, whose whole manifest is checked: its inputs are compared.
+
+    Raises `RunFolderError` when there is none, or it is damaged.
+    """
+    summary = summary_of(path)
+    RunFolder(path).finished_manifest()
+    return summary
 
 
 def compare_runs(paths: Sequence[str | Path]) -> RunComparison:

@@ -35,9 +35,10 @@ from mcnav.report.document import (
 )
 from mcnav.report.format import number
 from mcnav.report.html import page_html
-from mcnav.report.model import humanize, shown_units
+from mcnav.report.names import humanize, shown_units
 from mcnav.report.page_head import PageHead, page_head
-from mcnav.store.run_folder import MANIFEST, REPORT, SUMMARY, RunFolder
+from mcnav.store.run_files import MANIFEST, REPORT, SUMMARY
+from mcnav.store.run_folder import RunFolder
 
 DEEPEST: Final = 3
 """Folders below the one that is looked through."""

@@ -19,12 +19,11 @@ from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, can_replay
 from mcnav.entries.context import EarlierFile
-from mcnav.entries.inputs import INPUTS
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, shortened
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.identity import chunk_digest, identity_of
 from mcnav.execution.processes import IsolatedEngine, end_workers
-from mcnav.files import read_whole, write_whole
+from mcnav.files import INPUTS, read_whole, write_whole
 from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import prepare_engine
 from mcnav.report.replay import Outcome, Replay, files
@@ -38,7 +37,8 @@ from mcnav.store.chunk_files import (
     verify_chunk,
 )
 from mcnav.store.manifest import Manifest
-from mcnav.store.run_folder import CAMPAIGN, MANIFEST, RunFolder
+from mcnav.store.run_files import CAMPAIGN, MANIFEST
+from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 from mcnav.systems.histories import with_errors
 

@@ -27,9 +27,10 @@ from mcnav.execution.runner import ChunkExecutor
 from mcnav.lincov.polynomial_engine import engine_names
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.store.inputs import check_as_read, check_unchanged, file_records
-from mcnav.store.manifest import FORMAT, CriterionRecord, ExecutionRecord, Identity, Manifest
+from mcnav.store.manifest import CriterionRecord, ExecutionRecord, Identity, Manifest
 from mcnav.store.provenance import commit
-from mcnav.store.run_folder import CAMPAIGN, RunFolder
+from mcnav.store.run_files import CAMPAIGN, FORMAT
+from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY
 from mcnav.systems.timeouts import stopped_by
 from mcnav.systems.user.conformance import Check, check_conformance

@@ -13,8 +13,8 @@ from mcnav.report import show
 from mcnav.report.export import as_csv, as_json
 from mcnav.report.result_table import Units
 from mcnav.report.result_tables import final_tables
-from mcnav.store.run_folder import SUMMARY
-from mcnav.workflow.analyse import summary_of
+from mcnav.store.run_files import SUMMARY
+from mcnav.workflow.stored_summary import summary_of
 
 
 def show_run(
@@ -32,8 +32,9 @@ def show_run(
     run = summary_of(folder)
     with reading_file(folder / SUMMARY):
         summary = Summary.of(show.escaped(run))
+        if table is None and form == "table":
+            return "", show.show(summary, units)
         tables = final_tables(summary, units)
-        shown = show.show(summary, tables, units)
     if table is not None and table not in tables:
         raise RunFolderError(f"--table: {show.unknown_table(tables, table)}")
     if form == "csv":
@@ -41,4 +42,4 @@ def show_run(
     if form == "json":
         chosen = tables if table is None else {table: tables[table]}
         return as_json({name: each.rows for name, each in chosen.items()}), None
-    return "", shown if table is None else show.tabulate(tables[table])
+    return "", show.tabulate(tables[table or "outputs"])

@@ -20,7 +20,7 @@ from mcnav.store.chunk_files import ChunkFile, Samples
 from mcnav.store.filters import filter_columns, filter_table
 from mcnav.store.histories import STORED, epochs_table, histories_table
 from mcnav.store.manifest import UnsettledRecord
-from mcnav.store.run_folder import EPOCHS, FILTER, HISTORIES
+from mcnav.store.run_files import EPOCHS, FILTER, HISTORIES
 from mcnav.store.totals import read_totals
 from mcnav.systems.user.soundness import LARGEST, SHARE, Unsettled
 from mcnav.systems.user.stochastic_engine import without_linear

@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 
 from mcnav.report.export import run_rows
-from mcnav.workflow.analyse import report_run, stored_summary
+from mcnav.workflow.analyse import report_run
 from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign
+from mcnav.workflow.stored_summary import stored_summary
 from tests import scalar_filter
 from tests.conftest import campaign
 

@@ -23,7 +23,7 @@ from mcnav.report.figures.matrices import certain_differences
 from mcnav.report.fitted_table import TALLEST, Column, FittedTable, OpenConsole
 from mcnav.report.output_columns import output_rows
 from mcnav.statistics.power import SMALLEST_STEP, sensible_step
-from mcnav.workflow.analyse import stored_summary
+from mcnav.workflow.stored_summary import stored_summary
 from tests.commands import in_process
 
 WIDTHS = (20, 40, 60, 80, 100, 200)

@@ -24,9 +24,10 @@ from mcnav.store.provenance import commit
 from mcnav.store.run_folder import RunFolder
 from mcnav.systems.reentry import scenario as reentry
 from mcnav.systems.steady.scenario import Cruise
-from mcnav.workflow.analyse import report_run, summary_of
+from mcnav.workflow.analyse import report_run
 from mcnav.workflow.replay import replay
 from mcnav.workflow.run import run_campaign
+from mcnav.workflow.stored_summary import summary_of
 from tests.commands import invoke
 from tests.conftest import ROOT, TWO_ERRORS, RecordedProgress, campaign, content, tn_errors
 from tests.faults.scenarios import chunk_job

@@ -30,9 +30,11 @@ from mcnav.lincov.sample_reduction import reduce_samples
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.shape import shape_of_sums
 from mcnav.store import summaries as store
-from mcnav.store.manifest import Manifest, ManifestError
+from mcnav.store.manifest import Manifest
+from mcnav.store.run_files import ManifestError
 from mcnav.store.run_folder import RunFolder
-from mcnav.workflow.analyse import report_run, summary_of
+from mcnav.workflow.analyse import report_run
+from mcnav.workflow.stored_summary import summary_of
 from tests.conftest import campaign, content
 from tests.faults.scenarios import normalization
 from tests.runs import simulate

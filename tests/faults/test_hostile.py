@@ -23,9 +23,10 @@ import pytest
 
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.errors import CampaignError, RunFolderError
-from mcnav.files import parquet_bytes
-from mcnav.workflow.analyse import report_run, samples_of, summary_of
+from mcnav.parquet import parquet_bytes
+from mcnav.workflow.analyse import report_run, samples_of
 from mcnav.workflow.run import run_campaign
+from mcnav.workflow.stored_summary import summary_of
 from tests.commands import in_process
 from tests.conftest import TWO_ERRORS, campaign, content
 from tests.faults.folders.content import VALUES, places_in, set_at, sign

@@ -17,12 +17,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from mcnav.errors import RunFolderError
-from mcnav.files import parquet_bytes
+from mcnav.parquet import parquet_bytes
 from mcnav.report.comparison import MOST_INPUTS
 from mcnav.store import chunk_files
 from mcnav.store.chunk_files import MOST_PARTS, table_from
 from mcnav.store.manifest import MOST_KEYS
-from mcnav.store.run_folder import MOST_ENTRIES, RunFolder
+from mcnav.store.run_files import MOST_ENTRIES
+from mcnav.store.run_folder import RunFolder
 from tests.commands import invoke
 from tests.faults.folders.content import sign
 from tests.faults.folders.make import CHANGES

@@ -17,7 +17,8 @@ from mcnav.contract.samples import SimulationResult
 from mcnav.errors import RunFolderBusy, RunFolderError
 from mcnav.systems.ins.aided import AidedEngine
 from mcnav.systems.ins.scenario import ReferenceEngine
-from mcnav.workflow.analyse import report_run, samples_of, summary_of
+from mcnav.workflow.analyse import report_run, samples_of
+from mcnav.workflow.stored_summary import summary_of
 from tests.commands import invoke
 from tests.faults.kinds import small_summaries
 from tests.faults.navigation import (

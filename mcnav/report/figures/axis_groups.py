@@ -8,7 +8,7 @@ from typing import Final
 from mcnav.analysis.filter_consistency import SigmaConsistency
 from mcnav.report.figures.marks import Series
 from mcnav.report.figures.palette import SOURCE_COLOURS
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 
 AXES: Final = frozenset([
     "x", "y", "z", "xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz", "north", "east", "down", "up", "roll", "pitch",

@@ -15,7 +15,7 @@ from mcnav.report.figures.figure import HALF, Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, axis
 from mcnav.report.figures.palette import FILTER, FLOWN, INK, LINEAR, SOURCE_COLOURS
 from mcnav.report.format import number
-from mcnav.report.model import humanize, labels_in, shown_units
+from mcnav.report.names import humanize, labels_in, shown_units
 
 COLOURS: Final = tuple(SOURCE_COLOURS[place] for place in (0, 4, 2, 6, 5, 11))
 """Colours of runs."""

@@ -14,7 +14,8 @@ from mcnav.report.figures.figure import Figure, side_by_side
 from mcnav.report.figures.filter_errors import sigmas, whole_flight
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Span
 from mcnav.report.figures.outages import outages, shading_key
-from mcnav.report.model import RunAnalysis, humanize
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize
 
 LINES: Final = {"linear": "dashed", "Monte Carlo": "line", "filter": "dotted"}
 """Kinds of lines by whose sigma they are."""

@@ -15,7 +15,8 @@ from mcnav.report.figures.figure import Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Series, Span, axis
 from mcnav.report.figures.outages import outages, shading_key
 from mcnav.report.figures.palette import FILTER, FLOWN, LINEAR, POINT
-from mcnav.report.model import RunAnalysis, humanize
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize
 from mcnav.units import conversion
 
 MULTIPLE: Final = 3.0

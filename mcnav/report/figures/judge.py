@@ -16,7 +16,7 @@ from mcnav.judgement.verdict import Judgement
 from mcnav.report.figures.figure import Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Band, Line, Mark, Panel, Points, Rule, Series, Steps
 from mcnav.report.figures.palette import AREA, BAND, FILTER, FLOWN, LINEAR, POINT
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 from mcnav.units import conversion
 
 TIME: Final = "time [s]"

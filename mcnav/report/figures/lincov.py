@@ -22,7 +22,7 @@ from mcnav.report.figures.palette import FILTER, FLOWN, INK, LINEAR
 from mcnav.report.figures.sources import Contributor, groups, ranked
 from mcnav.report.figures.truth import SigmasOverTime, over_time
 from mcnav.report.format import fixed
-from mcnav.report.model import humanize, labels_of, scale_of
+from mcnav.report.names import humanize, labels_of, scale_of
 
 Outages = Mapping[str, Sequence[tuple[float, float]]]
 """Begin and end of the outages of each sensor, in the unit of the history's times."""

@@ -16,7 +16,8 @@ from mcnav.report.figures.marks import Line, Panel, Rule, Series, Span
 from mcnav.report.figures.outages import outages, shading_key
 from mcnav.report.figures.palette import AREA, BAND, FLOWN, LINEAR, MUTED
 from mcnav.report.filter_columns import GROUP_TITLES
-from mcnav.report.model import RunAnalysis, humanize
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize
 
 FLOWN_MEAN: Final = Series("flown", "mean of all samples", FLOWN)
 INTERVAL: Final = Series("interval", "its interval at each epoch", AREA, "area")

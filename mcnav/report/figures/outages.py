@@ -8,7 +8,8 @@ from typing import Final
 from mcnav.analysis.filter_remarks import instant
 from mcnav.report.figures.marks import Series, Span
 from mcnav.report.figures.palette import OUTAGE
-from mcnav.report.model import RunAnalysis, humanize
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize
 
 SHADED: Final = Series("outage", "outage", OUTAGE, "area")
 

@@ -14,7 +14,8 @@ from mcnav.report.figures.gapped import areas, curve, known_ends, upward
 from mcnav.report.figures.marks import Mark, Panel, Rule, Series, axis
 from mcnav.report.figures.outages import outages, shading_key
 from mcnav.report.figures.palette import AREA, FLOWN, INK, LINEAR
-from mcnav.report.model import RunAnalysis, humanize
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize
 from mcnav.report.requirements import RADII, RequirementRow, requirement_rows
 
 ESTIMATE: Final = Series("flown", "Monte Carlo", FLOWN)

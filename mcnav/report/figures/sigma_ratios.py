@@ -17,7 +17,8 @@ from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Rule, Series, Sp
 from mcnav.report.figures.normalized_errors import BOUNDS, Columns
 from mcnav.report.figures.outages import outages, shading_key
 from mcnav.report.figures.palette import BAND, INK
-from mcnav.report.model import RunAnalysis, humanize
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize
 
 ABREAST: Final = SEVERAL + 1
 """Panels of which three stand side by side."""

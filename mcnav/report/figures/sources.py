@@ -13,7 +13,8 @@ from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.report.figures.axis_groups import stem
 from mcnav.report.figures.marks import Series, numbered
 from mcnav.report.figures.palette import OTHER, SOURCE_COLOURS
-from mcnav.report.model import RunAnalysis, humanize
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize
 
 SHOWN: Final = len(SOURCE_COLOURS)
 """Contributors with a colour. Of more sources, those that differ only in their axis are one contributor."""

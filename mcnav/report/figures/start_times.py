@@ -16,7 +16,7 @@ from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, numbered
 from mcnav.report.figures.palette import FLOWN, INK, LINEAR
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 
 
 def start_axis(label: str) -> Axis:

@@ -16,7 +16,8 @@ from mcnav.report.figures.gapped import upward
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, axis
 from mcnav.report.figures.palette import FILTER, POINT, SOURCE_COLOURS
 from mcnav.report.kinds import Quantity, planes, quantities
-from mcnav.report.model import RunAnalysis, humanize, scale_of
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize, scale_of
 from mcnav.store.manifest import Variable
 
 KINDS: Final = {

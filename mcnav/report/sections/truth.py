@@ -14,7 +14,8 @@ from mcnav.report.document import Column, Section, Table, headed, joined
 from mcnav.report.figures.figure import Figure
 from mcnav.report.format import fixed, number
 from mcnav.report.kinds import quantities
-from mcnav.report.model import RunAnalysis, humanize
+from mcnav.report.model import RunAnalysis
+from mcnav.report.names import humanize
 from mcnav.statistics.correlation import ROUNDING, fisher_interval
 
 CAPTION: Final = (

@@ -14,7 +14,7 @@ from mcnav.analysis.changeable_campaign import MARK, ChangeableCampaign
 from mcnav.analysis.what_if import LimitedErrors, WhatIf
 from mcnav.contract.quantities import Output
 from mcnav.report.document import Folded, Note, Part, Section, Sentence, WhatIfPart
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 from mcnav.report.requirements import NamedRequirement, stated
 from mcnav.store.manifest import Variable
 from mcnav.units import conversion

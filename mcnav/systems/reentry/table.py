@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import Field
 
@@ -26,13 +26,15 @@ from mcnav.entries.unions import ByType
 from mcnav.systems.description import ScenarioSpec, ScenarioType
 from mcnav.systems.reentry.guided.description import TRUE_ALTITUDE, TRUTH_OUTPUTS, TRUTH_SOURCES, Guidance
 from mcnav.systems.reentry.guided.following import Following, Gains, Weights
-from mcnav.systems.reentry.guided.scenario import GuidedReentry
-from mcnav.systems.reentry.outputs import DEVIATIONS, FURTHER
+from mcnav.systems.reentry.outputs import DEVIATIONS, FURTHER, FurtherOutput
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.table_i import TABLE_I, common_start, start_state
 from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
 
-_RECENT: Final = Recent[Reentry | GuidedReentry](most=2)
+if TYPE_CHECKING:
+    from mcnav.systems.reentry.guided.scenario import GuidedReentry
+
+_RECENT: Final = Recent["Reentry | GuidedReentry"](most=2)
 """Scenarios of the campaigns read last, which variations of a campaign share: each has a trajectory."""
 
 
@@ -248,11 +250,20 @@ def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: File
     }
     scenario = _RECENT.get(
         repr((flight, guidance, following, further)),
-        lambda: Reentry(flight, further) if guidance is None else GuidedReentry(flight, guidance, following, further),
+        lambda: Reentry(flight, further) if guidance is None else _guided(flight, guidance, following, further),
     )
     if table.guidance is not None:
         resolved["guidance"] = table.guidance.model_dump(exclude_none=True) | dict(entries["guidance"])
     return ScenarioSpec(scenario, resolved)
+
+
+def _guided(
+    flight: Flight, guidance: Guidance, following: Following | None, further: tuple[FurtherOutput, ...]
+) -> GuidedReentry:
+    """Make a guided reentry, whose engines are imported for it alone."""
+    from mcnav.systems.reentry.guided.scenario import GuidedReentry
+
+    return GuidedReentry(flight, guidance, following, further)
 
 
 ALL_SOURCES: Final = (*SOURCES, *TRUTH_SOURCES)

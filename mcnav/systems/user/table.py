@@ -16,11 +16,11 @@ from pydantic import ConfigDict, Field
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import OUTSIDE, is_inside, read_file, why_unreadable
-from mcnav.entries.inputs import INPUTS, LONGEST_NAME, InputFile, SourceFile
+from mcnav.entries.inputs import LONGEST_NAME, InputFile, SourceFile
 from mcnav.entries.quantities import Table
 from mcnav.entries.values import SettingError
 from mcnav.errors import suggestion
-from mcnav.files import read_whole
+from mcnav.files import INPUTS, read_whole
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.description import CLASS_IN_FILE, ScenarioSpec
 from mcnav.systems.user.code import UserScenarioSpec, load_class

@@ -5,7 +5,8 @@ The campaign's filter goes through each record, and its statistics are those of 
 They are compared with simulated records of every `TOGETHER`-th flight, as one flight's own take longer. Flights have
 the campaign's numbers, or one that differs.
 
-``python -m mcnav.validation.calibration.judge_trials CAMPAIGN FLIGHTS`` prints the table of the documentation.
+``python -m mcnav.validation.calibration.judge_trials CAMPAIGN FLIGHTS [FIRST]`` prints the table of the documentation, of
+so many flights from a number on.
 """
 
 from __future__ import annotations
@@ -125,14 +126,14 @@ def _held(record: FilteredRecord, own: Assessment, name: str, values: tuple[floa
     return bool(apart @ np.linalg.solve(covariance, apart) <= chi2.ppf(0.95, len(values)))
 
 
-def rates(text: str, wrong: str, flights: int, processes: int = 1) -> Rates:
-    """Measure the rates with one thing wrong."""
+def rates(text: str, wrong: str, flights: range, processes: int = 1) -> Rates:
+    """Measure the rates with one thing wrong, in flights of some numbers."""
     before, after, name, values = WRONG[wrong]
     changed = text.replace(before, after) if before else text
     alarms, named, held = 0, 0, list[bool]()
     with one_thread(), ProcessPoolExecutor(processes) as pool:
-        for first in range(0, flights, TOGETHER):
-            indices = range(first, min(first + TOGETHER, flights))
+        for first in flights[::TOGETHER]:
+            indices = range(first, min(first + TOGETHER, flights.stop))
             simulated = pool.submit(compared, text, changed, first)
             done = list(pool.map(partial(fly, text, changed, name, values), indices))
             against = simulated.result()
@@ -144,20 +145,21 @@ def rates(text: str, wrong: str, flights: int, processes: int = 1) -> Rates:
                 alarms += alarm
                 named += alarm and int(np.argmax(flight.gains - against.freedom)) == number
                 held += [] if flight.held is None else [flight.held]
-            told = f"{wrong}: {indices[-1] + 1} flights, {alarms} alarms, {named} named"
+            told = f"{wrong}: flights to {indices[-1]}, {alarms} alarms, {named} named"
             print(f"{told}, {sum(held)} of {len(held)} intervals hold", file=sys.stderr, flush=True)
-    return Rates(flights, alarms / flights, named / flights, float(np.mean(held)))
+    return Rates(len(flights), alarms / len(flights), named / len(flights), float(np.mean(held)))
 
 
-def main(campaign: Path, flights: int) -> None:
+def main(campaign: Path, flights: int, first: int = 0) -> None:
     """Print the rates of all that may be wrong."""
     text = campaign.read_text(encoding="utf-8")
     print("| wrong in flight | flights | alarms | named | interval holds |\n| --- | --- | --- | --- | --- |")
     for wrong in WRONG:
-        measured = rates(text, wrong, flights if wrong == "nothing" else flights // EVERY, processes=2)
+        count = flights if wrong == "nothing" else flights // EVERY
+        measured = rates(text, wrong, range(first, first + count), processes=2)
         shares = (f"{100.0 * each:.1f} %" for each in (measured.alarms, measured.named, measured.held))
         print(f"| {wrong} | {measured.flights:,} | " + " | ".join(shares) + " |", flush=True)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]))
+    main(Path(sys.argv[1]), *map(int, sys.argv[2:4]))

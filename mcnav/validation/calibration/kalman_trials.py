@@ -21,8 +21,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_assessment import assess_filter
-from mcnav.analysis.filter_causes import MEAN
-from mcnav.analysis.filter_consistency import FilterConsistency, Honesty
+from mcnav.analysis.filter_consistency import MEAN, FilterConsistency, Honesty
 from mcnav.validation.calibration.cells import LEVEL, Cell, Tally, tally
 from mcnav.validation.calibration.kalman import KalmanFilter
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from mcnav.store.manifest import json_digest
+from mcnav.store.run_files import json_digest
 from tests.faults.folders.content import NAMES, VALUES, encoded_json, places_in, set_at, sign, store
 from tests.faults.folders.runs import Outside
 

@@ -11,7 +11,8 @@ from mcnav.contract.history import Epochs, History
 from mcnav.contract.quantities import Output
 from mcnav.errors import RunFolderError
 from mcnav.store.histories import histories_table
-from mcnav.store.run_folder import HISTORIES, HISTORY, RunFolder, history_table
+from mcnav.store.run_files import HISTORIES, HISTORY
+from mcnav.store.run_folder import RunFolder, history_table
 from mcnav.systems.histories import check_history
 
 EPOCHS = Epochs("time [min]", np.array([0.0, 1.0, 2.5]))

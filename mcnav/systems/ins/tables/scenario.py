@@ -12,9 +12,10 @@ from pydantic import Field
 
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
-from mcnav.entries.inputs import INPUTS, InputFile
+from mcnav.entries.inputs import InputFile
 from mcnav.entries.quantities import AngularRate, Duration, GravitationalParameter, Later, Length, Table
 from mcnav.entries.validation import validate
+from mcnav.files import INPUTS
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
 from mcnav.systems.ins.earth import WGS84, Earth

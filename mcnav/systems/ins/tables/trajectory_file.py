@@ -20,7 +20,8 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.entries.near_files import near_file
 from mcnav.errors import suggestion
-from mcnav.files import numbers_in, read_whole
+from mcnav.files import read_whole
+from mcnav.parquet import numbers_in
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.tables.trajectory_formats import foreign_format, why_no_header
 from mcnav.systems.ins.truth.rows import (

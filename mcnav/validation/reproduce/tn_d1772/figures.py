@@ -13,7 +13,7 @@ from mcnav.report.figures.figure import HALF, THIRD, Figure
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, Span, Text, axis, numbered
 from mcnav.report.figures.palette import BAND, FILTER, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.figures.start_times import REENTRY, START
-from mcnav.report.model import humanize
+from mcnav.report.names import humanize
 from mcnav.systems.reentry.outputs import DEVIATIONS
 from mcnav.systems.reentry.table_i import ERRORS
 from mcnav.validation.reproduce.tn_d1772.tables import INITIAL_CONDITIONS, TN_SOURCES

@@ -1,0 +1,15 @@
+"""What scenarios and their simulation may raise."""
+
+from __future__ import annotations
+
+
+class ScenarioError(ValueError):
+    """A scenario that cannot be simulated as described; `key` names the entry that would have to change."""
+
+    def __init__(self, key: str, message: str) -> None:
+        super().__init__(message)
+        self.key = key
+
+
+class SimulationFailed(ArithmeticError):
+    """Failure of a sample that a derivative needs."""
