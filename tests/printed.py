@@ -154,3 +154,8 @@ def follow(text: str, place: Path) -> Session:
     for block in blocks(text):
         session.follow(block)
     return session
+
+
+def count_scripts(page: str) -> int:
+    """Count the scripts of a page that a browser executes: data that a script reads are none."""
+    return page.count("<script") - page.count('<script type="application/json">')
