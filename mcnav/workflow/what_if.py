@@ -78,6 +78,10 @@ def what_if_of_run(content: RunAnalysis) -> WhatIf | None:
     throughout = _throughout(content, entries)
     if throughout is None or any(np.isnan(each).any() for each in throughout.processes.values()):
         requirements = [each for each in requirements if not each.epochs]  # an earlier manifest knows no more
+    else:
+        settled = throughout.settled
+        known = {epoch for epoch in range(len(settled)) if settled[epoch] >= 0}
+        requirements = [each for each in requirements if known.issuperset(each.epochs)]
     campaign = tomllib.loads(content.campaign)
     return _what_if(campaign, sources, content.model, requirements, entries, throughout, "in the folder of this report")
 
@@ -104,9 +108,15 @@ def _throughout(content: RunAnalysis, entries: Entries) -> _Throughout | None:
             if pair not in known.pairs and not _over_time(content, pair):
                 by_entry[:, place] = 0.0  # a requirement at the end alone
         added[name] = by_entry
-    return _Throughout(
-        known.times, known.label, known.partials, known.nominal, added, own, np.arange(len(known.times)), believed
-    )
+    epochs = known.times if content.histories is None else content.histories.times
+    settled = _readings_at(known.times, epochs)
+    return _Throughout(known.times, known.label, known.partials, known.nominal, added, own, settled, believed)
+
+
+def _readings_at(times: Array, epochs: Array) -> IndexArray:
+    """Return the number of the reading at each epoch, -1 where there is none."""
+    nearest = np.abs(times - epochs[:, None]).argmin(axis=1)
+    return np.where(np.isclose(times[nearest], epochs, rtol=1e-9, atol=0.0), nearest, -1)
 
 
 def _over_time(content: RunAnalysis, pair: tuple[int, int]) -> bool:

@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from mcnav._recent import Recent
 from mcnav.analysis.summary import Summary
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.errors import RunFolderError
@@ -21,7 +22,7 @@ from mcnav.report import sentences
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.store.filters import MARK
 from mcnav.store.run_folder import RunFolder
-from mcnav.store.totals import read_totals
+from mcnav.store.totals import Totals, read_totals
 from mcnav.workflow.analyse import filter_evidence, samples_of
 from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.run import run_campaign
@@ -227,7 +228,8 @@ def test_damaged_sums_are_refused_in_a_line(tmp_path: Path, monkeypatch: pytest.
     for numbers in (sums.to_numbers()[:-7], np.append(sums.to_numbers()[:-1], np.inf), np.zeros(0)):
         text = base64.b64encode(zlib.compress(numbers.tobytes())).decode()
         described = pa.schema([]).with_metadata({MARK: text})
-        monkeypatch.setattr("mcnav.store.totals.pq.read_schema", lambda path, described=described: described)
+        monkeypatch.setattr("mcnav.store.totals._KNOWN", Recent[Totals](most=1))
+        monkeypatch.setattr("mcnav.store.totals.pq.read_metadata", lambda path, described=described: described)
         with pytest.raises(RunFolderError, match="sums of filters are damaged"):
             filter_evidence(folder, manifest, 0)
         monkeypatch.undo()

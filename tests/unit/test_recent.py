@@ -58,7 +58,7 @@ def test_shared_responses_are_those_of_the_imu(what: str) -> None:
         shared = recent_responses(found.truth, found.platform, times, imu)
         own = respond(found.truth, found.platform, times, imu)
         for name in own._fields:
-            np.testing.assert_array_equal(getattr(shared, name), getattr(own, name), err_msg=name)
+            np.testing.assert_equal(getattr(shared, name), getattr(own, name), err_msg=name)
 
 
 def test_sizes_of_errors_do_not_matter() -> None:
