@@ -1,4 +1,4 @@
-"""What a requirement limits, over time: Monte Carlo estimate, its bounds, and linear analysis, at every epoch."""
+"""Curves of what a requirement limits: Monte Carlo estimate, its bounds, and linear analysis, at every epoch."""
 
 from __future__ import annotations
 

@@ -173,7 +173,7 @@ def scaled_covariance(system: SizedSystem, times: Array, label: str, entries: En
 
 @dataclass(frozen=True)
 class LimitedErrors:
-    """What a requirement limits: outputs, or those whose size one output is (``of_size``), at some readings."""
+    """Errors that a requirement limits: outputs, or those whose size one output is (``of_size``), at some readings."""
 
     requirement: Requirement
     members: tuple[int, ...]

@@ -226,7 +226,7 @@ def _beliefs(
 
 @dataclass(frozen=True)
 class _Stated:
-    """What the campaign states under ``[filter.believes]``."""
+    """Entries that the campaign has under ``[filter.believes]``."""
 
     believes: Mapping[str, Any]
 

@@ -1,4 +1,4 @@
-"""What scenarios and their simulation may raise."""
+"""Errors that scenarios and their simulation may raise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each figure of a run's report shows, a sentence each, from the numbers that it draws.
+"""Captions of the figures of a run's report, a sentence each, from the numbers that it draws.
 
 A sentence claims no more than the data: that something is certain where an interval says so, and otherwise what the
 estimate is.

@@ -1,4 +1,4 @@
-"""What each figure of a filter shows, a sentence each, from the numbers that it draws."""
+"""Captions of the figures of a filter, a sentence each, from the numbers that it draws."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ BAND_SHARE: Final = 0.3
 """Share of each half of the strip that the band takes."""
 
 KEY: Final = "Marks: ratio and interval against the tolerance, ±{tolerance:g} %; beside it the scale is compressed."
-"""What the marks are, for a caption."""
+"""Meaning of the marks, for a caption."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from scipy import special
 from mcnav._types import Array
 
 NODES: Final = 240
-"""Of the rule, within `REACH` sigmas."""
+"""Number of nodes of the rule, within `REACH` sigmas."""
 
 REACH: Final = 14.0
 MOST: Final = 3

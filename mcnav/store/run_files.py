@@ -47,7 +47,7 @@ class ManifestError(ValueError):
 
 
 class RunHead(Record):
-    """What a manifest says of its run, and the summary repeats."""
+    """Entries of a manifest that the summary repeats."""
 
     format: Literal[FORMAT] = FORMAT  # type: ignore[valid-type]
     campaign: str

@@ -49,7 +49,7 @@ REFUSALS: Final = (CampaignError, ScenarioError, SimulationFailed)
 
 @dataclass(frozen=True)
 class Compiled:
-    """What one example has compiled: functions, and processor time of all it did, s."""
+    """Result of compiling for one example: functions, and processor time of all it did, s."""
 
     name: str
     functions: int

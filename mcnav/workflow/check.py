@@ -25,7 +25,7 @@ CAMPAIGN, CODE = ".toml", ".py"
 
 @dataclass(frozen=True)
 class Checked:
-    """What was checked, its checks, and the campaign that it can be run by, if there is one."""
+    """Result of a check: what was checked, its checks, and the campaign that it can be run by, if there is one."""
 
     title: str
     checks: list[Check]

@@ -38,7 +38,7 @@ FLIGHTS, NOISY_FLIGHTS = 1_000, 2_000
 
 SHARE: Final = 5
 MOST_FLIGHTS: Final = 4_000
-"""Of a campaign with noise, which scatters entries: one flight for so many samples, and at most so many."""
+"""Flights of a campaign with noise, which scatters entries: one flight for so many samples, and at most so many."""
 
 STREAM: Final = 1_000_003
 """Seeds of the flights: the campaign's times this, plus the number of the requirement."""

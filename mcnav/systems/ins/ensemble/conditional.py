@@ -53,7 +53,7 @@ class Variates(NamedTuple):
 
 @dataclass(frozen=True)
 class Measured:
-    """What the noise of measurements is made of, as `AidedTables` has it, and their place among the steps.
+    """Parts of the noise of measurements, as `AidedTables` has it, and their place among the steps.
 
     Attributes
     ----------

@@ -192,7 +192,7 @@ class AidedMechanization:
 
     @cached_property
     def _path(self) -> GravityPath:
-        """How gravity disturbances act in the steps."""
+        """Action of gravity disturbances in the steps."""
         return GravityPath.along(self.truth, self.platform, self.step_times)
 
     def updated(self, sensor: int) -> IndexArray:

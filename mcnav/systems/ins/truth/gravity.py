@@ -1,4 +1,4 @@
-"""How gravity disturbances act along a truth: in which directions, and over which distances."""
+"""Action of gravity disturbances along a truth: in which directions, and over which distances."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def speed(truth: Truth, times: Array) -> Array:
 
 @dataclass(frozen=True)
 class GravityPath:
-    """How gravity disturbances act in short steps along a truth, S of them.
+    """Action of gravity disturbances in short steps along a truth, S of them.
 
     Attributes
     ----------
