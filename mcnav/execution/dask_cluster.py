@@ -28,7 +28,6 @@ from mcnav._subprocess import interrupts_blocked, start_trackers
 from mcnav.errors import ClusterError
 from mcnav.execution.chunks import ChunkJob, SampleRange, find_chunk
 from mcnav.execution.dask_worker import incompatibility, processor, simulate_on_worker
-from mcnav.execution.executors import JOBS
 from mcnav.execution.identity import versions
 from mcnav.execution.processes import end_workers_apart, simulate_isolated
 from mcnav.files import write_whole
@@ -229,13 +228,13 @@ def _wait_until_seen(work: ChunkJob, places: Sequence[SampleRange]) -> None:
 
 
 @contextmanager
-def connect(scheduler: str | None = None, workers: int = JOBS) -> Iterator[tuple[Cluster, list[str]]]:
+def connect(scheduler: str | None, workers: int) -> Iterator[tuple[Cluster, list[str]]]:
     """Connect to a cluster, or start one; yield it with notices for the user.
 
     Parameters
     ----------
-    scheduler : str, optional
-        Address of a running scheduler; by default one is started on this machine, and ended with the context.
+    scheduler : str or None
+        Address of a running scheduler; with none, one is started on this machine, and ended with the context.
     workers : int
         Processes of the latter.
 

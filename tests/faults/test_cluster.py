@@ -204,7 +204,7 @@ def test_a_cluster_that_is_lost(cluster: Cluster, tmp_path: Path) -> None:
     """One line, at once; what is stored is kept."""
     code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
     work = chunk_job(read_campaign(write_campaign(tmp_path, "time.sleep(0.02)", code, samples=300)), tmp_path / "run")
-    with connect(cluster.address) as (lost, _):
+    with connect(cluster.address, 1) as (lost, _):
         ready = [0]
 
         def lose() -> None:
