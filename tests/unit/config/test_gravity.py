@@ -96,6 +96,13 @@ def test_mistakes_of_the_filter() -> None:
     assert any("anomaly.correlation_length: is missing" in each for each in mistakes(ALTIMETER, filter=lengthless))
 
 
+def test_a_wrong_size_is_not_called_missing() -> None:
+    wrong = {"deflection": {"sigma": "5 parsec", "correlation_length": "30 km"}, "anomaly": ANOMALY}
+    filter_ = {"estimates": [*STATES, "gravity_deflection", "gravity_anomaly"]}
+    (line,) = mistakes(ALTIMETER, gravity=wrong, filter=filter_)
+    assert "gravity.deflection.sigma: 'parsec' is not a known unit" in line
+
+
 def test_other_scenarios_cannot_have_it() -> None:
     content = {
         "scenario": {"type": "hover", "duration": "5 min"}, "errors": {"altitude": "1 m"},

@@ -209,7 +209,9 @@ def _check_states(table: FilterTable, sensors: tuple[Sensor, ...], context: File
 
 
 def _check_gravity(table: FilterTable, believed: GravityDisturbance, context: FileContext) -> None:
-    """Add a mistake for each gravity disturbance that is a state and has no size anywhere in the file."""
+    """Add a mistake for each gravity disturbance that is a state without a size, unless [gravity] is wrong itself."""
+    if any(problem.key.partition(".")[0] == "gravity" for problem in context.problems):
+        return
     lengths = {DEFLECTION: believed.deflection_length, ANOMALY: believed.anomaly_length}
     for key, names in (("estimates", table.estimates), ("considers", table.considers)):
         for name in lengths.keys() & set(names):
