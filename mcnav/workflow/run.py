@@ -222,7 +222,7 @@ def _first_manifest(
         accuracy=system.engine.accuracy,
         processor=processors,
         commit=commit(),
-        started=datetime.now(UTC).isoformat(timespec="seconds"),
+        started=datetime.now(UTC).isoformat(timespec="milliseconds"),
         heavy_tailed=tuple(errors.heavy_tailed(design)),
         long_tailed=tuple(errors.long_tailed(design)),
         normal=bool(errors.normal),
