@@ -142,7 +142,8 @@ class ModelRecord(Record):
     """The linear model, SI, and what further simulations add to it (`mcnav.lincov.nonlinear_corrections`).
 
     ``processes`` are the covariances that each process of noise adds; none in a scenario without noise. ``filter`` is
-    none in a scenario without a filter.
+    none in a scenario without a filter. ``development`` is in a file of its own (`mcnav.store.development`), whose
+    digest the manifest has; in the manifest itself where an earlier version wrote it.
     """
 
     sources: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
@@ -153,7 +154,8 @@ class ModelRecord(Record):
     start_covariance: Matrix
     processes: Mapping[Name, Matrix] | None = None
     filter: FilterRecord | None = None
-    development: PartialsRecord | None = None
+    development: Annotated[PartialsRecord | None, Field(exclude=True)] = None
+    development_sha256: Digest | None = None
     unscented: Mapping[str, Any] | None = None
     partials_differences: Mapping[str, Any] | None = None
     second_order: Mapping[str, Any] | None = None
