@@ -23,9 +23,6 @@ FARTHEST: Final = 1.15
 COMMON: Final = 0.5
 """Linear probability at which curves begin, about."""
 
-MOST_SIMULATIONS: Final = 5_000
-"""Simulations for second derivatives, at most, where they are for a tail alone."""
-
 
 @dataclass(frozen=True)
 class Curvature:

@@ -15,8 +15,13 @@ from mcnav.analysis.requirements import Exceedance, Finding, Requirement, Requir
 from mcnav.config.read import parse_campaign
 from mcnav.errors import RunFolderError
 from mcnav.report.figures.tail import tails
+from mcnav.report.lincov import requirement_rows
 from mcnav.report.model import RunAnalysis
+from mcnav.report.sweep import frame
+from mcnav.report.sweep_page import point_table
 from mcnav.store.run_folder import RunFolder
+from mcnav.studies.lincov import linear_covariance
+from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.workflow.analyse import analyse, report_run
 from mcnav.workflow.check import by_counting
 from mcnav.workflow.replay import replay_failure
@@ -120,6 +125,22 @@ def test_requirements_that_counting_decides_have_none(tmp_path: Path) -> None:
     (required,) = run(tmp_path / "run", accept={"quantile": [limit]})["requirements"]
     assert required["finding"] == "met"
     assert "exceedance" not in required
+
+
+def test_linear_analysis_and_a_sweep_state_the_tail(tmp_path: Path) -> None:
+    """With curvature a run's second derivatives say the same; at the sweep's points it is the normal law's."""
+    (row,) = requirement_rows(linear_covariance(capsule(10)))
+    run(tmp_path, samples=10)
+    (curve,) = analyse(RunFolder(tmp_path)).tail_curves
+    assert curve is not None
+    assert (row.exceedance, row.exceedance_curved) == pytest.approx(curve.at_limit, rel=1e-9)
+    swept = run_sweep(capsule(10), SweepPlan({"errors.gyro_drift": ["1e-6 rad/s", "2e-6 rad/s"]}))
+    assert swept.exceedances is not None
+    assert swept.exceedances[0, 0] == pytest.approx(row.exceedance, rel=1e-9)
+    sigma = swept.values[:, 0] / stats.norm.isf(1e-6)  # two parts in a million are allowed, on two sides
+    np.testing.assert_allclose(swept.exceedances[:, 0], 2.0 * stats.norm.sf(160e3 / sigma), rtol=1e-6)
+    assert list(frame(swept))[-1] == "quantile(altitude, 0.999998), beyond"
+    assert "Beyond the limit" in [column.heading for column in point_table(swept).columns]
 
 
 def test_a_check_says_how_many_samples_show_it_by_counting() -> None:
