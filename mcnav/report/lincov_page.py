@@ -130,25 +130,36 @@ BEYOND_LIMIT: Final[Column[RequirementRow]] = Column(
 )
 """Linear probability beyond the limit, of requirements that allow one in a thousand and less."""
 
+WITH_CURVATURE: Final[Column[RequirementRow]] = Column(
+    "With curvature", lambda row: "–" if row.exceedance_curved is None else f"{row.exceedance_curved:.2e}",
+    "with curvature",
+)  # fmt: skip
+CURVED: Final = (
+    " With curvature: from second derivatives by some simulations without noise, for normal sources; noise adds its "
+    "linear variance, and the probabilities of the outputs of a box are added up."
+)
+
 
 def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
     """Tabulate the requirements and their linear values."""
     boxes = any(each.requirement.kind == "box" for each in answer.requirements)
     several = "; of several outputs within limits together, each in multiples of its limit" if boxes else ""
     rows = requirement_rows(answer)
+    curved = any(row.exceedance_curved is not None for row in rows)
     columns: list[Column[RequirementRow]] = [
         Column("Requirement", lambda row: row.requirement, "requirement", "words"),
         Column("Finding", lambda row: Cell(row.finding, tone=row.tone), "finding", "label"),
         Column("Linear", lambda row: Cell(row.shown, below=f"largest at {row.at}" if row.at else ""), "linear"),
         Column("largest at", lambda row: row.at or "–", kind="text", place="terminal"),
         *([BEYOND_LIMIT] if any(row.exceedance is not None for row in rows) else []),
+        *([WITH_CURVATURE] if curved else []),
         Column("Errors may be ×", lambda row: row.margin, "errors may be ×"),
         Column("Largest causes", lambda row: _causes(row.causes),
                "largest causes then, share of the mean square", "words"),
     ]  # fmt: skip
     words, what = end_words(answer.outputs), "outputs" if any(kinds_of(answer.outputs)) else "errors"
     title, caption = f"Requirements, for linear normal {what}", REQUIREMENTS.format(what, words.many)
-    return Table(f"{caption}{several}.", columns, rows, title, keys=2)
+    return Table(f"{caption}{several}.{CURVED if curved else ''}", columns, rows, title, keys=2)
 
 
 def _size(value: float | None) -> str:

@@ -96,6 +96,7 @@ class RequirementRow:
     scale: float
     unit: str
     time_unit: str = ""
+    number: int = 1
 
     @property
     def words(self) -> str:
@@ -172,7 +173,9 @@ class RequirementRow:
     def way(self) -> str:
         """The most likely way to fail."""
         known = self.entry.exceedance
-        return "" if known is None or not known.way else way_to_fail(self.summary, known.way)
+        if known is None or not known.way:
+            return ""
+        return f"{way_to_fail(self.summary, known.way)}; flown by mcnav replay RUN --fail {self.number}"
 
     @property
     def to_decide(self) -> str:
@@ -229,9 +232,9 @@ def requirement_rows(summary: Summary, units: Units = "shown", time_unit: str = 
         for output, shown in zip(summary.outputs, summary.units_shown, strict=True)
     }
     rows = []
-    for entry in summary.requirements:
+    for place, entry in enumerate(summary.requirements, 1):
         scale, unit = (1.0, "") if entry.kind in ("sigma_ratio", "box") else shown_in[entry.outputs[0]]
-        rows.append(RequirementRow(summary, entry, scale, unit, time_unit))
+        rows.append(RequirementRow(summary, entry, scale, unit, time_unit, place))
     return rows
 
 

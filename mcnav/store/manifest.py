@@ -126,7 +126,10 @@ class FilterRecord(Record):
 
 
 class ExceedanceRecord(Record):
-    """See `mcnav.analysis.requirements.Exceedance`; ``requirement`` is the number of the requirement, from zero."""
+    """See `mcnav.analysis.requirements.Exceedance`; ``requirement`` is the number of the requirement, from zero.
+
+    ``point`` is the most likely way to fail in standard normals, shape (d,); none where it is not known.
+    """
 
     requirement: Count
     estimate: Number
@@ -136,6 +139,7 @@ class ExceedanceRecord(Record):
     refusal: Words = ""
     way: Mapping[Words, float] = {}
     sides: Count = 0
+    point: Vector | None = None
 
 
 class ModelRecord(Record):

@@ -45,6 +45,7 @@ from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.html import page_html
 from mcnav.report.lincov_page import card, page
+from mcnav.studies.curved_tails import with_curvature
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.units import UnitError, quantity
 from mcnav.workflow.what_if import what_if_of_answer
@@ -82,6 +83,7 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
     described = campaign_from(campaign)
     answer = answer_linearly(described, times)
     with one_thread(), _scenario_errors(described):
+        answer = replace(answer, requirements=with_curvature(answer, described))
         remarks = remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
     return replace(answer, remarks=remarks, card=partial(card, outages=_outages(described)))
 
@@ -274,6 +276,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
                 "met": each.met if each.judged else None,
                 "margin": each.margin,
                 **({"exceedance": each.beyond} if math.isfinite(each.beyond) else {}),
+                **({"exceedance_curved": each.curved} if math.isfinite(each.curved) else {}),
                 "time": each.time,
                 "causes": [asdict(cause) for cause in answer.requirement_causes(number)],
             }

@@ -16,13 +16,14 @@ from mcnav.analysis.comparison import Model
 from mcnav.analysis.exceedance import Event, allowed_share, most_likely_way, samples_deciding
 from mcnav.analysis.requirements import Requirement
 from mcnav.contract.engine import ConditionalEngine, ConditionalNoise, Engine, conditions_noise, without_noise
-from mcnav.contract.samples import Batch
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.execution.soundness import isolated
 from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.facets import linear_facets
 from mcnav.sampling.copula import semidefinite_factor
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.sampling.error_model import ErrorModel
+from mcnav.statistics.bisection import root_between
 from mcnav.store.manifest import ExceedanceRecord
 from mcnav.systems.timeouts import check_stopped
 from mcnav.workflow.prepare import PreparedSystem, exact_part
@@ -39,6 +40,9 @@ FLIGHTS, NOISY_FLIGHTS = 1_000, 2_000
 SHARE: Final = 5
 MOST_FLIGHTS: Final = 4_000
 """Flights of a campaign with noise, which scatters entries: one flight for so many samples, and at most so many."""
+
+MOVED: Final = 0.2
+"""Share of its distance by which the most likely way to fail is moved to the limit, at most."""
 
 STREAM: Final = 1_000_003
 """Seeds of the flights: the campaign's times this, plus the number of the requirement."""
@@ -105,15 +109,18 @@ class _Normals:
         check_stopped()
         if not len(points):
             return np.zeros((0, len(self.outputs)))
-        errors = self.errors_of(points)
-        if self.noise is None:
-            flown = without_noise(self.engine)(errors)
-        else:
-            batch = Batch(numbers, errors, self._noise_seed)
-            flown = self.noise.samples.simulate(batch, self.noise.added(points[:, self.constants :]))
+        flown = self.simulate(points, numbers)
         values = flown.values[:, self.outputs].copy()
         values[list(flown.failures)] = math.nan
         return values
+
+    def simulate(self, points: Array, numbers: IndexArray) -> SimulationResult:
+        """Simulate, with noise by number; all outputs."""
+        errors = self.errors_of(points)
+        if self.noise is None:
+            return without_noise(self.engine)(errors)
+        batch = Batch(numbers, errors, self._noise_seed)
+        return self.noise.samples.simulate(batch, self.noise.added(points[:, self.constants :]))
 
     @cached_property
     def _noise_seed(self) -> int:
@@ -153,10 +160,7 @@ def estimate_exceedances(
     for number, requirement in enumerate(requirements):
         if requirement.kind == "sigma_ratio" or requirement.epochs:
             continue
-        event = Event.of(requirement, model.sizes)
-        seed = system.draws.seed * STREAM + number
-        noise = _Noise.of(engine, model, event.outputs) if conditions_noise(engine) else None
-        normals = _Normals(engine, system.draws.errors, model, event.outputs, seed, noise)
+        normals, event = _normals(engine, system.draws.errors, system.draws.seed, model, requirement, number)
         if not _is_beyond_counting(normals, event, requirement, system, confidence):
             continue
         reason = _refusal(system)
@@ -214,4 +218,56 @@ def _estimate(number: int, normals: _Normals, event: Event, samples: int, confid
     )  # fmt: skip
     if rare.refusal:
         return record.completed({"refusal": rare.refusal})
-    return record.completed({"way": most_likely_way(*normals.departures(rare.point)), "sides": rare.sides})
+    way = most_likely_way(*normals.departures(rare.point))
+    return record.completed({"way": way, "sides": rare.sides, "point": rare.point})
+
+
+@dataclass(frozen=True)
+class FailingFlight:
+    """Flight of the most likely way to fail, just beyond the limit.
+
+    Attributes
+    ----------
+    errors : ndarray, shape (sources,)
+    added : ndarray, shape (m,)
+        What noise adds to the linear outcomes of the requirement's ``outputs``; empty without noise.
+    result : SimulationResult
+    """
+
+    errors: Array
+    outputs: tuple[int, ...]
+    added: Array
+    result: SimulationResult
+
+
+def fly_way_to_fail(
+    engine: Engine, errors: ErrorModel, seed: int, model: Model, requirement: Requirement, record: ExceedanceRecord
+) -> FailingFlight:
+    """Fly the most likely way to fail of a requirement, moved along its direction to just beyond the limit.
+
+    It is moved by at most a fifth of its distance: where the limit is not crossed there, it is flown as it is. Noise
+    that the condition leaves random is that of flight 0.
+    """
+    normals, event = _normals(engine, errors, seed, model, requirement, record.requirement)
+    point = np.array(record.point)
+
+    def margin(multiple: float) -> float:
+        value = float(event.limit.margin(normals.fly(multiple * point[None], np.zeros(1, dtype=np.int64)))[0])
+        return value if math.isfinite(value) else 1.0
+
+    (low, below), (high, beyond) = ((each, margin(each)) for each in (1.0 - MOVED, 1.0 + MOVED))
+    crossed = below <= 0.0 < beyond
+    multiple = root_between(margin, (low, below), (high, beyond), 1e-6)[1] if crossed else 1.0
+    found = multiple * point[None]
+    chosen = normals.errors_of(found)[0]
+    added = np.zeros(0) if normals.noise is None else normals.noise.added(found[:, normals.constants :])[0]
+    return FailingFlight(chosen, normals.outputs, added, normals.simulate(found, np.zeros(1, dtype=np.int64)))
+
+
+def _normals(
+    engine: Engine, errors: ErrorModel, seed: int, model: Model, requirement: Requirement, number: int
+) -> tuple[_Normals, Event]:
+    """Return flights as functions of standard normals for a requirement by number, and what failing is."""
+    event = Event.of(requirement, model.sizes)
+    noise = _Noise.of(engine, model, event.outputs) if conditions_noise(engine) else None
+    return _Normals(engine, errors, model, event.outputs, seed * STREAM + number, noise), event

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,18 @@ from scipy import stats
 from mcnav.analysis.exceedance import Event, weigh
 from mcnav.analysis.requirements import Exceedance, Finding, Requirement, RequirementResult
 from mcnav.config.read import parse_campaign
-from mcnav.workflow.analyse import report_run
+from mcnav.errors import RunFolderError
+from mcnav.report.figures.tail import tails
+from mcnav.report.lincov import requirement_rows
+from mcnav.report.model import RunAnalysis
+from mcnav.report.sweep import frame
+from mcnav.report.sweep_page import point_table
+from mcnav.store.run_folder import RunFolder
+from mcnav.studies.lincov import linear_covariance
+from mcnav.studies.sweep import SweepPlan, run_sweep
+from mcnav.workflow.analyse import analyse, report_run
 from mcnav.workflow.check import by_counting
+from mcnav.workflow.replay import replay_failure
 from mcnav.workflow.run import run_campaign
 from tests.campaigns.test_ins import described
 
@@ -60,7 +71,43 @@ def test_a_limit_at_one_in_a_million_agrees_with_a_count_of_two_hundred_million(
     assert required["remark"] == f"decided by {exceedance['flights']} flights chosen with the linear model"
     report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "most likely by gyro drift at" in report
+    assert "; flown by mcnav replay RUN --fail 1" in report
+    assert "none of 2,000 samples lies beyond; linear analysis expects 8.75e-07, with curvature 8.8" in report
+    _flies_to_its_limit(tmp_path / "run", exceedance["way"])
+    _has_a_tail(analyse(RunFolder(tmp_path / "run")))
     assert "shown by 1,497,865 samples with none beyond" in report
+
+
+def _flies_to_its_limit(folder: Path, way: dict[str, float]) -> None:
+    """The most likely way to fail reaches its limit by both engines, whose accuracy is 1e-6 of it."""
+    result = replay_failure(folder, 1)
+    names = [source.name for source in result.sources]
+    sigmas = dict(zip(names, result.errors / np.where(result.sigmas > 0.0, result.sigmas, 1.0), strict=True))
+    assert sigmas["gyro_drift"] == pytest.approx(way["gyro_drift"], rel=0.02)
+    flown = [abs(outcome.values[0]) for outcome in result.outcomes]
+    assert 160e3 < flown[0] < 160e3 * (1.0 + 1e-5)
+    np.testing.assert_allclose(flown[1], flown[0], rtol=1e-6)
+    assert result.limited.endswith("This flight reaches 1.0000 times the limit.")
+    with pytest.raises(RunFolderError, match=r"of requirement 2: .* no such requirement; known of 1$"):
+        replay_failure(folder, 2)
+
+
+def _has_a_tail(content: RunAnalysis) -> None:
+    """Its curves are those of the normal law, of the count, and, with curvature, closer to the flights."""
+    (curve,) = content.tail_curves
+    assert curve is not None
+    sigma = float(np.sqrt(content.model.outcome_covariance[0, 0]))
+    np.testing.assert_allclose(curve.linear, 2.0 * stats.norm.sf(curve.multiples * 160e3 / sigma), rtol=1e-9)
+    beyond = [np.mean(np.abs(content.outputs[:, 0]) > each * 160e3) for each in curve.multiples]
+    np.testing.assert_array_equal(np.nan_to_num(curve.counted), beyond)
+    np.testing.assert_allclose(curve.high[-1], 1.0 - 0.025 ** (1.0 / 2_000), rtol=1e-9)
+    linear, curved = curve.at_limit
+    (required,) = content.summary.requirements
+    assert required.exceedance is not None
+    assert abs(curved - (required.exceedance.estimate or 0.0)) < 0.05 * linear
+    figure = tails(content)
+    assert figure is not None
+    assert [each.name for each in figure.key] == ["counted", "bounds", "linear", "curved", "flights", "allowed"]
 
 
 def test_bits_do_not_depend_on_jobs_nor_on_interruptions(tmp_path: Path) -> None:
@@ -78,6 +125,22 @@ def test_requirements_that_counting_decides_have_none(tmp_path: Path) -> None:
     (required,) = run(tmp_path / "run", accept={"quantile": [limit]})["requirements"]
     assert required["finding"] == "met"
     assert "exceedance" not in required
+
+
+def test_linear_analysis_and_a_sweep_state_the_tail(tmp_path: Path) -> None:
+    """With curvature a run's second derivatives say the same; at the sweep's points it is the normal law's."""
+    (row,) = requirement_rows(linear_covariance(capsule(10)))
+    run(tmp_path, samples=10)
+    (curve,) = analyse(RunFolder(tmp_path)).tail_curves
+    assert curve is not None
+    assert (row.exceedance, row.exceedance_curved) == pytest.approx(curve.at_limit, rel=1e-9)
+    swept = run_sweep(capsule(10), SweepPlan({"errors.gyro_drift": ["1e-6 rad/s", "2e-6 rad/s"]}))
+    assert swept.exceedances is not None
+    assert swept.exceedances[0, 0] == pytest.approx(row.exceedance, rel=1e-9)
+    sigma = swept.values[:, 0] / stats.norm.isf(1e-6)  # two parts in a million are allowed, on two sides
+    np.testing.assert_allclose(swept.exceedances[:, 0], 2.0 * stats.norm.sf(160e3 / sigma), rtol=1e-6)
+    assert list(frame(swept))[-1] == "quantile(altitude, 0.999998), beyond"
+    assert "Beyond the limit" in [column.heading for column in point_table(swept).columns]
 
 
 def test_a_check_says_how_many_samples_show_it_by_counting() -> None:
@@ -134,6 +197,10 @@ def test_noise_that_is_linear_has_the_normal_probability(tmp_path: Path) -> None
     sigma = np.sqrt(np.array(summary["covariance_linear"])[6, 6])
     expected = 2.0 * stats.norm.sf(0.37e-3 / sigma)
     assert required["exceedance"]["estimate"] == pytest.approx(expected, rel=0.01)
+    flight = replay_failure(tmp_path / "run", 1)
+    assert 0.37e-3 < abs(flight.outcomes[0].values[6]) < 0.37e-3 * (1.0 + 1e-5)
+    assert flight.linear[6] == pytest.approx(flight.outcomes[0].values[6], rel=1e-3)
+    assert re.fullmatch(r"noise adds −?-?[\d.e-]+ mrad to tilt north, by linear analysis", flight.notes[0])
 
 
 def test_noise_of_other_engines_is_refused_in_a_line(tmp_path: Path) -> None:
