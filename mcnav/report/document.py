@@ -392,9 +392,16 @@ class WhatIfPart:
     json: str
 
 
+@dataclass(frozen=True)
+class LivePart:
+    """First state of a live page, which its script shows and renews: see `mcnav.report.live`."""
+
+    json: str
+
+
 Part: TypeAlias = (
     "Sentence | Note | Verdict | Verdicts | Tiles | Facts | Findings | Answers | Heading | Folded | Beside | Listing"
-    " | Lines | Formula | MarkKey | WhatIfPart | Table[Any] | Figure"
+    " | Lines | Formula | MarkKey | WhatIfPart | LivePart | Table[Any] | Figure"
 )
 """Parts of a page."""
 

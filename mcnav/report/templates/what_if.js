@@ -378,6 +378,13 @@
         filterLine.replaceChildren(make("strong", "Filter not tuned anew."), o < 0 ? "" : ` True over claimed error farthest from one: ${number(ratio, 3)}, of ${outputs[o].name} at ${number(times[r], 4)} ${data.timeUnit}; in the campaign ${number(earlier, 3)}.`);
       } else if (data.tuned) filterLine.replaceChildren(make("strong", "Filter not tuned anew."));
       panels.filter((panel) => first.includes(panel.i) || more?.open).forEach((panel) => panel.draw(m, min(until, times.length)));
+      root_.dispatchEvent(new Event("moved"));
+    };
+    // What a live page asks: factors of the numbers that are changed, by their keys; and the other way about.
+    root_.factors = () => Object.fromEntries(sliders.map(({ path }, n) => [path, factors[n]]).filter(([, factor]) => factor !== 1));
+    root_.choose = (chosenFactors) => {
+      sliders.forEach(({ path }, n) => { factors[n] = chosenFactors[path] ?? 1; rows[n].show(); });
+      update();
     };
     // What tests compare: sigmas by reading and output, SI, values and margins of requirements, and the file.
     root_.results = () => {
