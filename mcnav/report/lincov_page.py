@@ -174,7 +174,7 @@ def _filtered(answer: LinearAnswer) -> list[Column[SizeRow]]:
     """Return the column of the filter's sigma, if there is a filter."""
     if answer.history is None or answer.history.sigma_filter is None:
         return []
-    return [Column("Filter’s own", lambda row: row.sigma_filter, "filter's σ", form=_size)]
+    return [Column("Filter’s own", lambda row: row.sigma_filter, "filter's σ", form=_size, size="sigma")]
 
 
 def _by_kind(answer: LinearAnswer, table: Table[SizeRow]) -> Table[SizeRow]:
@@ -189,11 +189,11 @@ def _by_kind(answer: LinearAnswer, table: Table[SizeRow]) -> Table[SizeRow]:
 def final_table(answer: LinearAnswer) -> Table[SizeRow]:
     """Tabulate the final means and sigmas with the causes of the variances."""
     rows = final_rows(answer)
-    mean: Column[SizeRow] = Column("Mean", lambda row: row.mean, "mean", form=_size)
+    mean: Column[SizeRow] = Column("Mean", lambda row: row.mean, "mean", form=_size, size="value")
     columns: list[Column[SizeRow]] = [
         Column("Output", _output, "output", "label"),
         *([mean] if any(row.mean for row in rows) else []),
-        Column("At the end", lambda row: row.sigma, "σ", form=_size),
+        Column("At the end", lambda row: row.sigma, "σ", form=_size, size="sigma"),
         *_filtered(answer),
         Column("Largest causes", lambda row: _causes(row.causes), CAUSES, "words"),
     ]
@@ -207,7 +207,7 @@ def largest_table(answer: LinearAnswer) -> Table[SizeRow]:
     label = "" if answer.history is None else answer.history.readings.label
     columns: list[Column[SizeRow]] = [
         Column("Output", _output, "output", "label"),
-        Column("Largest", lambda row: row.sigma, "largest σ", form=_size),
+        Column("Largest", lambda row: row.sigma, "largest σ", form=_size, size="sigma"),
         *_filtered(answer),
         Column(label, lambda row: row.time, f"at {label}", form=five_digits),
         Column("Largest causes then", lambda row: _causes(row.causes), CAUSES, "words"),
@@ -222,8 +222,8 @@ def smoothed_table(answer: LinearAnswer) -> Table[SizeRow]:
     label = "" if answer.smoothed is None else answer.smoothed.readings.label
     columns: list[Column[SizeRow]] = [
         Column("Output", _output, "output", "label"),
-        Column("Largest", lambda row: row.sigma, "largest σ", form=_size),
-        Column("Smoother claims", lambda row: row.sigma_filter, "smoother's σ", form=_size),
+        Column("Largest", lambda row: row.sigma, "largest σ", form=_size, size="sigma"),
+        Column("Smoother claims", lambda row: row.sigma_filter, "smoother's σ", form=_size, size="sigma"),
         Column(label, lambda row: row.time, f"at {label}", form=five_digits),
         Column("Largest causes then", lambda row: _causes(row.causes), CAUSES, "words"),
     ]
