@@ -9,12 +9,14 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import copy
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, ParamSpec, TypeVar
 
 import typer
 from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command_name
 
 from mcnav import next_command
 from mcnav import shell_completion as completion
@@ -1443,8 +1445,25 @@ def _prepare_process() -> None:
     atexit.register(gc.freeze)
 
 
+def _with_the_command(name: str) -> typer.Typer:
+    """Return the command line with this one of its commands: building all of them takes as long as showing a run.
+
+    It is whole where no command has that name.
+    """
+    named = [
+        each
+        for each in app.registered_commands
+        if name == (each.name or get_command_name(getattr(each.callback, "__name__", "")))
+    ]
+    if not named:
+        return app
+    alone = copy(app)
+    alone.registered_commands = named
+    return alone
+
+
 def main() -> None:
     """Run the command line."""
     _prepare_process()
     with interruptible():
-        app(prog_name="mcnav")
+        _with_the_command("".join(sys.argv[1:2]))(prog_name="mcnav")
