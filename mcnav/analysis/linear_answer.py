@@ -14,6 +14,7 @@ from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.comparison import ROUNDING, Model
+from mcnav.analysis.gates import GateAnswer
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of, picked, readings_beyond
@@ -96,6 +97,8 @@ class LinearAnswer:
         smoother claims.
     smoother : LinearVerdict or None
         Verdict on the smoother.
+    gates : tuple of GateAnswer
+        What the gates of sensors stop.
     kind : str
         Type of its scenario.
     remarks : tuple of str
@@ -115,6 +118,7 @@ class LinearAnswer:
     smoothed: LinearCovariance | None = None
     smoothed_asked: LinearCovariance | None = None
     smoother: LinearVerdict | None = None
+    gates: tuple[GateAnswer, ...] = ()
     kind: str = ""
     remarks: tuple[str, ...] = ()
     card: Callable[[LinearAnswer], str] | None = field(default=None, repr=False, compare=False)

@@ -50,6 +50,8 @@ class SimulationResult:
         noise is asked for.
     filter_values : ndarray, shape (n, m, width), optional
         Records of the samples' filters at every epoch, from an engine with a filter alone; see `FilterSchema`.
+    smoothed_history, smoother_values : ndarray, shapes (n, m, outputs), (n, m, width), optional
+        Errors behind a smoother at every epoch, and its records; from an engine with a smoother alone.
     """
 
     values: Array
@@ -58,3 +60,5 @@ class SimulationResult:
     linear_values: Array | None = None
     history: Array | None = None
     filter_values: Array | None = None
+    smoothed_history: Array | None = None
+    smoother_values: Array | None = None

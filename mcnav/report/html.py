@@ -15,6 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from mcnav.report.document import LivePart, Page, Part, WhatIfPart
+from mcnav.report.glossary import hints
 from mcnav.report.template_cache import TemplateCache
 
 CARD = "&{padding:.6rem .9rem;border:1px solid var(--line);border-radius:.6rem;background:var(--paper);max-width:72rem}"
@@ -53,7 +54,7 @@ def page_html(page: Page) -> str:
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     text = environment.get_template("page.html").render(
         page=page, style=Markup(style), script=Markup(script), script_hash=Markup(f"sha256-{digest}"), icon=icon,
-        live=LivePart in kinds,
+        live=LivePart in kinds, hints=hints(),
     )  # fmt: skip
     return _focusable(text)
 

@@ -33,6 +33,7 @@ from mcnav.report.document import (
 from mcnav.report.figures import lincov as drawn
 from mcnav.report.figures.figure import Figure, bare
 from mcnav.report.format import number
+from mcnav.report.gates import gate_table
 from mcnav.report.html import card_html
 from mcnav.report.left_out import not_modelled
 from mcnav.report.lincov import (
@@ -87,6 +88,8 @@ def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = 
         sections.append(Section("over-time", over_time, [*joined(moving, drawn.truth(answer))]))
     if meaningful and (budget := drawn.budget(answer)) is not None:
         sections.append(Section("budget", "Error budget", [budget, *_budget_parts(answer, outages)]))
+    if (gates := gate_table(answer)) is not None:
+        sections.append(Section("gates", "What the gates stop", [gates]))
     looped = ".py:" in answer.kind and any(each.of == "truth" for each in answer.outputs)
     if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped)) is not None:
         sections.append(changeable)
@@ -105,6 +108,7 @@ def terminal(answer: LinearAnswer) -> list[Part]:
         final_table(answer),
         None if answer.meaningful is None else largest_table(answer),
         smoothed_table(answer) if smoothed_rows(answer) else None,
+        gate_table(answer),
     ]
     remarks = [Sentence(remark, "undecided") for remark in noticed(answer.remarks)]
     return [Verdict(words, tone), *(Sentence(*each) for each in others), *remarks, *joined(*tables)]

@@ -40,9 +40,10 @@ class RunAnalysis:
     """A run with its samples and all that is concluded from them; what only a report shows is read when it is used.
 
     Of a run that stores a summary, ``samples`` are the first ones. ``failures`` gives for each reason how many samples
-    failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter, and ``beyond``
-    where linear errors leave the range in which they have a meaning, none where they do not. ``what_if`` is known where
-    a page is to be written, ``histories`` of the first samples where a requirement holds at epochs.
+    failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter, ``smoother`` where
+    none follows it, and ``beyond`` where linear errors leave the range in which they have a meaning, none where they do
+    not. ``what_if`` is known where a page is to be written, ``histories`` of the first samples where a requirement
+    holds at epochs.
     """
 
     folder: RunFolder
@@ -59,6 +60,7 @@ class RunAnalysis:
     left_out: FailureBias | None
     failures: Mapping[str, tuple[int, Sequence[int]]]
     filter: FilterConsistency | None = None
+    smoother: FilterConsistency | None = None
     beyond: BeyondRange | None = None
     sizes: tuple[SampledSize, ...] = ()
     histories: ErrorHistories | None = None
@@ -81,6 +83,7 @@ class RunAnalysis:
             self.filter,
             self.beyond,
             self.sizes,
+            self.smoother,
         )
 
     @cached_property

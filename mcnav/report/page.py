@@ -32,6 +32,7 @@ from mcnav.report.sections.filter import filter_sections
 from mcnav.report.sections.joint import combination_section, joint_section
 from mcnav.report.sections.outputs import dispersion_section, requirements_section, sigmas_section
 from mcnav.report.sections.provenance import provenance_section, simulated_per_second
+from mcnav.report.sections.smoother import smoother_section
 from mcnav.report.sections.truth import truth_section
 from mcnav.report.sections.what_if import what_if_section
 from mcnav.report.sentences import Statement
@@ -115,6 +116,7 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
         None if throughout is None else Section("throughout", throughout.title, [throughout]),
         truth_section(content, drawn) if dispersed else None,
         *filter_sections(content, drawn),
+        smoother_section(content),
         None if flown is None else Section("flight", flown.title, [flown]),
         budget_section(content, drawn) if dispersed else None,
         what_if_section(content.what_if, content.manifest.model.outputs, content.looped),

@@ -167,7 +167,8 @@ class RequirementRow:
             return "–"
         if known.refusal or known.estimate is None or known.low is None or known.high is None:
             return f"not estimated: {known.refusal}"
-        return f"{known.estimate:.2e} ({known.low:.2e} to {known.high:.2e}), {known.flights:,} flights"
+        when = " at any epoch" if self.entry.epochs else ""
+        return f"{known.estimate:.2e} ({known.low:.2e} to {known.high:.2e}){when}, {known.flights:,} flights"
 
     @property
     def way(self) -> str:

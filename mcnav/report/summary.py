@@ -21,7 +21,7 @@ from mcnav.analysis.summary import Beyond, CombinationEntry, Joint, Summary, tal
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.analysis.vector_sizes import SampledSize
-from mcnav.report.filter_summary import filter_entries
+from mcnav.report.filter_summary import fault_entries, filter_entries, smoother_entries
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.store.manifest import Manifest, ModelRecord, Variable
 
@@ -46,6 +46,7 @@ def summarise(
     filtered: FilterConsistency | None = None,
     beyond: BeyondRange | None = None,
     sizes: Sequence[SampledSize] = (),
+    smoothed: FilterConsistency | None = None,
 ) -> Summary:
     """Collect the results of a run.
 
@@ -75,6 +76,8 @@ def summarise(
         **({} if beyond is None else {"beyond_range": _beyond(beyond, record)}),
         "budget": {**asdict(budget), "flown": record.budget},
         **({} if filtered is None else filter_entries(filtered)),
+        **({} if smoothed is None else smoother_entries(smoothed)),
+        **({"faults": fault_entries(record.faults, filtered)} if record.faults else {}),
     })  # fmt: skip
 
 

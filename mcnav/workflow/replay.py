@@ -12,7 +12,6 @@ import numpy as np
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.requirements import requirements_from
-from mcnav.analysis.tail_curves import limits_reached
 from mcnav.config.read import Campaign, read_campaign
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.failure import OK
@@ -49,7 +48,7 @@ from mcnav.systems.histories import with_errors
 from mcnav.units import conversion
 from mcnav.workflow.analyse import linear_model
 from mcnav.workflow.exceedance import fly_way_to_fail
-from mcnav.workflow.prepare import exact_part
+from mcnav.workflow.prepare import exact_part, linear_history
 
 STORED: Final = "stored"
 
@@ -137,7 +136,8 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
             engines = _engines(scenario, engine_name, draws)
             own = isolated(scenario, exact_part(engines[engine_name]), campaign.sample_timeout)
             model = linear_model(manifest.model)
-            flight = fly_way_to_fail(own, campaign.errors, campaign.seed, model, requirement, record)
+            throughout = linear_history(scenario, engines[engine_name]) if requirement.epochs else None
+            flight = fly_way_to_fail(own, campaign.errors, campaign.seed, model, requirement, record, throughout)
             others = [
                 _outcome(name, without_noise(engine)(flight.errors[None]))
                 for name, engine in engines.items()
@@ -157,9 +157,12 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
         for i, added in zip(flight.outputs, flight.added, strict=False)
     ]
     limits = NamedRequirement(
-        requirement.kind, [names[i] for i in requirement.outputs], requirement.limits, requirement.probability
+        requirement.kind,
+        [names[i] for i in requirement.outputs],
+        requirement.limits,
+        requirement.probability,
+        requirement.when,
     )
-    reached = float(limits_reached(requirement, model, result.values)[0])
     return Replay(
         campaign=campaign.name,
         index=None,
@@ -173,7 +176,7 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
         history=history,
         notes=(*_revision_note(manifest, campaign), *noise),
         requirement=number,
-        limited=f"Required: {stated(limits, units)}. This flight reaches {reached:.4f} times the limit.",
+        limited=f"Required: {stated(limits, units)}. This flight reaches {flight.reached:.4f} times the limit.",
     )
 
 

@@ -399,7 +399,12 @@
   });
 
   // Switches: tables whose rows have one unit, and axes, follow; what has its unit beside it in words stays. Remembered.
-  const own = new Map();
+  const [own, captions] = [new Map(), new Map()];
+  const textsOf = (element) => {
+    const [walker, found] = [document.createTreeWalker(element, NodeFilter.SHOW_TEXT), []];
+    while (walker.nextNode()) found.push(walker.currentNode);
+    return found;
+  };
   const originally = (element) => own.get(element) ?? own.set(element, element.textContent).get(element);
   const convertTables = () => {
     all("tr:has([data-unit])").forEach((row) => {
@@ -412,9 +417,19 @@
       });
     });
     all("table:has(data.sigma)").forEach((table) => {
-      const caption = table.querySelector("caption span");
       const { words } = convention;
-      if (caption) caption.textContent = convention.sigma === 1 ? originally(caption) : /one sigma/i.test(originally(caption)) ? originally(caption).replace(/one sigma/i, (each) => (each[0] === "O" ? words[0].toUpperCase() + words.slice(1) : words)) : `${originally(caption)} Sigmas are shown as ${words}.`;
+      const caption = table.querySelector("caption span");
+      if (!caption) return;
+      if (!captions.has(caption)) {
+        const named = textsOf(caption).find((each) => /one sigma/i.test(each.data));
+        if (!named) caption.append(" ");
+        captions.set(caption, named ?? caption.appendChild(document.createTextNode("")));
+      }
+      const place = captions.get(caption);
+      if (!own.has(place)) own.set(place, place.data);
+      const before = own.get(place);
+      const begun = before[0] === "O" ? words[0].toUpperCase() + words.slice(1) : words;
+      place.data = convention.sigma === 1 ? before : before ? before.replace(/one sigma/i, begun) : `Sigmas are shown as ${words}.`;
     });
   };
   const stored = (name, chosen) => {
@@ -446,6 +461,64 @@
     place.append(choice("Sigmas in tables", "sigma", ["1", "3", "1.959963985"].map((each) => [each, SIGMAS[each][0]]), String(convention.sigma), (each) => { convention.sigma = Number(each); }),
       choice("Units", "units", Object.entries(SYSTEMS), convention.system, (each) => { convention.system = each; }));
     if (convention.sigma !== 1 || convention.system !== "own") apply();
+  });
+
+  // Glossary: words have their meaning under the pointer, and the first of each in a section by keyboard and touch, too.
+  all(".glossary script").forEach((place) => {
+    const meanings = JSON.parse(place.textContent);
+    const keys_ = Object.keys(meanings);
+    const word = new RegExp(`\\b(${keys_.join("|")})(?=s?\\b)`, "gi");
+    const keyOf = (text) => keys_.find((each) => each === text || (each === each.toLowerCase() && each === text.toLowerCase()));
+    const told = set(document.createElement("div"), { class: "meaning", role: "tooltip" });
+    told.hidden = true;
+    document.body.append(told);
+    place.after(...keys_.map((key, k) => { // what screen readers say of a word
+      const each = set(document.createElement("p"), { id: `meaning-${k}` });
+      each.textContent = meanings[key];
+      return each;
+    }));
+    let leaving = 0;
+    const hide = () => { told.hidden = true; };
+    const later = () => { leaving = setTimeout(hide, 200); };
+    told.addEventListener("pointerenter", () => clearTimeout(leaving));
+    told.addEventListener("pointerleave", later);
+    document.addEventListener("keydown", ({ key }) => { if (key === "Escape") hide(); });
+    const show = (element, key) => {
+      clearTimeout(leaving);
+      told.textContent = `${key}: ${meanings[key]}.`;
+      told.hidden = false;
+      const at = box(element);
+      told.style.left = `${max(4, min(at.left, document.documentElement.clientWidth - told.offsetWidth - 4))}px`;
+      told.style.top = `${scrollY + (at.top > told.offsetHeight + 8 ? at.top - told.offsetHeight - 4 : at.bottom + 4)}px`;
+    };
+    const pieces = (text, seen, inside) => {
+      let from = 0;
+      const made_ = [];
+      for (const found of text.matchAll(word)) {
+        const key = keyOf(found[0]);
+        if (key) {
+          const first_ = !inside && !seen.has(key);
+          if (!inside) seen.add(key);
+          const element = document.createElement(first_ ? "button" : "span");
+          element.textContent = found[0];
+          set(element, { class: "term", ...(first_ ? { type: "button", "aria-describedby": `meaning-${keys_.indexOf(key)}` } : {}) });
+          element.addEventListener("pointerenter", () => show(element, key));
+          element.addEventListener("pointerleave", later);
+          if (first_) ["focus", "click"].forEach((each) => element.addEventListener(each, () => show(element, key)));
+          if (first_) element.addEventListener("blur", hide);
+          made_.push(text.slice(from, found.index), element);
+          from = found.index + found[0].length;
+        }
+      }
+      return made_.length ? [...made_, text.slice(from)] : null;
+    };
+    all("main > header, main > section").forEach((part) => {
+      const seen = new Set();
+      textsOf(part).filter((each) => each.data.trim() && !each.parentElement.closest("script, style, svg, math, code, pre, select, h1, .hidden, .switches, .what-if, .live, details.data")).forEach((each) => {
+        const made_ = pieces(each.data, seen, each.parentElement.closest("button, a, summary, label"));
+        if (made_) each.replaceWith(...made_);
+      });
+    });
   });
 
   // Of many panels those that are chosen: the first ones, a single one, or all.
