@@ -44,7 +44,7 @@ GARBAGE_THRESHOLD = 50_000
 GROUPS: Final = {
     "Start": ("demo", "new", "check", "run", "docs"),
     "Analyse": ("lincov", "sweep", "allocate", "linearity", "start-times", "identify", "judge"),
-    "Look": ("show", "live", "report", "compare", "index", "figure", "export", "replay", "trajectory", "imu"),
+    "Look": ("show", "live", "report", "brief", "compare", "index", "figure", "export", "replay", "trajectory", "imu"),
     "Advanced": ("partials", "record", "schema", "compile", "reproduce", "calibrate"),
 }
 """Commands in the order and under the headings of ``mcnav --help``."""
@@ -495,6 +495,31 @@ def figure(
     _print_notes(draw_figure(folder, name, file, wide, high, font_scale, panel or (), columns))
     _print_written([file])
     _print_next(next_command.written("export", folder))
+
+
+@_command()
+def brief(
+    folder: Folder,
+    campaign: Annotated[
+        Path | None, typer.Option("--campaign", help="The run's campaign file; needed for advice on code of your own.")
+    ] = None,
+    into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: RUN_brief].")] = None,
+) -> None:
+    """Write a run on one sheet for a review board.
+
+    A page and a PDF: verdicts, requirements with margins, the worst case, its causes, and what would help by linear
+    analysis.
+
+    Example: mcnav brief reports/mine
+    """
+    from mcnav.report import progress
+    from mcnav.studies.brief import default_folder, write_brief
+
+    target = output_folder(into, default_folder(folder))
+    with progress.shown(err) as shown:
+        written = write_brief(folder, target, campaign, shown)
+    _print_written(written)
+    _print_next(next_command.written("report", folder, "--open"))
 
 
 @_command()
