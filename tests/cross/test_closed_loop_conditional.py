@@ -14,7 +14,7 @@ from mcnav.systems.closed_loop.conditional import noise_covariance, noise_partia
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from tests.closed_loops import campaign
 
-LOOPS = ("Scalar", "Pendulum", "Landing", "Kicked", "Braking")
+LOOPS = ("Pendulum", "Landing", "Kicked", "Braking")
 """White noise, Gauss-Markov, sensors, corrections at their times and by triggers, ends by triggers."""
 
 
