@@ -339,7 +339,8 @@ def _normals(
 ) -> tuple[_Normals, Event]:  # fmt: skip
     """Return flights as functions of standard normals for a requirement by number, and what failing is."""
     event = Event.of(requirement, model.sizes)
-    noisy = conditions_noise(engine) and not event.epochs
-    noise = _Noise.of(engine, model, event.outputs) if noisy else None
+    noise = None
+    if conditions_noise(engine) and not event.epochs:
+        noise = _Noise.of(engine, model, event.outputs)
     over_time = throughout if event.epochs else None
     return _Normals(engine, errors, model, event, seed * STREAM + number, noise, over_time), event
