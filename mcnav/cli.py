@@ -559,7 +559,13 @@ def compare(
 @_command()
 def replay(
     folder: Folder,
-    index: Annotated[int, typer.Argument(metavar="INDEX", min=0, help="Sample index.")],
+    index: Annotated[int | None, typer.Argument(metavar="INDEX", min=0, help="Sample index.")] = None,
+    fail: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="In place of a sample, the most likely way to fail requirement N, at its limit."
+        ),
+    ] = None,
     campaign: Annotated[
         Path | None,
         typer.Option(
@@ -571,7 +577,8 @@ def replay(
 ) -> None:
     """Simulate one sample of a run again, with its history.
 
-    Its errors, its outcome and its history are written as a page and a CSV file.
+    Its errors, its outcome and its history are written as a page and a CSV file. With --fail it is no sample, but the
+    flight by which a requirement beyond counting fails most likely.
 
     Exit status: 0 the outcome is as stored, 1 it is different, 2 bad input.
 
@@ -581,7 +588,12 @@ def replay(
     from mcnav.report.terminal_parts import printed
     from mcnav.workflow import replay as replaying
 
-    result = replaying.replay(folder, index, campaign)
+    if (index is None) == (fail is None):
+        raise _fail("mcnav replay needs the index of a sample or --fail with the number of a requirement, one of them")
+    if fail is None:
+        result = replaying.replay(folder, index or 0, campaign)
+    else:
+        result = replaying.replay_failure(folder, fail, campaign)
     _print_notes(result.notes)
     out.print(printed(terminal(result)))
     out.print()

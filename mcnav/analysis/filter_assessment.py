@@ -87,7 +87,7 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
     if means is None:
         return FilterConsistency(
             evidence.label, evidence.times, 0, criterion.confidence, criterion.tolerance, (), (), (), (),
-            Honesty.UNDECIDED, remarks=(f"{remark[:1].upper()}{remark[1:]}.",),
+            Honesty.UNDECIDED, remarks=(f"{remark[:1].upper()}{remark[1:]}.",), subject=evidence.subject,
         )  # fmt: skip
     basis = _Basis(evidence, criterion, Rates.of(criterion, _deciding_intervals(evidence, means)), remark)
     outputs = () if evidence.true is None else _outputs(basis, means, evidence.true)
@@ -139,6 +139,7 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
         departures=certain_departures(decision, evidence.times),
         doubt=doubt,
         overlooked="" if overlooked is None else outputs[overlooked].name,
+        subject=evidence.subject,
     )
 
 

@@ -372,6 +372,8 @@ class FilterConsistency:
     overlooked : str
         Output of whose error the filter states no variance where there is one: it is optimistic by any factor. Empty
         when none.
+    subject : str
+        The filter, or the smoother behind it.
     """
 
     label: str
@@ -402,6 +404,7 @@ class FilterConsistency:
     departures: tuple[CertainDeparture, ...] = ()
     doubt: str = ""
     overlooked: str = ""
+    subject: str = "filter"
 
     @property
     def departing_output(self) -> CertainDeparture | None:

@@ -89,6 +89,8 @@ class FilterEvidence:
     sampling : SamplingDesign
         What it and the sources' distributions allow.
     linear : LinearFilter, optional
+    subject : str
+        What is judged: the filter, or the smoother behind it.
     """
 
     label: str
@@ -100,6 +102,7 @@ class FilterEvidence:
     design: str = "random"
     sampling: SamplingDesign = field(default_factory=SamplingDesign)
     linear: LinearFilter | None = None
+    subject: str = "filter"
 
     @property
     def samples(self) -> int:

@@ -139,17 +139,18 @@ def sentence(consistency: FilterConsistency) -> str:
 
     A filter is optimistic when its sigmas are smaller than those of its errors.
     """
+    subject = consistency.subject
     told = [_departed(consistency)] if consistency.departures else []
     if consistency.overlooked:
         name = _spoken(consistency.overlooked)
-        told.insert(0, f"The filter is optimistic: it states no variance of {name}, whose error is not zero.")
+        told.insert(0, f"The {subject} is optimistic: it states no variance of {name}, whose error is not zero.")
     if told:
         return " ".join(told)
     within = f"±{100.0 * consistency.tolerance:g} %"
     if consistency.verdict == Honesty.CONSISTENT:
         every = "every output and of every group of them" if consistency.outputs else "every group of errors"
         return (
-            f"The filter is consistent: the true sigma of {every} is within {within} of its own at every epoch "
+            f"The {subject} is consistent: the true sigma of {every} is within {within} of its own at every epoch "
             f"({100.0 * consistency.confidence:g} % confidence)."
         )
     reason = consistency.doubt or (
@@ -160,9 +161,9 @@ def sentence(consistency: FilterConsistency) -> str:
     needed = consistency.samples_needed and f"about {sensible_step(consistency.samples_needed, consistency.samples):,}"
     if consistency.on_groups == Honesty.CONSISTENT:
         single = f"single errors need {needed} samples" if needed else "single errors are undecided"
-        return f"Undecided: the filter is consistent as a whole; {single}."
+        return f"Undecided: the {subject} is consistent as a whole; {single}."
     would = f"; {needed} would decide" if needed else ""
-    return f"Undecided: {consistency.samples:,} samples do not tell whether the filter is consistent{would}."
+    return f"Undecided: {consistency.samples:,} samples do not tell whether the {subject} is consistent{would}."
 
 
 def _departed(consistency: FilterConsistency) -> str:
@@ -182,7 +183,7 @@ def _departed(consistency: FilterConsistency) -> str:
     if consistency.neglected:
         largest = consistency.neglected[0]
         cause = f"; the largest error that it neglects is {_spoken(largest.name)} ({100.0 * largest.share:.0f} %)"
-    return f"The filter is {', and '.join(parts)}{cause}."
+    return f"The {consistency.subject} is {', and '.join(parts)}{cause}."
 
 
 def _by(departure: CertainDeparture) -> str:

@@ -410,6 +410,24 @@ class SensorEntry(_Entry):
     remark: str = ""
 
 
+class FaultEntry(_Entry):
+    """A fault of a sensor: measurements that were rejected in a sample, with the interval, and as expected; SI."""
+
+    sensor: str
+    kind: str
+    component: str
+    unit: str
+    shown_in: str
+    begin: float
+    end: float
+    size: float
+    measurements: int
+    rejected: float | None
+    rejected_interval: Ends | None
+    expected: float
+    alarm: float
+
+
 class FilterSummary(_Entry):
     """The verdict on the filter, and of every table what holds at the end or over the whole flight."""
 
@@ -524,6 +542,9 @@ class Summary(_Entry):
     nis_mean: Mapping[str, float | None] = {}
     filter_verdict: str = ""
     filter: FilterSummary | None = None
+    smoother_verdict: str = ""
+    smoother: FilterSummary | None = None
+    faults: Sequence[FaultEntry] = ()
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> Self:

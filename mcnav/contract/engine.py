@@ -45,6 +45,14 @@ class Engine(Protocol):
         """Simulate samples, with their noise or without."""
 
 
+class SmoothingEngine(Engine, Protocol):
+    """An engine whose samples' filters are followed by a smoother."""
+
+    @property
+    def smoother(self) -> FilterSchema | None:
+        """Columns of the smoothers' records (`SimulationResult.smoother_values`); none without a smoother."""
+
+
 class HistoryEngine(Engine, Protocol):
     """An engine that computes the errors at its epochs in a pass of their own, apart from the final ones."""
 
@@ -82,6 +90,11 @@ class ConditionalEngine(Engine, Protocol):
 def conditions_noise(engine: Engine) -> TypeGuard[ConditionalEngine]:
     """Return whether an engine simulates samples under conditions on their noise."""
     return engine.noisy and hasattr(engine, "conditional_noise")
+
+
+def smoother_of(engine: Engine) -> FilterSchema | None:
+    """Return the columns of the records of an engine's smoothers; none without smoothers."""
+    return getattr(engine, "smoother", None)
 
 
 def scales_noise(engine: Engine) -> TypeGuard[ScalableEngine]:

@@ -46,9 +46,12 @@ class SimulationResult:
     linear_values : ndarray, shape (n, outputs), optional
         The same samples by the linear system, with the same noise; from an engine with noise alone.
     history : ndarray, shape (n, m, outputs), optional
-        Errors at every epoch, from an engine with noise alone.
+        Errors at every epoch, from an engine that computes them with the final ones; it may leave them out where no
+        noise is asked for.
     filter_values : ndarray, shape (n, m, width), optional
         Records of the samples' filters at every epoch, from an engine with a filter alone; see `FilterSchema`.
+    smoothed_history, smoother_values : ndarray, shapes (n, m, outputs), (n, m, width), optional
+        Errors behind a smoother at every epoch, and its records; from an engine with a smoother alone.
     """
 
     values: Array
@@ -57,3 +60,5 @@ class SimulationResult:
     linear_values: Array | None = None
     history: Array | None = None
     filter_values: Array | None = None
+    smoothed_history: Array | None = None
+    smoother_values: Array | None = None

@@ -10,6 +10,7 @@ from mcnav._types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.errors import ScenarioError as ScenarioError
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
+from mcnav.contract.gates import FaultLaw, GateLaw, GateQuestion
 from mcnav.contract.history import History, StartClock
 from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
@@ -57,6 +58,9 @@ class Capability(StrEnum):
 
     SMOOTHER = "smoother"
     """Its filter is followed by a smoother, of which linear analysis is known."""
+
+    GATES = "gates"
+    """Its filter has gates, or its sensors have faults, of which linear analysis is known."""
 
     USER_CODE = "user code"
     """It runs code that may end the process."""
@@ -154,8 +158,22 @@ class LinearAtAnyTime(EpochScenario, Protocol):
 class SmoothedScenario(LinearAtAnyTime, Protocol):
     """A scenario with a `SMOOTHER`."""
 
-    def smoothed(self, times: Array) -> LinearSystem:
+    def smoothed(self, times: Array | None = None) -> LinearSystem:
         """Linearize the errors behind the smoother, at the readings of `linear`; `own` is what it claims."""
+
+
+class GatedScenario(EpochScenario, Protocol):
+    """A scenario with `GATES`."""
+
+    @property
+    def gate_question(self) -> GateQuestion:
+        """What is asked of the gates."""
+
+    def gate_laws(self, mean: Array, covariance: Array) -> tuple[GateLaw, ...]:
+        """Compute the laws of the gates for errors of this mean and covariance, and for ramps as they are asked for."""
+
+    def fault_laws(self, mean: Array, covariance: Array) -> tuple[FaultLaw, ...]:
+        """Compute the laws of the faults for errors of this mean and covariance."""
 
 
 class CovarianceScenario(LinearAtAnyTime, Protocol):
@@ -260,6 +278,11 @@ def knows_covariance(scenario: Scenario) -> TypeGuard[CovarianceScenario]:
 def has_smoother(scenario: Scenario) -> TypeGuard[SmoothedScenario]:
     """Return whether the filter of a scenario is followed by a smoother."""
     return Capability.SMOOTHER in scenario.can
+
+
+def has_gates(scenario: Scenario) -> TypeGuard[GatedScenario]:
+    """Return whether linear analysis of gates and faults is known."""
+    return Capability.GATES in scenario.can
 
 
 def has_start_times(scenario: Scenario) -> TypeGuard[VariableStart]:

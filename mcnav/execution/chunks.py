@@ -12,7 +12,7 @@ import numpy as np
 
 from mcnav._threads import one_thread
 from mcnav._types import Array
-from mcnav.contract.engine import Engine, has_histories
+from mcnav.contract.engine import Engine, has_histories, smoother_of
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.power_sums import PowerSums
@@ -24,8 +24,8 @@ from mcnav.numerics.power_sums import sum_powers_about_zero
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.statistics.filter_sums import FilterSums
 from mcnav.store.chunk_files import ChunkFile, ChunkTotals, SampleSchema, verify_chunk, write_chunk
-from mcnav.store.filters import filter_marks
-from mcnav.store.histories import STORED, first_marks, history_marks
+from mcnav.store.filters import SMOOTHER_MARK, filter_marks
+from mcnav.store.histories import SMOOTHED_MARK, STORED, first_marks, history_marks
 from mcnav.store.inputs import check_unchanged
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import MOST_REASONS, STORED_ROWS, Summary, summary_chunk
@@ -165,6 +165,8 @@ class _Chunk:
     summary: Summary | None = None
     power_sums: PowerSums | None = None
     filter_sums: FilterSums | None = None
+    smoothed_sums: PowerSums | None = None
+    smoother_sums: FilterSums | None = None
     followed: Array | None = None
     rows: list[tuple[Array, ...]] = field(default_factory=list)
     failures: dict[int, Failure] = field(default_factory=dict)
@@ -210,10 +212,16 @@ class _Chunk:
         if schema is not None and result.filter_values is not None:
             simulated = np.delete(result.filter_values, list(by_row), axis=0) if by_row else result.filter_values
             self.filter_sums = _total(self.filter_sums, FilterSums.of(schema, simulated))
+        smoother = smoother_of(engine)
+        if smoother is not None and result.smoothed_history is not None and result.smoother_values is not None:
+            simulated = np.delete(result.smoother_values, list(by_row), axis=0)
+            self.smoother_sums = _total(self.smoother_sums, FilterSums.of(smoother, simulated))
+            self.smoothed_sums = _total(self.smoothed_sums, sum_powers_about_zero(result.smoothed_history))
 
     def marks(self) -> dict[str, str]:
         """Return the sums as metadata of the chunk's file."""
         marks = history_marks(self.power_sums) | filter_marks(self.filter_sums) | first_marks(self.followed)
+        marks |= history_marks(self.smoothed_sums, SMOOTHED_MARK) | filter_marks(self.smoother_sums, SMOOTHER_MARK)
         return marks | ({} if self.summary is None else self.summary.marks(self.place.begin))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -17,7 +17,16 @@ from mcnav.analysis.filter_consistency import (
     SigmaConsistency,
 )
 from mcnav.analysis.filter_remarks import sentence
-from mcnav.analysis.summary import Departure, FilterRatio, FilterSummary, NeglectedEntry, SensorEntry
+from mcnav.analysis.summary import (
+    Departure,
+    FaultEntry,
+    FilterRatio,
+    FilterSummary,
+    NeglectedEntry,
+    SensorEntry,
+)
+from mcnav.statistics.proportions import probability_interval
+from mcnav.store.manifest import FaultRecord
 
 
 def filter_entries(consistency: FilterConsistency) -> Mapping[str, Any]:
@@ -40,6 +49,34 @@ def filter_entries(consistency: FilterConsistency) -> Mapping[str, Any]:
         "filter_verdict": sentence(consistency),
         "filter": _table(consistency),
     }
+
+
+def smoother_entries(consistency: FilterConsistency) -> Mapping[str, Any]:
+    """Return the keys of a summary on a smoother."""
+    return {"smoother_verdict": sentence(consistency), "smoother": _table(consistency)}
+
+
+def fault_entries(faults: Sequence[FaultRecord], consistency: FilterConsistency | None) -> list[FaultEntry]:
+    """Return what the gates of sensors had of faults, beside what linear analysis expects.
+
+    Of one measurement the interval is Clopper and Pearson's; of several none is stated: rejections follow one another.
+    """
+    return [_fault(fault, consistency) for fault in faults]
+
+
+def _fault(fault: FaultRecord, consistency: FilterConsistency | None) -> FaultEntry:
+    sensors = () if consistency is None else consistency.sensors
+    rejected, ends = None, None
+    if consistency is not None and (found := next((each for each in sensors if each.name == fault.sensor), None)):
+        rejected = float(np.sum(found.rejected[fault.first + 1 : fault.last + 1]))
+        if fault.measurements == 1:
+            hits = round(rejected * consistency.samples)
+            ends = probability_interval(hits, consistency.samples, consistency.confidence)
+    kept = fault.model_dump(include={"sensor", "kind", "component", "unit", "shown_in", "begin", "end", "size"})
+    return FaultEntry(
+        **kept, measurements=fault.measurements, rejected=rejected, rejected_interval=ends, expected=fault.rejections,
+        alarm=fault.alarm,
+    )  # fmt: skip
 
 
 def _table(consistency: FilterConsistency) -> FilterSummary:

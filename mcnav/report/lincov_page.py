@@ -34,6 +34,7 @@ from mcnav.report.document import (
 from mcnav.report.figures import lincov as drawn
 from mcnav.report.figures.figure import Figure, bare
 from mcnav.report.format import number
+from mcnav.report.gates import gate_table
 from mcnav.report.html import card_html
 from mcnav.report.left_out import not_modelled
 from mcnav.report.lincov import (
@@ -89,6 +90,8 @@ def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = 
         sections.append(Section("over-time", over_time, [*joined(moving, drawn.truth(answer))]))
     if meaningful and (budget := drawn.budget(answer)) is not None:
         sections.append(Section("budget", "Error budget", [budget, *_budget_parts(answer, outages)]))
+    if (gates := gate_table(answer)) is not None:
+        sections.append(Section("gates", "What the gates stop", [gates]))
     looped = ".py:" in answer.kind and any(each.of == "truth" for each in answer.outputs)
     if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped)) is not None:
         sections.append(changeable)
@@ -108,6 +111,7 @@ def terminal(answer: LinearAnswer) -> list[Part]:
         final_table(answer),
         None if answer.meaningful is None else largest_table(answer),
         smoothed_table(answer) if smoothed_rows(answer) else None,
+        gate_table(answer),
     ]
     remarks = [Sentence(remark, "undecided") for remark in noticed(answer.remarks)]
     return [Verdict(words, tone), *(Sentence(*each) for each in others), *remarks, *joined(*tables)]
@@ -142,25 +146,36 @@ BEYOND_LIMIT: Final[Column[RequirementRow]] = Column(
 )
 """Linear probability beyond the limit, of requirements that allow one in a thousand and less."""
 
+WITH_CURVATURE: Final[Column[RequirementRow]] = Column(
+    "With curvature", lambda row: "–" if row.exceedance_curved is None else f"{row.exceedance_curved:.2e}",
+    "with curvature",
+)  # fmt: skip
+CURVED: Final = (
+    " With curvature: from second derivatives by some simulations without noise, for normal sources; noise adds its "
+    "linear variance, and the probabilities of the outputs of a box are added up."
+)
+
 
 def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
     """Tabulate the requirements and their linear values."""
     boxes = any(each.requirement.kind == "box" for each in answer.requirements)
     several = "; of several outputs within limits together, each in multiples of its limit" if boxes else ""
     rows = requirement_rows(answer)
+    curved = any(row.exceedance_curved is not None for row in rows)
     columns: list[Column[RequirementRow]] = [
         Column("Requirement", lambda row: row.requirement, "requirement", "words"),
         Column("Finding", lambda row: Cell(row.finding, tone=row.tone), "finding", "label"),
         Column("Linear", lambda row: Cell(row.shown, below=f"largest at {row.at}" if row.at else ""), "linear"),
         Column("largest at", lambda row: row.at or "–", kind="text", place="terminal"),
         *([BEYOND_LIMIT] if any(row.exceedance is not None for row in rows) else []),
+        *([WITH_CURVATURE] if curved else []),
         Column("Errors may be ×", lambda row: row.margin, "errors may be ×"),
         Column("Largest causes", lambda row: _causes(row.causes),
                "largest causes then, share of the mean square", "words"),
     ]  # fmt: skip
     words, what = end_words(answer.outputs), "outputs" if any(kinds_of(answer.outputs)) else "errors"
     title, caption = f"Requirements, for linear normal {what}", REQUIREMENTS.format(what, words.many)
-    return Table(f"{caption}{several}.", columns, rows, title, keys=2)
+    return Table(f"{caption}{several}.{CURVED if curved else ''}", columns, rows, title, keys=2)
 
 
 def _size(value: float | None) -> str:

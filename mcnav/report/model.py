@@ -20,6 +20,7 @@ from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.requirements_over_time import ErrorHistories
 from mcnav.analysis.running_ratios import Convergence
 from mcnav.analysis.summary import HigherOrder, Summary
+from mcnav.analysis.tail_curves import Curvature, TailCurve, tail_curve
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.analysis.vector_sizes import SampledSize
@@ -39,9 +40,10 @@ class RunAnalysis:
     """A run with its samples and all that is concluded from them; what only a report shows is read when it is used.
 
     Of a run that stores a summary, ``samples`` are the first ones. ``failures`` gives for each reason how many samples
-    failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter, and ``beyond``
-    where linear errors leave the range in which they have a meaning, none where they do not. ``what_if`` is known where
-    a page is to be written, ``histories`` of the first samples where a requirement holds at epochs.
+    failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter, ``smoother`` where
+    none follows it, and ``beyond`` where linear errors leave the range in which they have a meaning, none where they do
+    not. ``what_if`` is known where a page is to be written, ``histories`` of the first samples where a requirement
+    holds at epochs.
     """
 
     folder: RunFolder
@@ -58,6 +60,7 @@ class RunAnalysis:
     left_out: FailureBias | None
     failures: Mapping[str, tuple[int, Sequence[int]]]
     filter: FilterConsistency | None = None
+    smoother: FilterConsistency | None = None
     beyond: BeyondRange | None = None
     sizes: tuple[SampledSize, ...] = ()
     histories: ErrorHistories | None = None
@@ -80,6 +83,7 @@ class RunAnalysis:
             self.filter,
             self.beyond,
             self.sizes,
+            self.smoother,
         )
 
     @cached_property
@@ -107,6 +111,17 @@ class RunAnalysis:
         return tuple(
             requirement_curve(each.requirement, histories, self.criterion.confidence)
             if each.requirement.epochs and max(each.requirement.epochs) < len(histories.times) else None
+            for each in self.requirements
+        )  # fmt: skip
+
+    @cached_property
+    def tail_curves(self) -> tuple[TailCurve | None, ...]:
+        """Probability beyond the limits of each requirement that flights were chosen for; none of others."""
+        curvature = Curvature.of_record(self.manifest.model.second_order)
+        blocks = self.manifest.sampling_design.blocks(self.samples.index)
+        return tuple(
+            tail_curve(each.requirement, self.model, curvature, self.outputs, blocks, self.criterion.confidence)
+            if each.exceedance is not None and not each.requirement.epochs and self.beyond is None else None
             for each in self.requirements
         )  # fmt: skip
 

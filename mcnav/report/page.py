@@ -20,6 +20,7 @@ from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
 from mcnav.report.figures.requirements import requirements_over_time
+from mcnav.report.figures.tail import tails
 from mcnav.report.html import page_html
 from mcnav.report.left_out import not_modelled
 from mcnav.report.model import RunAnalysis
@@ -31,6 +32,7 @@ from mcnav.report.sections.filter import filter_sections
 from mcnav.report.sections.joint import combination_section, joint_section
 from mcnav.report.sections.outputs import dispersion_section, requirements_section, sigmas_section
 from mcnav.report.sections.provenance import provenance_section, simulated_per_second
+from mcnav.report.sections.smoother import smoother_section
 from mcnav.report.sections.truth import truth_section
 from mcnav.report.sections.what_if import what_if_section
 from mcnav.report.sentences import Statement
@@ -43,7 +45,7 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "convergence": agreement.running_ratios, "nees_history": normalized_errors.nees_over_time,
     "nis_history": normalized_errors.nis_over_time, "sigma_history": sigma_ratios.sigma_ratios_over_time,
     "within_history": sigma_ratios.shares_within, "estimation": estimation, "combination": combination,
-    "requirements_over_time": requirements_over_time,
+    "requirements_over_time": requirements_over_time, "tails": tails,
     "dispersion_over_time": truth.dispersion_over_time, "landing_ellipses": truth.ellipses_at_end,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
@@ -114,6 +116,7 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
         None if throughout is None else Section("throughout", throughout.title, [throughout]),
         truth_section(content, drawn) if dispersed else None,
         *filter_sections(content, drawn),
+        smoother_section(content),
         None if flown is None else Section("flight", flown.title, [flown]),
         budget_section(content, drawn) if dispersed else None,
         what_if_section(content.what_if, content.manifest.model.outputs, content.looped),

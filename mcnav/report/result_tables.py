@@ -15,6 +15,7 @@ from mcnav.contract.failure import message_of
 from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report import export
 from mcnav.report.filter_columns import groups_table, neglected_table, sensors_table, sigmas_table
+from mcnav.report.gates import faults_table
 from mcnav.report.joint_columns import directions_table, ellipsoids_table, tests_table
 from mcnav.report.output_columns import outputs_table
 from mcnav.report.percentiles import percentiles_table
@@ -214,6 +215,7 @@ FINAL_TABLES: Final[tuple[Build, ...]] = (
     lambda results: sigmas_table(results.summary, results.units),
     lambda results: sensors_table(results.summary),
     lambda results: neglected_table(results.summary, results.units),
+    lambda results: faults_table(results.summary, results.units),
     _of_rows("failures", "Failed samples by reason", 1, _failures),
 )  # fmt: skip
 """The tables in the order in which they are listed."""

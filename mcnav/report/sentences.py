@@ -26,10 +26,10 @@ JOINT: Final = "joint distribution"
 BEYOND: Final = "beyond linear range"
 """What stands in place of a linear number that has no meaning."""
 
-Subject = Literal["linear", "requirements", "filter"]
+Subject = Literal["linear", "requirements", "filter", "smoother"]
 """What a verdict is on."""
 
-SUBJECTS: Final[tuple[Subject, ...]] = ("linear", "requirements", "filter")
+SUBJECTS: Final[tuple[Subject, ...]] = ("linear", "requirements", "filter", "smoother")
 
 WORST: Final = ("differs", "partly", "undecided", "agrees")
 """Tones of verdicts, the worst first."""
@@ -69,7 +69,7 @@ class Statement:
 
 
 def statements(summary: Summary) -> list[Statement]:
-    """State the verdicts on linear analysis, on the requirements and on the filter, the worst first.
+    """State the verdicts on linear analysis, on the requirements, on the filter and on its smoother, the worst first.
 
     Where linear analysis agrees and a requirement is not met, its tone is ``partly``: nothing is green.
     """
@@ -84,6 +84,9 @@ def statements(summary: Summary) -> list[Statement]:
         words, honesty = filter_verdict.headline(summary), filter_verdict.TONES[verdict]
         explained = _known(filter_verdict.explanation(summary))
         stated.append((honesty, Statement("filter", words, honesty, explained)))
+    if summary.smoother:
+        honesty = filter_verdict.TONES[summary.smoother.verdict]
+        stated.append((honesty, Statement("smoother", summary.smoother_verdict, honesty)))
     return [statement for _, statement in sorted(stated, key=lambda each: WORST.index(each[0]))]
 
 

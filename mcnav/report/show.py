@@ -16,6 +16,7 @@ from mcnav.report import terminal
 from mcnav.report.filter_columns import groups_table, sensors_table, sigmas_of
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import share
+from mcnav.report.gates import faults_table
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.result_table import ResultTable, Units
 from mcnav.report.result_tables import CORRELATIONS, Results, budget_table
@@ -98,7 +99,7 @@ def _filter(summary: Summary, units: Units) -> list[RenderableType]:
     """Tabulate the verdicts on groups of states and outputs, and the innovations of sensors."""
     groups, sensors = groups_table(summary).read, sensors_table(summary).read
     groups = replace(groups, title=f"Filter: {groups.title[:1].lower()}{groups.title[1:]}")
-    tables = (groups, sigmas_of(summary, "output", units), sensors)
+    tables = (groups, sigmas_of(summary, "output", units), sensors, faults_table(summary, units).read)
     return [fitted(table) for table in tables if table is not None and table.rows]
 
 

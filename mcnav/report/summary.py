@@ -21,7 +21,7 @@ from mcnav.analysis.summary import Beyond, CombinationEntry, Joint, Summary, tal
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.analysis.vector_sizes import SampledSize
-from mcnav.report.filter_summary import filter_entries
+from mcnav.report.filter_summary import fault_entries, filter_entries, smoother_entries
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.store.manifest import Manifest, ModelRecord, Variable
 
@@ -46,6 +46,7 @@ def summarise(
     filtered: FilterConsistency | None = None,
     beyond: BeyondRange | None = None,
     sizes: Sequence[SampledSize] = (),
+    smoothed: FilterConsistency | None = None,
 ) -> Summary:
     """Collect the results of a run.
 
@@ -75,6 +76,8 @@ def summarise(
         **({} if beyond is None else {"beyond_range": _beyond(beyond, record)}),
         "budget": {**asdict(budget), "flown": record.budget},
         **({} if filtered is None else filter_entries(filtered)),
+        **({} if smoothed is None else smoother_entries(smoothed)),
+        **({"faults": fault_entries(record.faults, filtered)} if record.faults else {}),
     })  # fmt: skip
 
 
@@ -125,9 +128,15 @@ def _linear(record: ModelRecord, model: Model) -> Keys:
         **({"processes": processes} if processes else {}),
         "mean_linear": model.outcome_mean,
         "unscented": record.unscented,
-        "second_order": record.second_order,
+        "second_order": _without_axes(record.second_order),
         "higher_order": record.higher_order,
     }
+
+
+def _without_axes(second_order: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    """Leave out what only tails are computed from (`mcnav.analysis.tail_curves`)."""
+    axes = {"centre", "slopes", "curvatures"}
+    return None if second_order is None else {key: each for key, each in second_order.items() if key not in axes}
 
 
 def _output(output: Variable) -> Keys:

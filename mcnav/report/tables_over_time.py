@@ -66,6 +66,13 @@ STATES: Final = (*RMS, RMS_LINEAR, FILTER_LINEAR, RATIO)
 """Columns of the filter's other states."""
 
 
+SMOOTHED: Final = (
+    RMS[0], _sigma("sigma_smoother", lambda each: each.filter), RMS_LINEAR,
+    _sigma("sigma_smoother_linear", lambda each: each.filter_linear), _band("ratio_smoother", lambda each: each.ratio),
+)  # fmt: skip
+"""Columns that compare the outputs' errors behind a smoother with what it claims."""
+
+
 def _moments(content: RunAnalysis, known: Envelopes) -> list[TimeColumn[Envelopes]]:
     """Return the columns of linear and Monte Carlo moments."""
     manifest, confidence = content.manifest, content.criterion.confidence
@@ -118,6 +125,8 @@ def over_time(content: RunAnalysis, units: Units = "shown") -> list[OverTime]:
     known = [epochs(content, units), budget_over_time(content, units)]
     if content.filter is not None:
         known += [_nees(content.filter), _nis(content.filter), _states(content.filter, units)]
+    if content.smoother is not None:
+        known.append(_smoothed(content.smoother, units))
     return [each for each in known if each is not None]
 
 
@@ -196,4 +205,14 @@ def _states(result: FilterConsistency, units: Units) -> OverTime | None:
         "filter_states", "Estimated errors over the flight", (result.label, result.times),
         {"state": [each.name for each in states]}, {"unit": [unit for _, unit in shown]}, (STATES, states),
         scale=np.array([factor for factor, _ in shown]), prefix="state_",
+    )  # fmt: skip
+
+
+def _smoothed(result: FilterConsistency, units: Units) -> OverTime | None:
+    outputs = result.outputs
+    shown = [in_units(each.unit, each.shown_in, units) for each in outputs]
+    return None if not outputs else OverTime.of_columns(
+        "smoother", "Errors behind the smoother over the flight", (result.label, result.times),
+        {"output": [each.name for each in outputs]}, {"unit": [unit for _, unit in shown]}, (SMOOTHED, outputs),
+        scale=np.array([factor for factor, _ in shown]), prefix="smoothed_",
     )  # fmt: skip

@@ -9,7 +9,7 @@ from typing import Final
 
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.filter_remarks import group_words, instant
-from mcnav.analysis.summary import Ends, Summary
+from mcnav.analysis.summary import Ends, FilterSummary, Summary
 from mcnav.report import sentences
 from mcnav.report.document import Tile
 from mcnav.report.format import number, rounded
@@ -23,12 +23,12 @@ DIGITS: Final = 3
 """Significant digits of a tile's numbers."""
 
 NAMES: Final[dict[Subject, str]] = {
-    "requirements": "Requirements", "filter": "Filter", "linear": "Linear analysis",
+    "requirements": "Requirements", "filter": "Filter", "smoother": "Smoother", "linear": "Linear analysis",
 }  # fmt: skip
 """Subjects for people, in the order of tiles of one tone."""
 
 SECTIONS: Final[dict[Subject, tuple[str, ...]]] = {
-    "requirements": ("requirements",), "filter": ("filter",),
+    "requirements": ("requirements",), "filter": ("filter",), "smoother": ("smoother",),
     "linear": ("combination", "linear", "joint", "truth", "provenance"),
 }  # fmt: skip
 """Sections on each subject, the foremost first: that on the combination of outputs is only where they differ."""
@@ -70,7 +70,8 @@ def tiles(
 
 def _tile(summary: Summary, statement: Statement, sections: Container[str], time_unit: str) -> Tile:
     subject = statement.subject
-    worst = {"requirements": _requirement, "filter": _filter, "linear": _linear}[subject](summary, time_unit)
+    found = {"requirements": _requirement, "filter": _filter, "smoother": _smoother, "linear": _linear}
+    worst = found[subject](summary, time_unit)
     link = next((name for name in SECTIONS[subject] if name in sections), "")
     return Tile(
         subject=NAMES[subject],
@@ -90,6 +91,8 @@ def status(summary: Summary, subject: Subject) -> str:
     """Return the verdict on a subject in a word or two."""
     if subject == "filter":
         return summary.filter.verdict if summary.filter else ""
+    if subject == "smoother":
+        return summary.smoother.verdict if summary.smoother else ""
     if subject == "requirements":
         counts = summary.counts
         return "" if counts is None else "not met" if counts.not_met else "undecided" if counts.undecided else "met"
@@ -195,7 +198,16 @@ def _power(value: float | None) -> str:
 
 def _filter(summary: Summary, _: str) -> Worst:
     """Return the ratio of true to filter sigma that is farthest off: of what is certain, else of all."""
-    result = summary.filter
+    return _farthest(summary.filter, "filter")
+
+
+def _smoother(summary: Summary, _: str) -> Worst:
+    """Return the ratio of true to smoother sigma that is farthest off, as that of a filter."""
+    return _farthest(summary.smoother, "smoother")
+
+
+def _farthest(result: FilterSummary | None, whose: str) -> Worst:
+    """Return a ratio of true sigma to that of a filter or a smoother."""
     if result is None:
         return NOTHING
     departures = [each for each in result.departures if each.verdict == result.verdict and each.factor]
@@ -203,12 +215,12 @@ def _filter(summary: Summary, _: str) -> Worst:
         worst = max(departures, key=lambda each: abs(math.log(each.factor or 1.0)))
         name = group_words(worst.name) if worst.of == "group" else humanize(worst.name)
         when = _at(worst.worst, result.time)
-        return _ratio(worst.factor, worst.factor_interval, f"true σ / filter σ of {name}{when}", result.tolerance)
+        return _ratio(worst.factor, worst.factor_interval, f"true σ / {whose} σ of {name}{when}", result.tolerance)
     if result.factor is None or not math.isfinite(result.factor) or result.factor <= 0.0:
         return NOTHING
     name = group_words(result.group) if result.group else humanize(result.output)
     when = _at(result.worst, result.time)
-    return _ratio(result.factor, result.factor_interval, f"true σ / filter σ of {name}{when}", result.tolerance)
+    return _ratio(result.factor, result.factor_interval, f"true σ / {whose} σ of {name}{when}", result.tolerance)
 
 
 def _at(time: float | None, label: str) -> str:

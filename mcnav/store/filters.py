@@ -17,24 +17,25 @@ from mcnav.parquet import arrow_table, parquet_bytes
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 
 MARK: Final = "mcnav.filter"
+SMOOTHER_MARK: Final = "mcnav.smoother"
 
 LARGEST: Final = 100_000_000
 """Bytes of a chunk's sums, at most."""
 
 
-def filter_marks(sums: FilterSums | None) -> dict[str, str]:
+def filter_marks(sums: FilterSums | None, mark: str = MARK) -> dict[str, str]:
     """Encode sums as metadata of a chunk's file; counts that are all the same take no room."""
     if sums is None:
         return {}
-    return {MARK: base64.b64encode(zlib.compress(sums.to_numbers().astype("<f8").tobytes(), 1)).decode()}
+    return {mark: base64.b64encode(zlib.compress(sums.to_numbers().astype("<f8").tobytes(), 1)).decode()}
 
 
-def filter_sums_in(marks: Mapping[bytes, bytes], schema: FilterSchema) -> FilterSums | None:
+def filter_sums_in(marks: Mapping[bytes, bytes], schema: FilterSchema, mark: str = MARK) -> FilterSums | None:
     """Decode the sums in the metadata of a chunk's file; none without.
 
     Raises `ValueError`, `OverflowError`, `zlib.error` when they are damaged.
     """
-    text = marks.get(MARK.encode())
+    text = marks.get(mark.encode())
     if text is None:
         return None
     content = zlib.decompressobj().decompress(base64.b64decode(text), LARGEST)

@@ -26,6 +26,7 @@ from mcnav.parquet import arrow_table, numbers_in, parquet_bytes
 from mcnav.store.chunk_files import ChunkFile, check_room
 
 MARK: Final = "mcnav.histories"
+SMOOTHED_MARK: Final = "mcnav.smoothed"
 FIRST_MARK: Final = "mcnav.first_histories"
 PERCENTILES: Final = (1.0, 5.0, 50.0, 95.0, 99.0)
 """Percentiles of the samples whose histories are stored."""
@@ -40,17 +41,17 @@ MOST_EPOCHS: Final = 10_000
 """Epochs up to which as many samples are read as are asked for."""
 
 
-def history_marks(power_sums: PowerSums | None) -> dict[str, str]:
+def history_marks(power_sums: PowerSums | None, mark: str = MARK) -> dict[str, str]:
     """Encode power sums as metadata of a chunk's file."""
     if power_sums is None:
         return {}
     numbers = np.append(power_sums.sums.ravel(), float(power_sums.count)).astype("<f8")
-    return {MARK: base64.b64encode(numbers.tobytes()).decode()}
+    return {mark: base64.b64encode(numbers.tobytes()).decode()}
 
 
-def power_sums_in(marks: Mapping[bytes, bytes], pivot: Array) -> PowerSums | None:
+def power_sums_in(marks: Mapping[bytes, bytes], pivot: Array, mark: str = MARK) -> PowerSums | None:
     """Decode the power sums, about a pivot of shape (m, outputs), in the metadata of a chunk's file; none without."""
-    text = marks.get(MARK.encode())
+    text = marks.get(mark.encode())
     if text is None:
         return None
     numbers = np.frombuffer(base64.b64decode(text), dtype="<f8")

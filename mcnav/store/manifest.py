@@ -125,8 +125,41 @@ class FilterRecord(Record):
         )
 
 
+class SmootherRecord(Record):
+    """The smoother behind the filter: its claims as those of a filter, and the linear errors behind it."""
+
+    claims: FilterRecord
+    errors: PartialsRecord
+
+
+class FaultRecord(Record):
+    """A fault of a sensor, and what linear analysis expects of its gate; see `mcnav.contract.gates.FaultLaw`.
+
+    ``measurements`` are those during it, ``rejections`` those of them that are rejected on average if all before are
+    accepted, and ``alarm`` is the probability that any is. ``first`` and ``last`` are the numbers of the epochs after
+    the last measurement before it and after its own last one.
+    """
+
+    sensor: Name
+    kind: Words
+    component: Name
+    unit: Words
+    shown_in: Words
+    begin: float
+    end: float
+    size: float
+    measurements: Count
+    rejections: float
+    alarm: float
+    first: Count
+    last: Count
+
+
 class ExceedanceRecord(Record):
-    """See `mcnav.analysis.requirements.Exceedance`; ``requirement`` is the number of the requirement, from zero."""
+    """See `mcnav.analysis.requirements.Exceedance`; ``requirement`` is the number of the requirement, from zero.
+
+    ``point`` is the most likely way to fail in standard normals, shape (d,); none where it is not known.
+    """
 
     requirement: Count
     estimate: Number
@@ -136,13 +169,16 @@ class ExceedanceRecord(Record):
     refusal: Words = ""
     way: Mapping[Words, float] = {}
     sides: Count = 0
+    point: Vector | None = None
 
 
 class ModelRecord(Record):
     """The linear model, SI, and what further simulations add to it (`mcnav.lincov.nonlinear_corrections`).
 
     ``processes`` are the covariances that each process of noise adds; none in a scenario without noise. ``filter`` is
-    none in a scenario without a filter.
+    none in a scenario without a filter, ``smoother`` where none follows it. ``faults`` are those of its sensors.
+    ``development`` is in a file of its own (`mcnav.store.development`), whose digest the manifest has; in the manifest
+    itself where an earlier version wrote it.
     """
 
     sources: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
@@ -153,7 +189,10 @@ class ModelRecord(Record):
     start_covariance: Matrix
     processes: Mapping[Name, Matrix] | None = None
     filter: FilterRecord | None = None
-    development: PartialsRecord | None = None
+    smoother: SmootherRecord | None = None
+    faults: tuple[FaultRecord, ...] | None = None
+    development: Annotated[PartialsRecord | None, Field(exclude=True)] = None
+    development_sha256: Digest | None = None
     unscented: Mapping[str, Any] | None = None
     partials_differences: Mapping[str, Any] | None = None
     second_order: Mapping[str, Any] | None = None

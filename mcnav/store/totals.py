@@ -16,8 +16,8 @@ from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.power_sums import PowerSums
 from mcnav.statistics.filter_sums import FilterSums
 from mcnav.store.chunk_files import ChunkFile
-from mcnav.store.filters import filter_sums_in
-from mcnav.store.histories import first_histories_in, power_sums_in
+from mcnav.store.filters import SMOOTHER_MARK, filter_sums_in
+from mcnav.store.histories import SMOOTHED_MARK, first_histories_in, power_sums_in
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,8 @@ class Totals:
     ----------
     power_sums : PowerSums or None
     filter_sums : FilterSums or None
+    smoothed_sums, smoother_sums : PowerSums or None, FilterSums or None
+        Of a smoother.
     first : ndarray, shape (n, m, outputs), or None
         Histories of the first samples; none unless all of their chunks have them.
     """
@@ -35,6 +37,8 @@ class Totals:
     power_sums: PowerSums | None
     filter_sums: FilterSums | None
     first: Array | None
+    smoothed_sums: PowerSums | None = None
+    smoother_sums: FilterSums | None = None
 
 
 _KNOWN: Final = Recent[Totals](most=2)
@@ -42,8 +46,9 @@ _KNOWN: Final = Recent[Totals](most=2)
 
 
 def read_totals(
-    pivot: Array, schema: FilterSchema | None, folder: Path, chunks: Sequence[ChunkFile], histories: bool = False
-) -> Totals:
+    pivot: Array, schema: FilterSchema | None, folder: Path, chunks: Sequence[ChunkFile], histories: bool = False,
+    smoother: FilterSchema | None = None,
+) -> Totals:  # fmt: skip
     """Add up the sums of chunks in order of index; see `Totals`.
 
     Parameters
@@ -52,6 +57,8 @@ def read_totals(
         Of the power sums.
     schema : FilterSchema or None
         None where samples have no filter.
+    smoother : FilterSchema or None
+        None where samples have no smoother.
     histories : bool
         Whether to read the histories of the first samples.
 
@@ -60,27 +67,34 @@ def read_totals(
     OSError, ValueError, OverflowError, pyarrow.ArrowException, zlib.error
         When a file cannot be read.
     """
-    key = folder, tuple(chunk.sha256 for chunk in chunks), pivot.shape, pivot.tobytes(), repr(schema)
+    key = folder, tuple(chunk.sha256 for chunk in chunks), pivot.shape, pivot.tobytes(), repr((schema, smoother))
     if not histories:
-        return _KNOWN.get((key, False), lambda: _add_up(pivot, schema, folder, chunks, False))
-    totals = _add_up(pivot, schema, folder, chunks, True)
+        return _KNOWN.get((key, False), lambda: _add_up(pivot, schema, smoother, folder, chunks, False))
+    totals = _add_up(pivot, schema, smoother, folder, chunks, True)
     _KNOWN.get((key, False), lambda: replace(totals, first=None))
     return totals
 
 
 def _add_up(
-    pivot: Array, schema: FilterSchema | None, folder: Path, chunks: Sequence[ChunkFile], histories: bool
-) -> Totals:
+    pivot: Array, schema: FilterSchema | None, smoother: FilterSchema | None, folder: Path,
+    chunks: Sequence[ChunkFile], histories: bool,
+) -> Totals:  # fmt: skip
     """Read the files of chunks for `read_totals`."""
     power, filters, first, known = None, None, list[Array](), histories
+    smoothed, smoothers = None, None
     for chunk in chunks:
         marks = pq.read_metadata(folder / chunk.file).metadata or {}
         if (power_sums := power_sums_in(marks, pivot)) is not None:
             power = power_sums if power is None else power + power_sums
         if schema is not None and (filter_sums := filter_sums_in(marks, schema)) is not None:
             filters = filter_sums if filters is None else filters + filter_sums
+        if smoother is not None:
+            if (power_sums := power_sums_in(marks, np.zeros_like(pivot), SMOOTHED_MARK)) is not None:
+                smoothed = power_sums if smoothed is None else smoothed + power_sums
+            if (filter_sums := filter_sums_in(marks, smoother, SMOOTHER_MARK)) is not None:
+                smoothers = filter_sums if smoothers is None else smoothers + filter_sums
         if known:
             first_histories = first_histories_in(marks, chunk, pivot.shape)
             known = first_histories is not None
             first += [] if first_histories is None else [first_histories]
-    return Totals(power, filters, np.concatenate(first) if known and first else None)
+    return Totals(power, filters, np.concatenate(first) if known and first else None, smoothed, smoothers)

@@ -17,6 +17,7 @@ from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.answer_times import in_minutes
 from mcnav.analysis.comparison import Model
+from mcnav.analysis.gates import GateAnswer, answer_gates
 from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, within_range
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
@@ -34,6 +35,7 @@ from mcnav.contract.scenario import (
     ScenarioError,
     can_have_filter,
     has_epochs,
+    has_gates,
     has_smoother,
     has_updates,
     is_linear_at_any_time,
@@ -46,8 +48,10 @@ from mcnav.execution.soundness import find_doubt
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.document import Page
+from mcnav.report.gates import gate_rows
 from mcnav.report.html import page_html
 from mcnav.report.lincov_page import card, page
+from mcnav.studies.curved_tails import with_curvature
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.units import UnitError, quantity
 from mcnav.workflow.what_if import what_if_of_answer
@@ -85,8 +89,20 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
     described = campaign_from(campaign)
     answer = answer_linearly(described, times)
     with one_thread(), _scenario_errors(described):
+        answer = replace(answer, requirements=with_curvature(answer, described))
         remarks = remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
-    return replace(answer, remarks=remarks, card=partial(card, outages=_outages(described)))
+        gates = _gates(described)
+    return replace(answer, remarks=remarks, gates=gates, card=partial(card, outages=_outages(described)))
+
+
+def _gates(campaign: Campaign) -> tuple[GateAnswer, ...]:
+    """Answer what the gates of sensors stop; nothing without a gate."""
+    scenario, errors = campaign.scenario, campaign.errors
+    if not has_gates(scenario):
+        return ()
+    outputs = [{"name": output.name} for output in scenario.outputs]
+    requirements = requirements_from([record.model_dump() for record in campaign.requirements], outputs)
+    return answer_gates(scenario.gate_laws(errors.mean, errors.covariance), scenario.gate_question, requirements)
 
 
 def _outages(campaign: Campaign) -> Mapping[str, Sequence[tuple[float, float]]]:
@@ -289,6 +305,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
                 "met": each.met if each.judged else None,
                 "margin": each.margin,
                 **({"exceedance": each.beyond} if math.isfinite(each.beyond) else {}),
+                **({"exceedance_curved": each.curved} if math.isfinite(each.curved) else {}),
                 "time": each.time,
                 "causes": [asdict(cause) for cause in answer.requirement_causes(number)],
             }
@@ -298,6 +315,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         "mean_by_cause": answer.means,
         "filter": None if answer.filter is None else _filter_entry(answer.filter),
         **({} if answer.smoother is None else {"smoother": _filter_entry(answer.smoother)}),
+        **({"gates": [asdict(row) for row in gate_rows(answer)]} if answer.gates else {}),
         "beyond_range": None if answer.beyond is None else {
             "outputs": [names[output] for output in answer.beyond.outputs],
             "begin": answer.beyond.time,

@@ -62,7 +62,7 @@ SCENARIO_TYPES: Final = ScenarioTypes(
 )
 """Scenario types by the ``type`` of ``[scenario]``."""
 
-FURTHER_NAMES: Final = ("imu", "gravity", "aiding", "filter", "processes", "measurements")
+FURTHER_NAMES: Final = ("imu", "gravity", "aiding", "faults", "filter", "processes", "measurements")
 """Names of the tables besides ``[scenario]`` that some types read."""
 
 

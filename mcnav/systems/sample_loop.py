@@ -105,6 +105,8 @@ def join_results(results: Sequence[SimulationResult]) -> SimulationResult:
         joined("linear_values"),
         joined("history"),
         joined("filter_values"),
+        joined("smoothed_history"),
+        joined("smoother_values"),
     )
 
 

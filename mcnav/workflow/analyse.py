@@ -29,21 +29,22 @@ from mcnav.analysis.summary import Summary
 from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
 from mcnav.analysis.vector_sizes import components_of, sampled_sizes
+from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.lincov.block_sums import Normalization
 from mcnav.report.failures import Failures, failures_in, grouped
 from mcnav.report.model import RunAnalysis
 from mcnav.sampling.designs import SamplingDesign
-from mcnav.statistics.filter_sums import FilterMeans
+from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.store.chunk_files import Samples
 from mcnav.store.histories import STORED
-from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord
+from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord, PartialsRecord
 from mcnav.store.run_files import MANIFEST, REPORT
 from mcnav.store.run_files import SUMMARY as SUMMARY_FILE
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, collect_summary
-from mcnav.store.totals import read_totals
+from mcnav.store.totals import Totals, read_totals
 from mcnav.workflow.linear_extremes import beyond_range, explain, linear_moments
 from mcnav.workflow.what_if import what_if_of_run
 
@@ -114,6 +115,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         reduced, failures = _reduce(folder, manifest, model, samples)
         comparison = compare_reduced(model, reduced, criterion, design)
         filtered = filter_evidence(folder, manifest, comparison.failed)
+        smoothed = smoother_evidence(folder, manifest, comparison.failed)
     over_time = any(requirement.epochs for requirement in requirements)
     histories = error_histories(folder, manifest, design) if over_time and unfinished is None else None
     beyond = beyond_range(manifest.model, model)
@@ -133,6 +135,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         requirements=tuple(map(judge.result, requirements)),
         failures=failures,
         filter=None if filtered is None else assess_filter(filtered, criterion),
+        smoother=None if smoothed is None else assess_filter(smoothed, criterion),
         beyond=beyond,
         sizes=sampled_sizes(model, samples.outputs, blocks, criterion),
         histories=histories,
@@ -171,15 +174,19 @@ class _Judge:
         confidence = self.criterion.confidence
         if requirement.epochs:
             result = judge_over_time(requirement, self.histories, confidence)
+            if self.histories is not None and max(requirement.epochs) < len(self.histories.times):
+                result = self._with_exceedance(result, requirement, self.histories.errors, self.histories.blocks)
         else:
             most = STORED_ROWS if self.manifest.store == SUMMARY else None
             result = judge_requirement(
                 requirement, self.model, self.outputs, self.blocks, self.comparison, confidence, most
             )
-            result = self._with_exceedance(result, requirement)
+            result = self._with_exceedance(result, requirement, self.outputs, self.blocks)
         return explain(result, self.manifest.model, self.model, self.beyond)
 
-    def _with_exceedance(self, result: RequirementResult, requirement: Requirement) -> RequirementResult:
+    def _with_exceedance(
+        self, result: RequirementResult, requirement: Requirement, outcomes: Array, blocks: IndexArray
+    ) -> RequirementResult:
         """Add what flights chosen with the linear model say of a requirement, where there are some."""
         number = self.requirements.index(requirement)
         for record in self.manifest.model.exceedance or ():
@@ -188,7 +195,7 @@ class _Judge:
                     record.estimate, record.low, record.high, record.flights, record.refusal, record.way, record.sides
                 )
                 event, confidence = Event.of(requirement, self.model.sizes), self.criterion.confidence
-                return weigh(result, exceedance, event, self.outputs, self.blocks, confidence)
+                return weigh(result, exceedance, event, outcomes, blocks, confidence)
         return result
 
 
@@ -197,17 +204,46 @@ def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> Filte
 
     Raises `RunFolderError` when a chunk's sums are damaged.
     """
-    record, outputs = manifest.model.filter, manifest.model.outputs
+    record = manifest.model.filter
     if record is None:
         return None
-    schema, chunks = record.columns, manifest.chunks
+    totals = _filter_totals(folder, manifest, record)
+    linear = linear_filter(manifest.model, record, manifest.model.development)
+    return _evidence(manifest, record, totals.filter_sums, totals.power_sums, linear, failed)
+
+
+def smoother_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> FilterEvidence | None:
+    """Collect what is known of the smoother of a run, as `filter_evidence` does; none without a smoother."""
+    record, filtered = manifest.model.smoother, manifest.model.filter
+    if record is None or filtered is None:
+        return None
+    totals = _filter_totals(folder, manifest, filtered)
+    linear = linear_filter(manifest.model, record.claims, record.errors)
+    found = _evidence(manifest, record.claims, totals.smoother_sums, totals.smoothed_sums, linear, failed)
+    return replace(found, subject="smoother")
+
+
+def _filter_totals(folder: RunFolder, manifest: Manifest, record: FilterRecord) -> Totals:
+    """Read the sums of filters and smoothers; `RunFolderError` where they are damaged."""
+    outputs, smoother, chunks = manifest.model.outputs, manifest.model.smoother, manifest.chunks
+    behind = None if smoother is None else smoother.claims.columns
     try:
-        totals = read_totals(np.zeros((len(record.times), len(outputs))), schema, folder.chunk_folder, chunks)
-        sums, true = totals.filter_sums, totals.power_sums
+        pivot = np.zeros((len(record.times), len(outputs)))
+        totals = read_totals(pivot, record.columns, folder.chunk_folder, chunks, smoother=behind)
+        sums = totals.filter_sums
         if sums is not None and len(sums.counts) != len(record.times) + 1:
             raise ValueError(f"{len(sums.counts) - 1} epochs in place of {len(record.times)}")
     except (OSError, ValueError, OverflowError, pa.ArrowException, zlib.error) as failure:
         raise RunFolderError(f"{folder.chunk_folder}: sums of filters are damaged ({failure})") from None
+    return totals
+
+
+def _evidence(
+    manifest: Manifest, record: FilterRecord, sums: FilterSums | None, true: PowerSums | None,
+    linear: LinearFilter | None, failed: int,
+) -> FilterEvidence:  # fmt: skip
+    """Put together what is known of a filter, or of a smoother."""
+    outputs, schema = manifest.model.outputs, record.columns
     return FilterEvidence(
         label=record.label,
         times=record.times,
@@ -217,7 +253,7 @@ def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> Filte
         failed=failed,
         design=manifest.design,
         sampling=manifest.sampling_design,
-        linear=linear_filter(manifest.model, record),
+        linear=linear,
     )
 
 
@@ -243,9 +279,9 @@ def same_times(one: Array, other: Array) -> bool:
     return one.shape == other.shape and bool(np.allclose(one, other, rtol=1e-9))
 
 
-def linear_filter(model: ModelRecord, record: FilterRecord) -> LinearFilter | None:
-    """Return what linear analysis says of a filter; none where a manifest has nothing of it."""
-    known, development = record.prediction, model.development
+def linear_filter(model: ModelRecord, record: FilterRecord, development: PartialsRecord | None) -> LinearFilter | None:
+    """Return what linear analysis says of a filter and of the errors; none where a manifest has nothing of it."""
+    known = record.prediction
     if known is None:
         return None
     contributions: dict[str, Array] = {}

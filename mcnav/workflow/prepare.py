@@ -10,15 +10,19 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.analysis.gates import predict_fault
 from mcnav.analysis.what_if import entries_of, picked_entries
-from mcnav.contract.engine import Engine, has_histories
+from mcnav.contract.engine import Engine, has_histories, smoother_of
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History
+from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import (
     Scenario,
     ScenarioError,
     can_have_filter,
+    has_gates,
+    has_smoother,
     is_linear_over_time,
     remarks_of,
 )
@@ -30,10 +34,12 @@ from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import PolynomialEngine, prepare_engine
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.store.manifest import (
+    FaultRecord,
     FilterPredictionRecord,
     FilterRecord,
     ModelRecord,
     PartialsRecord,
+    SmootherRecord,
     UnsettledRecord,
     Variable,
 )
@@ -171,6 +177,8 @@ def _linear(
             "processes": dict(linear.processes) or None,
             "development": _development(scenario, errors, throughout, together),
             "filter": _filter_record(engine.filter, engine.epochs, scenario, errors),
+            "smoother": _smoother_record(engine, scenario, errors),
+            "faults": _fault_records(scenario, errors) or None,
         }
     )
 
@@ -181,12 +189,8 @@ def _development(
     """Return partial derivatives throughout the flight; none where they are not known."""
     if is_linear_over_time(scenario):
         known = scenario.linear_over_time(DEVELOPMENT_POINTS)
-        record = PartialsRecord(label=known.label, times=known.times, partials=known.partials)
-        variances = {name: np.diagonal(each, axis1=1, axis2=2) for name, each in known.processes.items()}
-        covariance = known.covariance(errors.covariance) if variances else None
-        nominal = known.nominal if known.nominal is not None and np.any(known.nominal) else None
-        record = record.completed({"processes": variances or None, "covariance": covariance, "nominal": nominal})
-        pairs = _pairs(scenario.outputs, together) if variances else ()
+        record = _partials_record(known, errors)
+        pairs = _pairs(scenario.outputs, together) if record.processes else ()
         if not pairs:
             return record
         added = {name: picked_entries(each, pairs) for name, each in known.processes.items()}
@@ -195,6 +199,46 @@ def _development(
         return None
     epochs = throughout.epochs
     return PartialsRecord(label=epochs.label, times=epochs.times, partials=throughout.partials)
+
+
+def _partials_record(known: LinearSystem, errors: ErrorModel) -> PartialsRecord:
+    """Describe a linear system over time."""
+    record = PartialsRecord(label=known.label, times=known.times, partials=known.partials)
+    variances = {name: np.diagonal(each, axis1=1, axis2=2) for name, each in known.processes.items()}
+    covariance = known.covariance(errors.covariance) if variances else None
+    nominal = known.nominal if known.nominal is not None and np.any(known.nominal) else None
+    return record.completed({"processes": variances or None, "covariance": covariance, "nominal": nominal})
+
+
+def _smoother_record(engine: Engine, scenario: Scenario, errors: ErrorModel) -> SmootherRecord | None:
+    """Describe a smoother, with what linear analysis says of it; none without one."""
+    schema = smoother_of(engine)
+    if schema is None or not has_smoother(scenario):
+        return None
+    known = scenario.smoothed()
+    record = FilterRecord(label=known.label, times=known.times, groups=dict(schema.groups), outputs=schema.outputs)
+    none, own = np.zeros((len(known.times), 0)), known.own
+    if own is None:
+        return None
+    linear = FilterPredictionRecord(covariance=own, state_variance=none, state_true=none, believed=dict(known.believed))
+    return SmootherRecord(claims=record.completed({"prediction": linear}), errors=_partials_record(known, errors))
+
+
+def _fault_records(scenario: Scenario, errors: ErrorModel) -> tuple[FaultRecord, ...]:
+    """Describe the faults of sensors, with what linear analysis expects of their gates."""
+    if not has_gates(scenario):
+        return ()
+    times, records = scenario.reading_times, []
+    for law in scenario.fault_laws(errors.mean, errors.covariance):
+        expected = predict_fault(law)
+        first, last = (int(np.abs(times - time).argmin()) for time in (law.before, law.last))
+        record = FaultRecord(
+            sensor=law.sensor, kind=law.kind, component=law.component, unit=law.unit, shown_in=law.shown_in,
+            begin=law.begin, end=law.end, size=law.size, measurements=len(law.means), rejections=expected.rejections,
+            alarm=expected.alarm, first=first, last=last,
+        )  # fmt: skip
+        records.append(record)
+    return tuple(records)
 
 
 def _pairs(outputs: Sequence[Output], together: Sequence[Sequence[str]]) -> tuple[tuple[int, int], ...]:

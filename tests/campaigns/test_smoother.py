@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from mcnav.config.read import parse_campaign
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError
 from mcnav.report.lincov import statements
 from mcnav.report.lincov_page import reading_table
+from mcnav.report.tables_over_time import tables_over_time
+from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import answer_linearly, lincov_table
 from mcnav.studies.sweep_points import campaign_requirements
+from mcnav.workflow.analyse import analyse
+from mcnav.workflow.run import run_campaign
 
 
 def content(**changes: Any) -> dict[str, Any]:
@@ -72,6 +78,31 @@ def test_a_mismatched_one_is_told() -> None:
     assert "The smoother is optimistic" in said
 
 
+def test_samples_of_it_in_a_run(tmp_path: Path) -> None:
+    """Of a smoother that believes in a tenth of the noise, by default with gains along the truth."""
+    mistaken = content(believes={"aiding": {"position_fix": {"position": "0.3 m"}}}, smoother={"lag": "30 s"})
+    campaign = parse_campaign(mistaken, "mine.toml", "mine")
+    summary = run_campaign(campaign, tmp_path, None, 1).summary
+    assert summary["engine"] == "shared-gains"
+    assert summary["smoother"]["verdict"] == "optimistic"
+    assert summary["smoother_verdict"].startswith("The smoother is optimistic by a factor of")
+    analysis = analyse(RunFolder(tmp_path))
+    table = tables_over_time(analysis, "si")["smoother"]
+    linear = campaign.scenario.smoothed()
+    true = np.sqrt(np.diagonal(linear.covariance(campaign.errors.covariance), axis1=1, axis2=2))
+    middle = [row for row in table.rows if row["output"] == "position_north"][len(linear.times) // 2]
+    assert middle["rms_linear"] == pytest.approx(true[len(linear.times) // 2, 0], rel=1e-12)
+    claimed = np.sqrt(linear.own[len(linear.times) // 2, 0, 0])
+    assert middle["sigma_smoother"] == pytest.approx(claimed, rel=1e-9)
+    assert middle["sigma_smoother_linear"] == pytest.approx(claimed, rel=1e-12)
+    # 100 squares: 1e-4
+    low, high = np.sqrt(stats.chi2.ppf([5e-5, 1.0 - 5e-5], 100) / 100)
+    assert low < middle["rms"] / middle["rms_linear"] < high
+    page = (tmp_path / "report.html").read_text()
+    assert "Errors behind the smoother" in page
+    assert "Smoother claims" in page
+
+
 def test_requirements_of_a_smoother() -> None:
     """A radius at a minute that lies between those of smoother and filter: met by the one, and not by the other."""
     outputs = ["position_north", "position_east"]
@@ -97,15 +128,21 @@ def test_requirements_of_a_smoother() -> None:
         campaign_requirements(parse_campaign(described, "mine.toml", "mine"))
 
 
-def test_what_is_refused() -> None:
+def test_what_is_refused(tmp_path: Path) -> None:
     considering = content(considers=["accelerometer_scale_factor"])
     for described, told in (
         (considering, "filter.smoother: is not defined with considers"),
-        (content(smoother="fixed-lag"), "filter.smoother: "),
+        (content(smoother="fixed-lag"), "filter.smoother: got 'fixed-lag'; expected \"fixed-interval\" or { lag"),
+        (content(smoother={"lag": "-1 s"}), "filter.smoother.lag: got '-1 s'"),
     ):
         with pytest.raises(CampaignError) as refused:
             parse_campaign(described, "mine.toml", "mine")
         assert told in str(refused.value)
     scenario = parse_campaign(content(), "mine.toml", "mine").scenario
-    with pytest.raises(ScenarioError, match="samples are not smoothed yet: mcnav lincov analyses it"):
-        scenario.engine("ensemble", np.zeros((1, len(scenario.sources))))
+    for engine in ("ensemble", "reference"):
+        with pytest.raises(ScenarioError, match=f'got engine = "{engine}"; samples are smoothed with "shared-gains"'):
+            scenario.engine(engine, np.zeros((1, len(scenario.sources))))
+    limited = {"outputs": ["position_north", "position_east"], "below": "3 m", "at": "60 s", "of": "smoother"}
+    asked = parse_campaign({**content(), "accept": {"r95": [limited]}}, "mine.toml", "mine")
+    with pytest.raises(CampaignError, match="samples have no requirements of a smoother"):
+        run_campaign(asked, tmp_path, None, 1)

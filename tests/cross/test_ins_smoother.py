@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from mcnav._types import Array
+from mcnav.contract.samples import Batch
 from mcnav.systems.ins.imu.instruments import Imu, Noise
 from mcnav.systems.ins.linear.closed_loop import (
     ClosedLoop,
@@ -66,7 +69,7 @@ def test_held_values_of_a_double_integrator(
         (nothing[0], nothing[0]), (nothing[1], nothing[1]), (added, np.zeros_like(added)), seen, measured
     )  # fmt: skip
     middle = np.array([STEPS // 2])
-    back = run_smoother(loop, processes, middle, np.ones(1))
+    back = run_smoother(loop, processes, middle, np.ones(1), np.array([STEPS]))
     lam, state, noise = back.own[0], back.state[0], back.noise[0].sum(axis=0)
     assert np.sqrt(np.diag(p - p @ lam @ p)) == pytest.approx(claimed, rel=1e-8)
     # the true covariance of the filter's errors, with its own gain
@@ -113,12 +116,12 @@ def whole(loop: ClosedLoop) -> tuple[list[Array], list[Array]]:
     return transitions, list(tables.noise)
 
 
-def rauch_tung_striebel(loop: ClosedLoop) -> list[Array]:
-    """Smooth the covariances at the loop's times by inverses of P, after the updates there: the claimed ones."""
+def rauch_tung_striebel(loop: ClosedLoop, last: int) -> list[Array]:
+    """Smooth the covariances at the loop's times up to a last one by inverses of P, after the updates there."""
     transitions, noises = whole(loop)
     rows = np.concatenate([loop.measurements.rows, loop.filter.rows], axis=2)
     p, before, after = loop.filter.initial, [], []
-    for k in range(len(loop.times)):
+    for k in range(last + 1):
         if k:
             p = transitions[k - 1] @ p @ transitions[k - 1].T + noises[k - 1]
         before.append(p)
@@ -129,7 +132,7 @@ def rauch_tung_striebel(loop: ClosedLoop) -> list[Array]:
             p = left @ p @ left.T + gain @ r @ gain.T
         after.append(p)
     smoothed = [after[-1]]
-    for k in range(len(loop.times) - 2, -1, -1):
+    for k in range(last - 1, -1, -1):
         scale = np.sqrt(np.diag(before[k + 1]))
         inverse = np.linalg.inv(before[k + 1] / np.outer(scale, scale)) / np.outer(scale, scale)
         back = after[k] @ transitions[k].T @ inverse
@@ -142,7 +145,7 @@ def test_what_it_claims_through_an_outage() -> None:
     loop = aided().navigation.aided.loop  # type: ignore[union-attr]
     places = np.arange(0, len(loop.times), 7)
     found = smooth_closed_loop(loop, places, np.ones(len(places)))
-    expected = rauch_tung_striebel(loop)
+    expected = rauch_tung_striebel(loop, len(loop.times) - 1)
     plain = propagate_closed_loop(loop, places, np.ones(len(places)))
 
     for place, number in enumerate(places):
@@ -152,6 +155,50 @@ def test_what_it_claims_through_an_outage() -> None:
     own = np.sqrt(np.diagonal(plain.own, axis1=1, axis2=2)) / np.sqrt(np.diagonal(found.own, axis1=1, axis2=2))
     assert np.all(own > 1.0 - 1e-9)
     assert own[:, :3].max() > 3.0
+
+
+def test_what_it_claims_with_a_lag() -> None:
+    """Against the same inverses with the measurements up to 11 s later, in which an outage begins or ends."""
+    loop = aided().navigation.aided.loop  # type: ignore[union-attr]
+    places = np.searchsorted(loop.times, [305.0, 331.0, 371.0, 415.0])
+    found = smooth_closed_loop(loop, places, np.ones(len(places)), 11.0)
+    for place, number in enumerate(places):
+        last = int(np.searchsorted(loop.times, loop.times[number] + 11.0 + 1e-6)) - 1
+        smoothed = rauch_tung_striebel(loop, last)[number]
+        to_outputs = output_map(loop.truth, float(loop.times[number]))
+        sigma = np.sqrt(np.diag(to_outputs @ smoothed[:9, :9] @ to_outputs.T))
+        np.testing.assert_allclose(np.sqrt(np.diag(found.own[place])), sigma, rtol=1e-6)
+
+
+@pytest.mark.parametrize("lag", [np.inf, 11.0])
+def test_samples_of_a_mismatched_smoother(lag: float) -> None:
+    """Squares of 512 samples' errors behind it over what is linear lie in chi-square intervals (1e-4 in all).
+
+    At the last epoch the errors are those of the filter; a lag beyond the end is a fixed interval.
+    """
+    of = aided(3.0, 1.0)
+    model = replace(of.navigation.filter, lag=lag)  # type: ignore[type-var]
+    scenario = Ins(replace(of.navigation, filter=model, further=(331.0, 371.0)))
+    sizes = sized(scenario.navigation.sensors, SIGMAS | NEGLECTED)
+    errors = np.random.default_rng(5).standard_normal((512, len(sizes))) * sizes
+    engine = scenario.engine("shared-gains", errors[:8])
+    found = engine.simulate(Batch(np.arange(512), errors, 7))
+    assert found.smoothed_history is not None
+    assert found.history is not None
+    np.testing.assert_allclose(found.smoothed_history[:, -1], found.history[:, -1], rtol=0.0, atol=1e-12)
+    linear = scenario.smoothed()
+    true = np.diagonal(linear.covariance(np.diag(sizes**2)), axis1=1, axis2=2)
+    ratio = (found.smoothed_history**2).mean(axis=0) / true
+    low, high = stats.chi2.ppf([5e-5 / ratio.size, 1.0 - 5e-5 / ratio.size], 512) / 512
+    assert np.all((low < ratio) & (ratio < high))
+    # the claimed covariance: mean NEES of a group is its trace
+    assert linear.own is not None
+    assert found.smoother_values is not None
+    claims = np.linalg.inv(linear.own[:, :3, :3])
+    behind = found.smoothed_history[:, :, :3]
+    expected = np.einsum("nmi,mij,nmj->nm", behind, claims, behind)
+    np.testing.assert_allclose(found.smoother_values[:, :, 1], expected, rtol=1e-3)
+    assert (np.sqrt(true) / np.sqrt(np.diagonal(linear.own, axis1=1, axis2=2))).max() > 2.0
 
 
 def test_before_and_after_an_update_it_is_the_same() -> None:

@@ -13,6 +13,7 @@ from mcnav.report.document import EMPHASIS, Folded, Part, Section, Sentence, fol
 from mcnav.report.figures.figure import Figure
 from mcnav.report.filter_columns import foremost_neglected, groups_table, sensors_table, sigmas_of
 from mcnav.report.filter_tables import at_worst
+from mcnav.report.gates import faults_table
 from mcnav.report.model import RunAnalysis
 
 EXPLANATION: Final = (
@@ -48,6 +49,7 @@ def _consistency(content: RunAnalysis, result: FilterConsistency, drawn: Mapping
         *folded("Outputs", sigmas_of(summary, "output")),
         *folded("Other states of the filter", sigmas_of(summary, "state")),
         *_innovations(content, drawn),
+        *_faults(content),
         *headed("Samples within the filter's sigmas", drawn.get("within_history")),
         Folded("How the verdict is found", [_explanation(result)], explains=True),
     ]
@@ -65,6 +67,11 @@ def _innovations(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Sequence[
     confidence = f"{100.0 * content.summary.confidence:g} %"
     table = sensors_table(content.summary, bool(record and record.considered), confidence).read
     return headed("Innovations", drawn.get("nis_history"), table) if table.rows else ()
+
+
+def _faults(content: RunAnalysis) -> Sequence[Part]:
+    table = faults_table(content.summary).read
+    return headed("Faults of the sensors", table) if table.rows else ()
 
 
 def _explanation(result: FilterConsistency) -> Sentence:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, Literal
 
@@ -26,6 +26,7 @@ from mcnav.systems.ins.ensemble.aided import (
 from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
 from mcnav.systems.ins.ensemble.filters import BEYOND, INDEFINITE, SOUND
 from mcnav.systems.ins.ensemble.free import tabulate
+from mcnav.systems.ins.ensemble.smoothed import GROUPS, SmootherTables, smooth_samples
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.imu.gravity import cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
@@ -45,6 +46,7 @@ from mcnav.systems.sample_loop import simulate_each
 OWN_CHUNK: Final = 64
 REFERENCE_CHUNK: Final = 8
 SHARED_CHUNK: Final = 256
+SMOOTHED_CHUNK: Final = 128
 
 MOST_STEPS: Final = 60_000
 """Steps of the grid, of which the tables take some 15 kB each."""
@@ -135,7 +137,21 @@ class AidedNavigation:
     ) -> tuple[tuple[Literal["before", "after"] | None, ...], SmoothedErrors]:
         """Compute what is left of the errors behind the smoother, at the readings of `read_out`."""
         updates, loop, readings, after = self._readings(times)
-        return updates, smooth_closed_loop(loop, readings, after)
+        return updates, smooth_closed_loop(loop, readings, after, self._lag)
+
+    @cached_property
+    def smoothed_at_epochs(self) -> SmoothedErrors:
+        """What is left of the errors behind the smoother at the epochs, after the updates."""
+        places = self.places(self.loop)
+        return smooth_closed_loop(self.loop, places, np.ones(len(places)), self._lag)
+
+    @property
+    def _lag(self) -> float:
+        return np.inf if self.filter.lag is None else self.filter.lag
+
+    def smoother_tables(self, tables: AidedTables) -> SmootherTables:
+        """Prepare the tables of the samples' smoother."""
+        return SmootherTables.of(tables, self._lag, self.smoothed_at_epochs.own)
 
     def _readings(
         self, times: Array | None
@@ -297,6 +313,11 @@ def believed_shares(
     return shares
 
 
+def smoother_schema() -> FilterSchema:
+    """Return the columns of a smoother's records."""
+    return FilterSchema({name: len(range(len(OUTPUTS))[each]) for name, each in GROUPS.items()}, len(OUTPUTS))
+
+
 @dataclass(frozen=True)
 class AidedReferenceEngine:
     """The navigator's own equations at the instruments' rate, with filterpy's filter: one sample at a time."""
@@ -392,11 +413,19 @@ class AidedEngine:
     accuracy: str
     parallel: str = "threads"
     noisy: bool = True
+    smoothing: SmootherTables | None = None
 
     @property
     def chunk(self) -> int:
-        """Samples per chunk."""
+        """Samples per chunk; fewer behind a smoother, since the innovations of each are kept."""
+        if self.smoothing is not None:
+            return SMOOTHED_CHUNK
         return OWN_CHUNK if self.own else SHARED_CHUNK
+
+    @property
+    def smoother(self) -> FilterSchema | None:
+        """Columns of the smoother's records."""
+        return None if self.smoothing is None else smoother_schema()
 
     @property
     def epochs(self) -> Epochs:
@@ -407,8 +436,16 @@ class AidedEngine:
         """Simulate samples, with their noise or without."""
         if not noise:
             return self._without_noise(batch.errors)
-        aided = simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own)
-        return self._result(aided)
+        smoothing = self.smoothing
+        aided = simulate_aided(
+            self.tables, batch.errors, batch.seed, batch.index, self.own, smoothed=smoothing is not None
+        )
+        result = self._result(aided)
+        if smoothing is None:
+            return result
+        smoothed = smooth_samples(smoothing, aided)
+        smoothed.values[aided.outcome != SOUND] = np.nan
+        return replace(result, smoothed_history=smoothed.values, smoother_values=smoothed.records)
 
     @cached_property
     def noise(self) -> NoiseSystem:

@@ -20,6 +20,7 @@ from mcnav.constants import EARTH_RADIUS, STANDARD_GRAVITY
 from mcnav.contract.engine import Engine
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
+from mcnav.contract.gates import USUAL, FaultLaw, GateLaw, GateQuestion
 from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import TRAJECTORY_TIME, CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
@@ -39,6 +40,7 @@ from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured,
 from mcnav.systems.ins.ensemble.free import EnsembleErrors, EnsembleTables, simulate, simulate_given, tabulate
 from mcnav.systems.ins.filter.model import FilterModel
 from mcnav.systems.ins.filter.tables import same_memory
+from mcnav.systems.ins.gates import fault_laws, gate_laws
 from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
@@ -50,7 +52,7 @@ from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.linear.start_times import LinearStarts, propagate_starts
 from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
-from mcnav.systems.ins.sensors.aiding import Sensor
+from mcnav.systems.ins.sensors.aiding import Sensor, gate_limits
 from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources
 from mcnav.systems.ins.truth.gravity import GravityPath
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
@@ -200,7 +202,8 @@ class Navigation:
         times = np.linspace(self.start, self.end, EPOCHS + 1)
         outages = (outage for sensor in self.sensors for outage in sensor.outages)
         ends = ((begin, end - min(BEFORE_OUTAGES_END, 0.01 * (end - begin))) for begin, end in outages)
-        for added in (*ends, *((time,) for time in self.further)):
+        faults = (span for sensor in self.sensors for span in _around_faults(sensor))
+        for added in (*ends, *faults, *((time,) for time in self.further)):
             inside = [time for time in added if self.start < time < self.end]
             far = [time for time in inside if np.abs(times - time).min() > 1e-6]
             times = np.union1d(times, far)
@@ -254,6 +257,16 @@ class Navigation:
             closed = self.aided.linear
             return LinearErrors(closed.times, closed.partials, closed.processes)
         return propagate(self.truth, self.responses, self.imu, np.arange(len(self.times)))
+
+
+def _around_faults(sensor: Sensor) -> list[tuple[float, ...]]:
+    """Return the times of the last measurement before each fault, and of the last one during it."""
+    around = []
+    for fault in sensor.faults:
+        during = np.flatnonzero(fault.errors(sensor.times) != 0.0)
+        if len(during):
+            around.append(tuple(sensor.times[[max(int(during[0]) - 1, 0), int(during[-1])]].tolist()))
+    return around
 
 
 @dataclass(frozen=True)
@@ -456,7 +469,11 @@ class Ins:
     def can(self) -> frozenset[Capability]:
         """What it is capable of."""
         smoothed = self.navigation.filter is not None and self.navigation.filter.smoothed
-        further = {Capability.REMARKS: bool(self.remarks), Capability.SMOOTHER: smoothed}
+        sensors = self.navigation.sensors
+        gated = self.navigation.filter is not None and any(each.gate is not None or each.faults for each in sensors)
+        further = {
+            Capability.REMARKS: bool(self.remarks), Capability.SMOOTHER: smoothed, Capability.GATES: gated
+        }  # fmt: skip
         return CAPABILITIES | {capability for capability, given in further.items() if given}
 
     def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
@@ -468,6 +485,8 @@ class Ins:
         """Names of the engines."""
         if self.navigation.filter is None:
             return ("ensemble", "reference")
+        if self.navigation.filter.smoothed:
+            return ("shared-gains", "ensemble", "reference")
         return ("ensemble", "shared-gains", "reference")
 
     @property
@@ -549,7 +568,8 @@ class Ins:
         navigation = self.navigation
         if times is None:
             linear = navigation.linear
-            nominal = np.zeros(linear.partials.shape[:2])
+            zero = np.zeros(linear.partials.shape[:2])
+            nominal = zero if navigation.aided is None else navigation.aided.linear.nominal
             epochs = navigation.epochs.times
             return LinearSystem(epochs, linear.partials, nominal, linear.processes, label=HISTORY_TIME)
         self._check_within(times)
@@ -557,11 +577,10 @@ class Ins:
         epochs_alone = np.array_equal(times, navigation.times)
         if navigation.aided is not None:
             updates, closed = navigation.aided.read_out(None if epochs_alone else times)
-            nominal = np.zeros(closed.partials.shape[:2])
             return LinearSystem(
                 closed.times,
                 closed.partials,
-                nominal,
+                closed.nominal,
                 closed.processes,
                 updates,
                 closed.own,
@@ -577,19 +596,44 @@ class Ins:
         nominal = np.zeros(linear.partials.shape[:2])
         return LinearSystem(linear.times, linear.partials, nominal, linear.processes, label=TRAJECTORY_TIME)
 
-    def smoothed(self, times: Array) -> LinearSystem:
+    def smoothed(self, times: Array | None = None) -> LinearSystem:
         """Linearize the errors behind the smoother at the readings that `linear` has at these times."""
-        self._check_within(times)
         navigation = self.navigation
         if navigation.aided is None:
             raise ScenarioError(
                 "filter", "there is no filter that a smoother could follow; add [[aiding]] and [filter]"
             )
+        own = tuple(range(len(OUTPUTS)))
+        if times is None:
+            errors = navigation.aided.smoothed_at_epochs
+            return LinearSystem(
+                navigation.epochs.times, errors.partials, errors.nominal, errors.processes, own=errors.own,
+                own_outputs=own, label=HISTORY_TIME, believed=self._believed,
+            )  # fmt: skip
+        self._check_within(times)
         updates, errors = navigation.aided.smoothed(None if np.array_equal(times, navigation.times) else times)
         return LinearSystem(
-            errors.times, errors.partials, np.zeros(errors.partials.shape[:2]), errors.processes, updates, errors.own,
-            tuple(range(len(OUTPUTS))), TRAJECTORY_TIME, self._believed,
+            errors.times, errors.partials, errors.nominal, errors.processes, updates, errors.own, own, TRAJECTORY_TIME,
+            self._believed,
         )  # fmt: skip
+
+    @property
+    def gate_question(self) -> GateQuestion:
+        """What is asked of the sensors' gates."""
+        filtered = self.navigation.filter
+        return USUAL if filtered is None else filtered.question
+
+    def gate_laws(self, mean: Array, covariance: Array) -> tuple[GateLaw, ...]:
+        """Compute the laws of the sensors' gates; none without any."""
+        aided = self.navigation.aided
+        if aided is None:
+            return ()
+        return gate_laws(aided, aided.sensors, gate_limits(aided.sensors), mean, covariance, self.gate_question.ramp)
+
+    def fault_laws(self, mean: Array, covariance: Array) -> tuple[FaultLaw, ...]:
+        """Compute the laws of the sensors' faults; none without any."""
+        aided = self.navigation.aided
+        return () if aided is None else fault_laws(aided, aided.sensors, gate_limits(aided.sensors), mean, covariance)
 
     @property
     def further_epochs(self) -> tuple[float, ...]:
@@ -702,9 +746,10 @@ class Ins:
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""
         aided, schema = self.navigation.aided, self.filter_schema
-        if self.navigation.filter is not None and self.navigation.filter.smoothed:
+        smoothed = self.navigation.filter is not None and self.navigation.filter.smoothed
+        if smoothed and engine != "shared-gains":
             raise ScenarioError(
-                "smoother", "samples are not smoothed yet: mcnav lincov analyses it; leave it out to run"
+                "smoother", f'got engine = "{engine}"; samples are smoothed with "shared-gains"; leave out one of them'
             )
         if engine == "reference":
             if aided is not None and schema is not None:
@@ -723,7 +768,11 @@ class Ins:
                 else "numerical error not measured, as there are too many steps to halve them"
             )
             accuracy = f"deviations in inertial axes, {len(shared.ensemble.durations)} steps, {gains}; {known}"
-            return AidedEngine(aided, shared, schema, engine == "ensemble", accuracy)
+            if not smoothed:
+                return AidedEngine(aided, shared, schema, engine == "ensemble", accuracy)
+            kept = 8 * (shared.white.size + 10 * len(self.navigation.times))
+            accuracy = f"{accuracy}; for the smoother {kept / 1000.0:,.1f} kB of a sample are kept"
+            return AidedEngine(aided, shared, schema, False, accuracy, smoothing=aided.smoother_tables(shared))
         tables, error = self._refined(probes)
         accuracy = (
             f"deviations in inertial axes, {len(tables.durations)} steps; largest numerical error of {len(probes)} "

@@ -208,7 +208,7 @@ def evidence(system: PreparedSystem, result: SimulationResult, linear: LinearFil
 def _linear(name: str) -> LinearFilter:
     model = prepared(name).model
     assert model.filter is not None
-    linear = linear_filter(model, model.filter)
+    linear = linear_filter(model, model.filter, model.development)
     assert linear is not None
     return linear
 

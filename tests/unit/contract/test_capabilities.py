@@ -27,6 +27,7 @@ PROTOCOLS: Final[dict[Capability, type]] = {
     Capability.REPLAY: contract.Replayable,
     Capability.REMARKS: contract.RemarkingScenario,
     Capability.SMOOTHER: contract.SmoothedScenario,
+    Capability.GATES: contract.GatedScenario,
     Capability.RECORDING: contract.RecordingScenario,
     Capability.TRAJECTORY: Scenario,
     Capability.USER_CODE: Scenario,

@@ -44,6 +44,7 @@ def update_tables(found: Measurements) -> UpdateTables:
         np.zeros(0, dtype=np.int64),
         filter_updates(found.rows, np.zeros((updates, most, 0)), whole, none, never, never),
         RateTables(found.swinging, found.swung, found.levers, no_rates, no_rates, no_rates, no_numbers, no_numbers),
+        never, none,
     )  # fmt: skip
 
 

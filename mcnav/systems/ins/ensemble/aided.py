@@ -46,6 +46,7 @@ from mcnav.systems.ins.ensemble.records import (
     ReadingRooms,
     Readings,
     change_correlated_errors,
+    keep_innovation,
     read,
     reading_rooms,
     width_of_record,
@@ -69,6 +70,7 @@ from mcnav.systems.ins.ensemble.updates import (
     RateTables,
     UpdateTables,
     add_constant_errors,
+    add_faults,
     add_rate_errors,
     along_truth,
     disturb,
@@ -86,6 +88,7 @@ from mcnav.systems.ins.imu.instruments import CONSTANTS
 from mcnav.systems.ins.imu.variates import IMU_STREAM, draw_normals
 from mcnav.systems.ins.linear.adjoint import Adjoint, add_linear, adjoint_of_closed
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, own_covariances
+from mcnav.systems.ins.sensors.aiding import gate_limits
 from mcnav.systems.ins.sensors.measurements import rate_error, white_sigmas
 
 Made = TypeVar("Made")
@@ -295,7 +298,7 @@ class AidedTables:
             filter_updates(
                 measured.rows, model.rows, self.bounds, model.variances, along_truth(measured), careful
             ),
-            self._swings(np.zeros(0, dtype=np.int64)),
+            self._swings(np.zeros(0, dtype=np.int64)), np.any(measured.faults != 0.0, axis=1), measured.faults,
         )  # fmt: skip
 
     @cached_property
@@ -318,8 +321,6 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
     biases : tuple of str
         Processes whose biases the ensemble's tables have, in their order.
     """
-    from scipy.special import gammaincinv  # as `scipy.stats.chi2`, whose import takes a third of a second
-
     measurements, sensors = loop.measurements, loop.sensors
     components = [component for sensor in sensors for component in sensor.components]
     which = measurements.components
@@ -337,10 +338,7 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
         latest = known[np.searchsorted(sensor.times, epochs + 1e-9) - 1]
         elapsed = np.maximum(epochs - np.maximum(latest, np.append(-np.inf, epochs[:-1])), 0.0)
         faded[:, number] = np.exp(-elapsed / component.correlation_time)
-    limits = np.array([
-        np.inf if sensor.gate is None else 2.0 * float(gammaincinv(0.5 * len(sensor.components), sensor.gate))
-        for sensor in sensors
-    ])  # fmt: skip
+    limits = gate_limits(sensors)
     bounds = np.empty((*which.shape, 2), dtype=np.int64)
     used = measurements.rows != 0.0
     # a turned row has the same blocks of three
@@ -433,12 +431,16 @@ class AidedErrors:
     outcome : ndarray of int, shape (n,)
     records : ndarray, shape (n, m, width)
         Of the filters, as `mcnav.systems.ins.ensemble.records` has them.
+    states, innovations : ndarray, shapes (n, m, 10), (n, U, M)
+        As `mcnav.systems.ins.ensemble.records.Readings` has them for a smoother; else of no samples.
     """
 
     values: Array
     linear: Array
     outcome: IndexArray
     records: Array
+    states: Array
+    innovations: Array
 
 
 @dataclass(frozen=True)
@@ -458,8 +460,9 @@ class GivenNoise:
 
 
 def simulate_aided(
-    tables: AidedTables, errors: Array, seed: int, samples: IndexArray, own: bool, given: GivenNoise | None = None
-) -> AidedErrors:
+    tables: AidedTables, errors: Array, seed: int, samples: IndexArray, own: bool, given: GivenNoise | None = None,
+    smoothed: bool = False,
+) -> AidedErrors:  # fmt: skip
     """Simulate samples.
 
     Parameters
@@ -470,6 +473,8 @@ def simulate_aided(
         Indices, which together with the seed make the noise.
     own : bool
         Whether each sample computes its own gains.
+    smoothed : bool
+        Whether states and innovations are kept for a smoother: gains must be those along the truth.
     """
     errors, shared = np.ascontiguousarray(errors, dtype=float), tables.ensemble
     _check_samples(tables, errors, samples, given)
@@ -484,9 +489,11 @@ def simulate_aided(
     )  # fmt: skip
     steps = tables.steps(active)
     rooms = _lane_rooms(tables, count, len(active), len(active_aiding), steps.factors.shape[2], own, noise.drifting)
+    kept = count if smoothed else 0
     results = Readings(
         np.empty((count, epochs, 9)), np.empty((count, 9)), np.zeros(count, dtype=np.int64),
-        np.empty((epochs, count, len(rooms.reading.record))),
+        np.empty((epochs, count, len(rooms.reading.record))), np.empty((kept, epochs, 10)),
+        np.zeros((kept, *tables.white.shape)),
     )  # fmt: skip
     _run(
         steps, tables.estimate_steps, tables.filter_steps, tables.updates(active_aiding, active), tables.epochs,
@@ -494,7 +501,9 @@ def simulate_aided(
     )  # fmt: skip
     beyond = (results.outcomes == SOUND) & ~np.isfinite(results.values).all(axis=(1, 2))
     outcome = np.where(beyond, BEYOND, results.outcomes)
-    return AidedErrors(results.values, results.linear, outcome, results.records.swapaxes(0, 1))
+    return AidedErrors(
+        results.values, results.linear, outcome, results.records.swapaxes(0, 1), results.states, results.innovations
+    )  # fmt: skip
 
 
 def _check_samples(tables: AidedTables, errors: Array, samples: IndexArray, given: GivenNoise | None) -> None:
@@ -655,6 +664,8 @@ def _disturb(
                 own.disturbance[c, i] = noise.disturbances[begin + min(i, size - 1), u * most + c]
     if len(own.aiding) > 0:
         add_constant_errors(u, m, updates, own)
+    if updates.faulty[u]:
+        add_faults(u, m, updates, own)
     if updates.swings.swinging[u]:
         add_rate_errors(u, m, updates, lanes.samples, own)
     add_linear(updates.adjoint, u, m, own.disturbance, lanes.samples.linear)
@@ -748,6 +759,8 @@ def _run(
                     m = updates.sizes[u]
                     _disturb(u, m, (u - started) * most, begin, size, updates, noise, lanes)
                     _update(u, m, constants, estimated.corrected, of_filter, updates, own_gains, lanes)
+                    if len(results.innovations) > 0:
+                        keep_innovation(u, m, begin, size, own.innovation, results.innovations)
                 # errors and records of the filters at an epoch
                 if reached < len(epochs.numbers) and epochs.numbers[reached] == k:
                     if noise.drifting and noise.measured:

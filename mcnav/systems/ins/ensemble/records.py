@@ -87,12 +87,18 @@ class Readings(NamedTuple):
         At the last epoch.
     outcomes : ndarray of int, shape (n,)
     records : ndarray, shape (m, n, width)
+    states : ndarray, shape (n, m, 10)
+        Quaternions, deviations of velocity and of position, for a smoother; else none.
+    innovations : ndarray, shape (n, U, M)
+        Zero where a measurement is rejected, for a smoother; else none.
     """
 
     values: Array
     linear: Array
     outcomes: IndexArray
     records: Array
+    states: Array
+    innovations: Array
 
 
 def width_of_record(estimated: int, states: int, sensors: int) -> int:
@@ -192,6 +198,14 @@ def _record(reached: int, epochs: EpochTables, own_gains: bool, own: Estimates, 
             at += 1
 
 
+@allocation_free_part
+def keep_innovation(u: int, m: int, begin: int, size: int, innovation: Array, out: Array) -> None:
+    """Keep the innovations of an update for a smoother, shape (n, U, M)."""
+    for i in range(size):
+        for c in range(m):
+            out[begin + i, u, c] = innovation[c, i]
+
+
 @allocation_free_subroutine
 def read(
     reached: int, begin: int, size: int, constants: Array, epochs: EpochTables, of_states: Array, own_gains: bool,
@@ -219,5 +233,11 @@ def read(
     for i in range(size):
         for c in range(len(rooms.record)):
             results.records[reached, begin + i, c] = rooms.record[c, i]
+    if len(results.states) > 0:
+        for i in range(size):
+            for r in range(4):
+                results.states[begin + i, reached, r] = samples.turn[r, i]
+            for r in range(6):
+                results.states[begin + i, reached, 4 + r] = samples.moved[r, i]
     if reached == len(epochs.numbers) - 1:
         copy_linear(samples.linear, begin, size, results.linear)

@@ -42,6 +42,10 @@ class UpdateTables(NamedTuple):
     linked : ndarray of int
         Those of them that any innovation responds to.
     swings : RateTables
+    faulty : ndarray of bool, shape (U,)
+        Whether an update has a fault.
+    faults : ndarray, shape (U, M)
+        What faults add to the measurements.
     """
 
     sensors: IndexArray
@@ -66,6 +70,8 @@ class UpdateTables(NamedTuple):
     linked: IndexArray
     of_filter: FilterUpdates
     swings: RateTables
+    faulty: NDArray[np.bool_]
+    faults: Array
 
 
 class RateTables(NamedTuple):
@@ -205,6 +211,13 @@ def add_constant_errors(u: int, m: int, tables: UpdateTables, own: Estimates) ->
 
 
 @allocation_free_part
+def add_faults(u: int, m: int, tables: UpdateTables, own: Estimates) -> None:
+    """Add what faults of the sensors contribute to an update."""
+    for c in range(m):
+        store(own.disturbance, c, load(own.disturbance, c) + tables.faults[u, c])
+
+
+@allocation_free_part
 def add_rate_errors(u: int, m: int, tables: UpdateTables, samples: Deviations, own: Estimates) -> None:
     """Add what errors of the gyros contribute to an update of an antenna's velocity: ``d . (e x L)``."""
     rates = tables.swings
@@ -341,7 +354,7 @@ def judge(m: int, limit: float, lags: bool, sensor: int, own: Estimates) -> None
 
 
 @inlined
-def _turn_back(x: Vector, y: Vector, z: Vector, turn: Array, sound: Array) -> None:
+def turn_back(x: Vector, y: Vector, z: Vector, turn: Array, sound: Array) -> None:
     """Rotate navigators by what their filters have estimated of psi, backwards; beyond a limit they are not sound."""
     square = x * x + y * y + z * z
     sine, w = half_turn_of_square(square)
@@ -382,7 +395,7 @@ def _add_three(out: Array, r: int, s: int, t: int, x: Vector, y: Vector, z: Vect
 @allocation_free_part
 def feed_back_own(correction: Array, corrected: Array, samples: Deviations, own: Estimates) -> None:
     """Correct the navigators and the estimates by ``K n``, rows of lanes."""
-    _turn_back(load(correction, 0), load(correction, 1), load(correction, 2), samples.turn, samples.sound)
+    turn_back(load(correction, 0), load(correction, 1), load(correction, 2), samples.turn, samples.sound)
     for r in range(6):
         store(samples.moved, r, load(samples.moved, r) - load(correction, 3 + r))
     for s in range(len(own.estimate)):
@@ -396,7 +409,7 @@ def feed_back_shared(u: int, m: int, gains: Array, samples: Deviations, own: Est
     for c in range(m):
         store(own.innovation, c, load(own.accepted, 0) * load(own.innovation, c))
     x, y, z = _correction(u, m, gains, 0, 1, 2, own.innovation)
-    _turn_back(x, y, z, samples.turn, samples.sound)
+    turn_back(x, y, z, samples.turn, samples.sound)
     for r in range(0, 6, 3):
         x, y, z = _correction(u, m, gains, 3 + r, 4 + r, 5 + r, own.innovation)
         _add_three(moved, r, r + 1, r + 2, -x, -y, -z)

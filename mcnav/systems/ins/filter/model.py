@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.gates import USUAL, GateQuestion
 from mcnav.systems.ins.imu.gravity import DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import AXES, Imu
 from mcnav.systems.ins.sensors.aiding import Sensor
@@ -81,14 +82,23 @@ class FilterModel:
         Kinds of errors besides position, velocity and attitude, which are always estimated: ``gyro_bias``,
         ``accelerometer_scale_factor``, ``gnss_position_bias``, ``gravity_deflection``, …
     beliefs : Beliefs
-    smoothed : bool
-        Whether a fixed-interval smoother follows it.
+    lag : float or None
+        How long after an instant measurements still count for the smoother that follows, s: infinite with a fixed
+        interval; none without a smoother.
+    question : GateQuestion
+        What is asked of the gates.
     """
 
     estimates: tuple[str, ...]
     considers: tuple[str, ...]
     beliefs: Beliefs
-    smoothed: bool = False
+    lag: float | None = None
+    question: GateQuestion = USUAL
+
+    @property
+    def smoothed(self) -> bool:
+        """Whether a smoother follows."""
+        return self.lag is not None
 
     @property
     def states(self) -> tuple[FilterState, ...]:

@@ -101,6 +101,8 @@ class ClosedLoopErrors:
         Covariance of the outputs from each process, by name.
     own : ndarray, shape (m, 9, 9)
         The filter's own covariance of the outputs.
+    nominal : ndarray, shape (m, 9)
+        Errors of the outputs by faults of the sensors.
     state_partials, state_variances, own_variances : ndarray, shapes (m, q, sources), name to (m, q), (m, q)
         The same of the true errors of the other states' estimates.
     """
@@ -109,6 +111,7 @@ class ClosedLoopErrors:
     partials: Array
     processes: dict[str, Array]
     own: Array
+    nominal: Array
     state_partials: Array
     state_variances: Mapping[str, Array]
     own_variances: Array
@@ -171,7 +174,7 @@ def _geometry(sensors: tuple[Sensor, ...]) -> tuple[object, ...]:
     return tuple(
         (
             sensor.name, sensor.times, sensor.lever_arm, sensor.has_lever_arm,
-            tuple((each.quantity, each.axis, each.label) for each in sensor.components),
+            tuple((each.quantity, each.axis, each.label) for each in sensor.components), sensor.faults,
         )
         for sensor in sensors
     )  # fmt: skip
@@ -194,7 +197,7 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
         Whether after the updates at that time, or before.
     """
     own = own_covariances(loop, readings, after)
-    partials, estimates = propagate_constants(loop, readings, after)
+    partials, estimates, faulted = propagate_constants(loop, readings, after)
     names, covariances = propagate_processes(loop, readings, after)
     maps = np.stack([output_map(loop.truth, float(time)) for time in loop.times[readings]])
     count = len(loop.filter.constants)
@@ -217,6 +220,7 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
         maps @ partials,
         add_by_cause(processes),
         map_covariances(maps, own[:, :NAVIGATION, :NAVIGATION]),
+        np.einsum("mij,mj->mi", maps, faulted[:, :NAVIGATION]),
         state_partials,
         add_by_cause(state_variances),
         np.diagonal(own, axis1=1, axis2=2)[:, NAVIGATION:].copy(),
@@ -291,9 +295,28 @@ def constant_disturbances(loop: ClosedLoop) -> tuple[Array, Array]:
     return inputs, disturbances
 
 
-def propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[Array, Array]:
-    """Compute what each constant error makes of y, shape (m, 9, sources), and of the estimates, (m, q, sources)."""
+def with_faults(loop: ClosedLoop, inputs: Array, disturbances: Array) -> tuple[Array, Array]:
+    """Return the same with a last column, the faults of the sensors as one error of size one, where there are some."""
+    faults = loop.measurements.faults
+    if not faults.any():
+        return inputs, disturbances
+    nothing = np.zeros((*inputs.shape[:2], 1))
+    return np.concatenate([inputs, nothing], axis=2), np.concatenate([disturbances, -faults[:, :, None]], axis=2)
+
+
+def propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[Array, Array, Array]:
+    """Compute what constant errors and faults make of the closed loop.
+
+    Returns
+    -------
+    y, estimates : ndarray, shapes (m, 9, sources), (m, q, sources)
+        Of each constant error.
+    faulted : ndarray, shape (m, 9 + q)
+        Of both by all faults.
+    """
     inputs, disturbances = constant_disturbances(loop)
+    sources = inputs.shape[2]
+    inputs, disturbances = with_faults(loop, inputs, disturbances)
     true = true_loop(loop)
     start = np.zeros((NAVIGATION + len(loop.filter.constants), inputs.shape[2]))
     start[:NAVIGATION, : len(OUTPUTS)] = np.linalg.inv(output_map(loop.truth, float(loop.times[0])))
@@ -306,7 +329,8 @@ def propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) ->
         start,
         ReadingTimes(readings, after.astype(np.bool_)),
     )
-    return seen[:, :NAVIGATION], seen[:, NAVIGATION:]
+    faulted = seen[:, :, sources] if seen.shape[2] > sources else np.zeros(seen.shape[:2])
+    return seen[:, :NAVIGATION, :sources], seen[:, NAVIGATION:, :sources], faulted
 
 
 def propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[list[str], Array]:

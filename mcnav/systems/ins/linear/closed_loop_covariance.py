@@ -20,7 +20,13 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu
-from mcnav.systems.ins.linear.closed_loop import ClosedLoop, TrueLoop, constant_disturbances, gauss_markov, true_loop
+from mcnav.systems.ins.linear.closed_loop import (
+    ClosedLoop,
+    TrueLoop,
+    constant_disturbances,
+    gauss_markov,
+    true_loop,
+)
 from mcnav.systems.ins.linear.covariance import constant_inputs, map_covariances, output_map, process_systems
 from mcnav.systems.ins.linear.recursions import ReadingTimes, StepNoise, Steps, run_covariance, run_responses
 from mcnav.systems.ins.sensors.measurements import rate_error, white_sigmas
@@ -119,15 +125,16 @@ def _after_zeros(count: int, table: Array) -> Array:
 
 
 def _propagate_mean(loop: ClosedLoop, true: TrueLoop, mean: Array, readings: ReadingTimes) -> Array:
-    """Compute the mean of psi, v, x at readings, shape (m, 9, 1), from that of the constant sources."""
-    if not mean.any():
+    """Compute the mean of psi, v, x at readings, shape (m, 9, 1), from that of the constant sources, and by faults."""
+    faults = loop.measurements.faults[:, :, None]
+    if not mean.any() and not faults.any():
         return np.zeros((len(readings.numbers), NAVIGATION, 1))
     inputs, disturbances = constant_disturbances(loop)
     start = np.zeros((NAVIGATION + len(loop.filter.constants), 1))
     start[:NAVIGATION, 0] = np.linalg.solve(output_map(loop.truth, float(loop.times[0])), mean[:NAVIGATION])
     together = mean[:, None]
     return run_responses(
-        true.steps, inputs @ together, true.updates, disturbances @ together, true.gains, start, readings
+        true.steps, inputs @ together, true.updates, disturbances @ together - faults, true.gains, start, readings
     )[:, :NAVIGATION]
 
 

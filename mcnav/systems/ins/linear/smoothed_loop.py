@@ -1,4 +1,4 @@
-"""Errors of an aided navigator behind a fixed-interval smoother: the closed loop as `run_smoother` takes it."""
+"""Errors of an aided navigator behind a smoother: the closed loop as `run_smoother` takes it."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from mcnav.systems.ins.linear.closed_loop import (
     propagate_constants,
     propagate_processes,
     true_loop,
+    with_faults,
 )
 from mcnav.systems.ins.linear.covariance import map_covariances, output_map
 from mcnav.systems.ins.linear.recursions import Steps
-from mcnav.systems.ins.linear.smoother import SmoothedLoop, SmoothedProcesses, run_smoother
+from mcnav.systems.ins.linear.smoother import SmoothedLoop, SmoothedProcesses, last_times, run_smoother
 
 
 @dataclass(frozen=True)
@@ -34,16 +35,19 @@ class SmoothedErrors:
     processes : mapping of str to ndarray, shape (m, 9, 9)
     own : ndarray, shape (m, 9, 9)
         Covariance that the smoother claims.
+    nominal : ndarray, shape (m, 9)
+        Errors by faults of the sensors.
     """
 
     times: Array
     partials: Array
     processes: dict[str, Array]
     own: Array
+    nominal: Array
 
 
-def smooth_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) -> SmoothedErrors:
-    """Compute what is left of the errors at readings, given all measurements of the navigation.
+def smooth_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array, lag: float = np.inf) -> SmoothedErrors:
+    """Compute what is left of the errors at readings, given the measurements up to a lag after each.
 
     Parameters
     ----------
@@ -51,23 +55,31 @@ def smooth_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) -> 
         Numbers of the times at which errors are read out, in order.
     after : ndarray of bool, shape (m,)
         Whether after the updates at that time, or before: the smoothed errors are the same.
+    lag : float
+        s; with an infinite one all measurements of the navigation are given: a fixed interval.
     """
     tables = loop.filter
     processes = driving_processes(loop)
-    backward = run_smoother(_smoothed_loop(loop), _smoothed_processes(loop), readings, after)
+    backward = run_smoother(
+        _smoothed_loop(loop), _smoothed_processes(loop), readings, after, last_times(loop.times, readings, lag)
+    )
     covariance = own_covariances(loop, readings, after)
     claimed = covariance - covariance @ backward.own @ covariance
     # z = (y, x - e^) of X = (y, e^), of constant errors, and of a process's bias
     states = len(tables.constants)
     of_state = np.diag(np.concatenate([np.ones(NAVIGATION), -np.ones(states)]))
-    y, estimates = propagate_constants(loop, readings, after)
-    of_constants = np.zeros((NAVIGATION + states, y.shape[2]))
+    y, estimates, faulted = propagate_constants(loop, readings, after)
+    sources = y.shape[2]
+    of_constants = np.zeros((NAVIGATION + states, sources))
     for place, number in enumerate(tables.constants):
         if number >= 0:
             of_constants[NAVIGATION + place, number] = 1.0
     state = np.concatenate([y, estimates], axis=1)
     left = of_state - covariance @ backward.state
-    partials = left @ state + of_constants - covariance @ backward.constants
+    partials = left @ state + of_constants - covariance @ backward.constants[:, :, :sources]
+    nominal = np.einsum("mij,mj->mi", left, faulted)
+    if backward.constants.shape[2] > sources:
+        nominal -= np.einsum("mij,mj->mi", covariance, backward.constants[:, :, sources])
     maps = np.stack([output_map(loop.truth, float(time)) for time in loop.times[readings]])
     named = {}
     _, covariances = propagate_processes(loop, readings, after)
@@ -82,20 +94,26 @@ def smooth_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) -> 
     return SmoothedErrors(
         loop.times[readings], maps @ partials[:, :NAVIGATION], add_by_cause(named),
         map_covariances(maps, claimed[:, :NAVIGATION, :NAVIGATION]),
+        np.einsum("mij,mj->mi", maps, nominal[:, :NAVIGATION]),
     )  # fmt: skip
 
 
 def _smoothed_loop(loop: ClosedLoop) -> SmoothedLoop:
     tables, measurements, true = loop.filter, loop.measurements, true_loop(loop)
-    inputs, disturbances = constant_disturbances(loop)
+    inputs, disturbances = with_faults(loop, *constant_disturbances(loop))
     padded = np.zeros((len(inputs), true.updates.rows.shape[2], inputs.shape[2]))
     padded[:, :NAVIGATION] = inputs
     return SmoothedLoop(
-        loop.first_updates, measurements.sizes,
-        _square(Steps(np.concatenate([loop.transition, tables.coupling], axis=2), tables.decay)),
+        loop.first_updates, measurements.sizes, square_transitions(loop),
         np.concatenate([measurements.rows, tables.rows], axis=2), loop.gains, loop.roots, _square(true.steps),
         true.updates.rows, true.gains, padded, disturbances,
     )  # fmt: skip
+
+
+def square_transitions(loop: ClosedLoop) -> Array:
+    """Return F of the filter's states over the steps, shape (K, f, f)."""
+    tables = loop.filter
+    return _square(Steps(np.concatenate([loop.transition, tables.coupling], axis=2), tables.decay))
 
 
 def _square(steps: Steps) -> Array:

@@ -1,4 +1,4 @@
-"""Linear covariance of a fixed-interval smoother behind an aided navigator: what it claims, and its true errors.
+"""Linear covariance of a smoother behind an aided navigator: what it claims, and its true errors.
 
 The smoother is the expectation, by the filter's own model, of the errors z of the filter's states at an instant, given
 all innovations n of the navigation (Bryson and Ho 1975, *Applied Optimal Control*, section 13.2; Bierman 1973, *Fixed
@@ -16,12 +16,14 @@ with the true transition T and the true responses H_t and gains K_t of
     L- = N H_t + (I - K H)^T L+                        L+ (before) = F^T L- T
     M- = N R N^T + (I - K H)^T M+ (I - K H)            M+ (before) = F^T (M- + L- Q L-^T) F
 
-so that one pass has the true errors at all instants. Where the filter believes the truth both are the same.
+so that one pass has the true errors at all instants. Where the filter believes the truth both are the same. A smoother
+with a lag has the measurements up to t + lag: a pass from there for each instant t.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -107,8 +109,20 @@ class Backward:
     noise: Array
 
 
-def run_smoother(loop: SmoothedLoop, processes: SmoothedProcesses, readings: IndexArray, after: Array) -> Backward:
-    """Run the smoother backwards from the end of navigation.
+SAME_INSTANT: Final = 1e-6
+"""Times that differ by no more, s, are the same: a lag is written to fewer digits."""
+
+
+def last_times(times: Array, readings: IndexArray, lag: float) -> IndexArray:
+    """Return the numbers of the last times whose measurements count at readings, shape (m,)."""
+    until = np.searchsorted(times, times[readings] + lag + SAME_INSTANT, side="right") - 1
+    return np.asarray(np.maximum(until, readings), dtype=np.int64)
+
+
+def run_smoother(
+    loop: SmoothedLoop, processes: SmoothedProcesses, readings: IndexArray, after: Array, ends: IndexArray
+) -> Backward:
+    """Run the smoother backwards from the last measurements that count.
 
     Parameters
     ----------
@@ -116,8 +130,27 @@ def run_smoother(loop: SmoothedLoop, processes: SmoothedProcesses, readings: Ind
         Numbers of times, in order, each once after updates and once before at most.
     after : ndarray of bool, shape (m,)
         Whether after the updates at that time, or before.
+    ends : ndarray of int, shape (m,)
+        Numbers of the last times whose updates count; readings of one end share a pass.
     """
-    steps, filtered = len(loop.transitions), loop.transitions.shape[1]
+    whole: Backward | None = None
+    for end in np.unique(ends):
+        of_end = np.flatnonzero(ends == end)
+        read = _run_back(loop, processes, readings[of_end], after[of_end], int(end))
+        if whole is None:
+            whole = Backward(*(np.zeros((len(readings), *each.shape[1:])) for each in vars(read).values()))
+        for name, part in vars(read).items():
+            getattr(whole, name)[of_end] = part
+    if whole is None:
+        raise ValueError("readings: got none, expected at least one")
+    return whole
+
+
+def _run_back(
+    loop: SmoothedLoop, processes: SmoothedProcesses, readings: IndexArray, after: Array, end: int
+) -> Backward:
+    """Run back from after the updates at an end to the first of the readings."""
+    filtered = loop.transitions.shape[1]
     states, constants, count = loop.true_transitions.shape[1], loop.inputs.shape[2], len(processes.decays)
     own, noise = np.zeros((filtered, filtered)), np.zeros((count, filtered, filtered))
     state, constant, bias = np.zeros((filtered, states)), np.zeros((filtered, constants)), np.zeros((count, filtered))
@@ -130,8 +163,8 @@ def run_smoother(loop: SmoothedLoop, processes: SmoothedProcesses, readings: Ind
             read.own[place], read.state[place], read.constants[place] = own, state, constant
             read.biases[place], read.noise[place] = bias, noise
 
-    for k in range(steps, -1, -1):
-        if k < steps:
+    for k in range(end, int(readings.min()) - 1, -1):
+        if k < end:
             # back over step k: F^T ... T
             over, true = loop.transitions[k].T, loop.true_transitions[k]
             added, faded = np.zeros_like(noise), np.zeros_like(bias)

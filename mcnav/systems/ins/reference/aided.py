@@ -45,6 +45,7 @@ from mcnav.systems.ins.reference.mechanization import (
 )
 from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, navigation_errors
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.sensors.faults import fault_errors
 from mcnav.systems.ins.truth.gravity import GravityPath
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
@@ -292,6 +293,7 @@ class AidedFlight:
             last = first + sum(1 for _ in model.sensor.constants())
             shape = (len(self.engine.measured(model.sensor)), model.size)
             noise = self.noise.measurements.get(model.sensor.name, np.zeros(shape))
+            noise = noise + fault_errors(model.sensor.faults, self.engine.measured(model.sensor), model.size)
             yield model.measurement_errors(self.errors[first:last], noise)
             first = last
 

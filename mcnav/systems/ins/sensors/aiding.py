@@ -19,6 +19,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.recorded import MeasurementFile
 from mcnav.systems.ins.imu.instruments import AXES
+from mcnav.systems.ins.sensors.faults import Fault
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 
 MeasurementError = Literal["bias", "scale_factor", "correlated", "noise"]
@@ -67,6 +68,16 @@ class Component:
         if not 0 <= self.axis < len(QUANTITIES[self.quantity].axes):
             raise ValueError(f"{self.label}: {self.quantity} has no axis number {self.axis}")
 
+    @property
+    def name(self) -> str:
+        """Name of what is measured: the quantity and the axis.
+
+        >>> Component("position", 0, 3.0, 0.0, 100.0, "gnss_position").name
+        'position_north'
+        """
+        axis = QUANTITIES[self.quantity].axes[self.axis]
+        return f"{self.quantity}_{axis}" if axis else self.quantity
+
     def white_sigmas(self, count: int) -> Array:
         """Return the sigma of the white noise of each of so many measurements, shape (count,)."""
         return np.full(count, self.noise) if self.noise_at is None else np.array(self.noise_at)
@@ -111,6 +122,8 @@ class Sensor:
         Begin, included, and end, excluded, s.
     log : MeasurementFile, optional
         Of a recorded sensor.
+    faults : tuple of Fault
+        What its measurements have that no filter believes in.
     """
 
     name: str
@@ -122,6 +135,7 @@ class Sensor:
     gate: float | None = None
     outages: tuple[tuple[float, float], ...] = ()
     log: MeasurementFile | None = None
+    faults: tuple[Fault, ...] = ()
 
     def constants(self) -> Iterator[str]:
         """Yield the names of its constant errors in order, whatever their sizes."""
@@ -138,6 +152,16 @@ class Sensor:
         sizes = {each.error_name("noise"): each.noise for each in self.components}
         sizes |= {each.error_name("correlated"): each.correlated for each in self.components}
         return {name: size for name, size in sizes.items() if size > 0.0}
+
+
+def gate_limits(sensors: tuple[Sensor, ...]) -> Array:
+    """Return the largest normalized innovations squared that are accepted, shape (sensors,); else infinite."""
+    from scipy.special import gammaincinv  # as `scipy.stats.chi2`, whose import takes a third of a second
+
+    return np.array([
+        np.inf if sensor.gate is None else 2.0 * float(gammaincinv(0.5 * len(sensor.components), sensor.gate))
+        for sensor in sensors
+    ])  # fmt: skip
 
 
 def aiding_constants(sensors: tuple[Sensor, ...]) -> tuple[str, ...]:

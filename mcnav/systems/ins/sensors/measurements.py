@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.imu.instruments import GYRO
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.sensors.faults import fault_errors
 from mcnav.systems.ins.sensors.quantity import Geometry
 from mcnav.systems.ins.sensors.registry import KINDS, QUANTITIES
 from mcnav.systems.ins.sensors.surroundings import Surroundings
@@ -66,6 +67,8 @@ class Measurements:
         where no update needs the rate.
     swings : ndarray, shape (U, M, G)
         Responses of the innovations to them.
+    faults : ndarray, shape (U, M)
+        What faults add to the measurements.
     """
 
     times: Array
@@ -82,6 +85,7 @@ class Measurements:
     swung: NDArray[np.bool_]
     rates: Array
     swings: Array
+    faults: Array
 
     @property
     def swinging(self) -> NDArray[np.bool_]:
@@ -110,6 +114,8 @@ def measure(truth: Truth, platform: Platform, start: float, sensors: Sequence[Se
         if of_sensor is not None:
             rows = np.flatnonzero(tables.sensors == number)
             tables.places[rows] = of_sensor[1].position
+            count = len(sensor.components)
+            tables.faults[rows, :count] = fault_errors(sensor.faults, sensor.times, count)
             if swings(sensor):
                 _fill_rates(tables, rows, of_sensor[1])
             for column, geometry in enumerate(along[number]):
@@ -150,6 +156,7 @@ def _no_measurements(sensors: Sequence[Sensor], along: Sequence[Sequence[Geometr
         np.zeros((total, most, 3)), np.zeros((total, most, max(used, default=0))), np.zeros((total, most, constants)),
         np.zeros((total, 3)), np.zeros((total, most, 9)), np.zeros((total, 3)),
         np.zeros((total, most), dtype=np.bool_), np.zeros((total, 3, gyros)), np.zeros((total, most, gyros)),
+        np.zeros((total, most)),
     )  # fmt: skip
 
 

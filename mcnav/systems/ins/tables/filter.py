@@ -6,20 +6,23 @@ known only after ``[errors]`` is read, so that a `FilterPlan` is completed then.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, WithJsonSchema
 
 from mcnav._types import Array
+from mcnav.contract.gates import USUAL, GateQuestion
 from mcnav.contract.quantities import Source
 from mcnav.entries.axes import within
 from mcnav.entries.context import FileContext
-from mcnav.entries.quantities import UNIT, Distinct, Later, Suggested, Table
+from mcnav.entries.quantities import UNIT, Distinct, Duration, Later, Suggested, Table
+from mcnav.entries.unions import ByForm
 from mcnav.entries.validation import validate
 from mcnav.errors import suggestion
 from mcnav.sampling.error_model import ErrorModel
@@ -85,6 +88,30 @@ class BelievesTable(Table):
     )
 
 
+class LagTable(Table):
+    """``smoother = { lag = "60 s" }``."""
+
+    expected: ClassVar[str] = 'expected "fixed-interval" or { lag = "60 s" }'
+    called: ClassVar[str] = "a smoother"
+    lag: Annotated[
+        Duration,
+        Field(gt=0.0, le=1e7, description="How long after an instant measurements count.", examples=["60 s"]),
+    ]
+
+
+class StopsTable(Table):
+    """``stops = { probability = 0.99, ramp = "60 s" }``."""
+
+    expected: ClassVar[str] = 'expected probability, ramp or both, such as { probability = 0.99, ramp = "60 s" }'
+    called: ClassVar[str] = "what gates stop"
+    probability: Annotated[
+        float, Field(gt=0.0, lt=1.0, description="With which a spike or a ramp is to be stopped.", examples=[0.99])
+    ] = USUAL.probability
+    ramp: Annotated[Duration, Field(gt=0.0, le=1e7, description="How long a ramp grows.", examples=["60 s"])] = (
+        USUAL.ramp
+    )
+
+
 class FilterTable(Table):
     """``[filter]``; the gate is one of the sensors."""
 
@@ -102,9 +129,13 @@ class FilterTable(Table):
     ] = Field(default_factory=list)
     gate: Annotated[Gate | None, OfGate] = None
     smoother: Annotated[
-        Literal["fixed-interval"] | None,
-        Field(description="Smoother that follows the filter, of all measurements of the navigation: in lincov alone."),
+        Annotated[Literal["fixed-interval"] | LagTable, ByForm()] | None,
+        Field(description="Smoother that follows the filter: of all measurements, or of those up to a lag later."),
     ] = None
+    stops: Annotated[
+        StopsTable,
+        Field(description="With what probability gates stop errors whose size is asked for, and how long ramps are."),
+    ] = StopsTable()
     believes: BelievesTable = Field(
         default_factory=BelievesTable, description="What the filter takes errors for; the truth where nothing is given."
     )
@@ -124,8 +155,9 @@ class FilterPlan:
         Believed processes.
     sensors : tuple of Sensor
         Believed ones.
-    smoothed : bool
-        Whether a smoother follows the filter.
+    lag : float or None
+    question : GateQuestion
+        As `FilterModel` has it.
     """
 
     estimates: tuple[str, ...]
@@ -133,7 +165,8 @@ class FilterPlan:
     sigmas: Mapping[str, float]
     imu: Imu
     sensors: tuple[Sensor, ...]
-    smoothed: bool = False
+    lag: float | None = None
+    question: GateQuestion = USUAL
 
     def completed(self, errors: ErrorModel) -> FilterModel:
         """Return the filter, which believes the statistics of all errors where it does not believe others."""
@@ -144,7 +177,7 @@ class FilterPlan:
         covariance = _scaled(errors.covariance[:NAVIGATION, :NAVIGATION], believed[:NAVIGATION])
         sigmas = dict(zip(errors.names, believed.tolist(), strict=True))
         beliefs = Beliefs(sigmas, covariance, self.imu, self.sensors)
-        return FilterModel(self.estimates, self.considers, beliefs, self.smoothed)
+        return FilterModel(self.estimates, self.considers, beliefs, self.lag, self.question)
 
 
 def _scaled(covariance: Array, sigmas: Array) -> Array:
@@ -183,8 +216,9 @@ def plan_filter(table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, conte
         return None
     estimates = tuple(name for name in table.estimates if name not in ALWAYS)
     processes = replace(believed.processes, gravity=gravity)
-    smoothed = table.smoother is not None
-    return FilterPlan(estimates, tuple(table.considers), {**sigmas, **stated}, processes, tuple(seen), smoothed)
+    lag = table.smoother.lag if isinstance(table.smoother, LagTable) else None if table.smoother is None else math.inf
+    question = GateQuestion(table.stops.probability, table.stops.ramp)
+    return FilterPlan(estimates, tuple(table.considers), {**sigmas, **stated}, processes, tuple(seen), lag, question)
 
 
 def _check_states(table: FilterTable, sensors: tuple[Sensor, ...], context: FileContext) -> None:

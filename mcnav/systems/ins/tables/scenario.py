@@ -24,6 +24,7 @@ from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.scenario import NAVIGATION_ERRORS, SOURCES, Ins, Navigation
 from mcnav.systems.ins.tables.aiding import Aiding, read_aiding, with_gate
 from mcnav.systems.ins.tables.error_names import error_patterns
+from mcnav.systems.ins.tables.faults import FAULTS, read_faults
 from mcnav.systems.ins.tables.filter import FilterPlan, FilterTable, plan_filter
 from mcnav.systems.ins.tables.gravity import GRAVITY, read_gravity
 from mcnav.systems.ins.tables.imu import IMU, read_imu
@@ -158,6 +159,8 @@ def _read_aiding(navigation: Navigation, origin: float, context: FileContext) ->
     if table is None:
         return aiding, None
     aiding = replace(aiding, sensors=with_gate(aiding.sensors, table.gate))
+    if (faults := context.content.get("faults")) is not None:
+        aiding = replace(aiding, sensors=read_faults(faults, aiding.sensors, navigation, context))
     return aiding, plan_filter(table, aiding.sensors, navigation.imu, context)
 
 
@@ -180,6 +183,7 @@ INS: Final = ScenarioType(
             "needs a [filter], which says what is estimated from its measurements",
             error_patterns(),
         ),
+        "faults": FAULTS,
         "filter": FurtherTable(
             FilterTable,
             "Error-state Kalman filter of an aided navigation; needs [[aiding]].",

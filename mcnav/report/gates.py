@@ -1,0 +1,157 @@
+"""What gates stop, as tables: of linear analysis, and of a run's faults beside what its samples had."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from mcnav.analysis.gates import SIGMAS
+from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.summary import FaultEntry, Summary
+from mcnav.report.document import Cell, Column, Table
+from mcnav.report.format import number, probability
+from mcnav.report.names import humanize
+from mcnav.report.result_table import ResultColumn, ResultTable, Units, in_units
+
+
+@dataclass(frozen=True)
+class GateRow:
+    """What the gate of a sensor stops of errors of one component, as CSV, JSON and ``lincov.json`` have it; SI.
+
+    ``spike`` and ``ramp`` (a second) are the smallest that are stopped with ``probability``, none where the gate stops
+    none; ``spike_error`` and ``ramp_error`` are what they add to ``output`` and to ``ramp_output`` where they pass.
+    ``worst`` is the spike of
+    the largest probability ``risk`` to pass and leave the output beyond its ``limit``.
+    """
+
+    sensor: str
+    component: str
+    unit: str
+    time: float
+    probability: float
+    spike: float | None
+    output: str
+    output_unit: str
+    spike_error: float | None
+    limit: float
+    required: bool
+    worst: float
+    risk: float
+    duration: float
+    ramp: float | None
+    ramp_output: str
+    ramp_output_unit: str
+    ramp_error: float | None
+
+
+def gate_rows(answer: LinearAnswer) -> list[GateRow]:
+    """List what gates stop; empty without a gate."""
+
+    def known(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    return [
+        GateRow(
+            each.sensor, each.component, each.unit, each.time, each.probability, known(each.spike),
+            answer.outputs[each.output].name, answer.outputs[each.output].unit, known(each.spike_error), each.limit,
+            each.required, each.worst, each.risk, each.duration, known(each.ramp),
+            answer.outputs[each.ramp_output].name, answer.outputs[each.ramp_output].unit, known(each.ramp_error),
+        )
+        for each in answer.gates
+    ]  # fmt: skip
+
+
+def gate_table(answer: LinearAnswer) -> Table[GateRow] | None:
+    """Tabulate what gates stop; none without a gate."""
+    rows = gate_rows(answer)
+    if not rows:
+        return None
+    shown_in = {output.name: output.shown_in for output in answer.outputs}
+    scales = {(each.sensor, each.component): (each.unit, each.shown_in) for each in answer.gates}
+
+    def of_component(row: GateRow, value: float | None, second: str = "") -> Cell:
+        if value is None:
+            return Cell("none")
+        scale, unit = in_units(*scales[row.sensor, row.component], "shown")
+        return Cell(f"{number(value * scale, 3)} {unit}{second}")
+
+    def of_output(name: str, unit: str, value: float | None, named: bool = True) -> str:
+        if value is None:
+            return "–"
+        scale, shown = in_units(unit, shown_in[name], "shown")
+        return f"{number(value * scale, 3)} {shown}{f' in {humanize(name)}' if named else ''}"
+
+    stated, duration = probability(rows[0].probability), f"{rows[0].duration:g} s"
+    columns: list[Column[GateRow]] = [
+        Column("Sensor", lambda row: f"{humanize(row.sensor)}: {humanize(row.component)}", "sensor", "label"),
+        Column("Spike stopped", lambda row: of_component(row, row.spike), "spike stopped"),
+        Column("Its error", lambda row: of_output(row.output, row.output_unit, row.spike_error), "its error"),
+        Column(f"Ramp of {duration} stopped", lambda row: of_component(row, row.ramp, "/s"), "ramp stopped"),
+        Column("Its error", lambda row: of_output(row.ramp_output, row.ramp_output_unit, row.ramp_error), "its error "),
+        Column("Limit", lambda row: of_output(row.output, row.output_unit, row.limit, False), "limit"),
+        Column("Worst spike", lambda row: of_component(row, row.worst), "worst spike"),
+        Column("Unnoticed and beyond", lambda row: number(row.risk, 3), "unnoticed and beyond"),
+    ]
+    caption = (
+        f"Smallest spike and ramp over {duration} that the gate of each sensor stops with a probability of {stated}, "
+        "at its last measurement, and the error that they leave where they pass, in the output that they harm the most "
+        f"by its limit: that of a requirement, else {SIGMAS:g} sigma. Unnoticed and beyond: probability that the worst "
+        "spike passes and leaves the output beyond the limit."
+    )
+    return Table(caption, columns, rows, f"Gates: what they stop with {stated}")
+
+
+@dataclass(frozen=True)
+class FaultRow:
+    """A fault of a sensor in a run, in the unit shown or SI."""
+
+    entry: FaultEntry
+    scale: float
+    unit: str
+
+    @property
+    def words(self) -> str:
+        """Size, kind, what is wrong, and when."""
+        entry = self.entry
+        size = f"{number(entry.size * self.scale)} {self.unit}"
+        when = f"at {entry.begin:g} s" if entry.kind == "spike" else f"{entry.begin:g} s to {entry.end:g} s"
+        return f"{entry.kind} of {size} in {humanize(entry.component)}, {when}"
+
+    @property
+    def rejected(self) -> str:
+        """Rejected measurements of a sample, with the interval."""
+        low, high = self.entry.rejected_interval or (None, None)
+        between = "" if low is None or high is None else f" ({number(low, 3)} to {number(high, 3)})"
+        return f"{number(self.entry.rejected)}{between}"
+
+
+FAULTS: Final[tuple[ResultColumn[FaultRow], ...]] = (
+    ResultColumn("sensor", lambda row: row.entry.sensor,
+                 (Column("Sensor", lambda row: humanize(row.entry.sensor), "sensor", "label"),)),
+    ResultColumn("kind", lambda row: row.entry.kind, (Column("Fault", lambda row: row.words, "fault", "words"),)),
+    ResultColumn("component", lambda row: row.entry.component),
+    ResultColumn("unit", lambda row: row.unit),
+    ResultColumn("begin", lambda row: row.entry.begin),
+    ResultColumn("end", lambda row: row.entry.end),
+    ResultColumn("size", lambda row: row.entry.size * row.scale),
+    ResultColumn("measurements", lambda row: row.entry.measurements,
+                 (Column("Measurements", lambda row: str(row.entry.measurements), "measurements"),)),
+    ResultColumn("rejected", lambda row: row.entry.rejected,
+                 (Column("Rejected", lambda row: row.rejected, "rejected"),), lambda row: row.entry.rejected_interval),
+    ResultColumn("expected", lambda row: row.entry.expected,
+                 (Column("Expected", lambda row: number(row.entry.expected), "expected"),)),
+    ResultColumn("alarm", lambda row: row.entry.alarm,
+                 (Column("P(any rejected)", lambda row: number(row.entry.alarm), "P(any rejected)"),)),
+)  # fmt: skip
+
+FAULT_CAPTION: Final = (
+    "Measurements that a gate rejects during a fault, in a sample on average, with what linear analysis expects as if "
+    "all before were accepted, and its probability that any is. After the first rejection the filter is another."
+)
+
+
+def faults_table(summary: Summary, units: Units = "shown") -> ResultTable:
+    """Tabulate the faults of a run's sensors, beside what linear analysis expects."""
+    rows = [FaultRow(entry, *in_units(entry.unit, entry.shown_in, units)) for entry in summary.faults]
+    return ResultTable.of_entries("faults", "Faults of the sensors", 1, FAULTS, rows, FAULT_CAPTION)

@@ -1,0 +1,165 @@
+"""What a gate lets pass: a normal innovation n of M components is accepted where ``|n|^2 <= T``.
+
+n is whitened by what the filter believes. Where it believes the truth n has the covariance one, ``|n|^2`` is noncentral
+chi-square, and the error e after an accepted measurement is independent of n. Otherwise ``|n|`` has the law of
+`mcnav.statistics.normal_size`, and given e the vector n is normal with ::
+
+    mean m + c (e - mu) / s^2        covariance C - c c^T / s^2
+
+where e has the mean mu and the sigma s, and n the mean m, the covariance C and the covariance c with e.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy import special
+
+from mcnav._types import Array
+from mcnav.statistics.bisection import root_between
+from mcnav.statistics.normal_size import NormalSize
+
+ROUNDED: Final = 1e-9
+"""Departure of a covariance from one, and correlation of innovation and error, that is rounding."""
+
+NODES: Final = 40
+"""Nodes of the quadrature over an error in each of its tails."""
+
+TAIL: Final = 9.0
+"""Sigmas of an error at which its tails end."""
+
+LARGEST: Final = 1e6
+"""Sigmas of an innovation beyond which no error of a measurement is looked for."""
+
+WIDTH: Final = 1e-10
+"""Width of the last bracket of an error that is looked for, in sigmas of the innovation."""
+
+
+def acceptance(limit: float, mean: Array, covariance: Array) -> float:
+    """Compute the probability that a normal innovation is accepted.
+
+    Parameters
+    ----------
+    limit : float
+        T.
+    mean, covariance : ndarray, shapes (M,), (M, M)
+
+    >>> round(acceptance(10.827566, np.array([6.0 / 2.618034**0.5]), np.eye(1)), 6)
+    0.338092
+    """
+    if not np.isfinite(limit):
+        return 1.0
+    if np.abs(covariance - np.eye(len(mean))).max() < ROUNDED:
+        if len(mean) == 1:
+            reach = np.sqrt(limit)
+            return float(special.ndtr(reach - mean[0]) - special.ndtr(-reach - mean[0]))
+        return float(special.chndtr(limit, float(len(mean)), float(mean @ mean)))
+    return NormalSize.of(mean, covariance).probability(float(np.sqrt(limit)))
+
+
+def run_acceptance(limit: float, means: Array, covariance: Array) -> float:
+    """Compute the probability that all innovations of a run are accepted, shape (u, M), each independent of the others.
+
+    It ends where it is less than 1e-12.
+    """
+    accepted = 1.0
+    for mean in means[np.argsort(-np.sum(means**2, axis=1))]:
+        accepted *= acceptance(limit, mean, covariance)
+        if accepted < 1e-12:
+            return 0.0
+    return accepted
+
+
+@dataclass(frozen=True)
+class GatedError:
+    """An innovation of M components and one error after its measurement, jointly normal.
+
+    Attributes
+    ----------
+    limit : float
+        T.
+    mean, covariance, cross : ndarray, shapes (M,), (M, M), (M,)
+        Of the innovation, whitened by what the filter believes; its covariance with the error.
+    error, sigma : float
+        Mean and sigma of the error.
+    """
+
+    limit: float
+    mean: Array
+    covariance: Array
+    cross: Array
+    error: float
+    sigma: float
+
+    def unnoticed_beyond(self, size: float) -> float:
+        """Compute the probability that the measurement is accepted and the error is larger than a size.
+
+        >>> law = GatedError(10.827566, np.array([6.0 / 2.618034**0.5]), np.eye(1), np.zeros(1), 3.708204, 0.786151)
+        >>> round(law.unnoticed_beyond(4.0 * 0.786151), 6)
+        0.25806
+        """
+        if self.sigma <= 0.0:
+            return acceptance(self.limit, self.mean, self.covariance) if abs(self.error) > size else 0.0
+        if np.linalg.norm(self.cross) < ROUNDED * self.sigma:
+            beyond = special.ndtr((-size - self.error) / self.sigma) + special.ndtr((self.error - size) / self.sigma)
+            return acceptance(self.limit, self.mean, self.covariance) * float(beyond)
+        slope = self.cross / self.sigma
+        left, total = self.covariance - np.outer(slope, slope), 0.0
+        nodes, weights = np.polynomial.legendre.leggauss(NODES)
+        for begin, end in (
+            (max((size - self.error) / self.sigma, -TAIL), TAIL), (-TAIL, min((-size - self.error) / self.sigma, TAIL))
+        ):  # fmt: skip
+            if end > begin:
+                # the tails in sigmas: the density falls within one of them at the nearer end
+                at = 0.5 * (begin + end) + 0.5 * (end - begin) * nodes
+                density = np.exp(-0.5 * at**2) / np.sqrt(2.0 * np.pi) * 0.5 * (end - begin) * weights
+                passed = [acceptance(self.limit, self.mean + slope * z, left) for z in at]
+                total += float(density @ passed)
+        return total
+
+
+def smallest_stopped(accepted: Callable[[float], float], probability: float) -> float:
+    """Find the smallest error of a measurement, in sigmas of an innovation, that is stopped with a probability.
+
+    Parameters
+    ----------
+    accepted : callable
+        Probability that an error is accepted; infinite where none is stopped.
+    """
+
+    def left(size: float) -> float:
+        return accepted(size) - (1.0 - probability)
+
+    if left(0.0) <= 0.0:
+        return 0.0
+    high = 1.0
+    while left(high) > 0.0:
+        high *= 2.0
+        if high > LARGEST:
+            return float("inf")
+    low = 0.0 if high == 1.0 else 0.5 * high
+    ends = root_between(left, (low, left(low)), (high, left(high)), WIDTH * high)
+    return 0.5 * (ends[0] + ends[1])
+
+
+def largest_of(function: Callable[[float], float], high: float) -> tuple[float, float]:
+    """Find where a function between zero and a limit is largest, and its value: on a grid, then by golden sections."""
+    grid = np.linspace(0.0, high, 33)
+    best = int(np.argmax([function(float(each)) for each in grid]))
+    low, up = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, len(grid) - 1)])
+    share = 0.5 * (np.sqrt(5.0) - 1.0)
+    inner, outer = up - share * (up - low), low + share * (up - low)
+    of_inner, of_outer = function(inner), function(outer)
+    for _ in range(24):
+        if of_inner > of_outer:
+            up, outer, of_outer = outer, inner, of_inner
+            inner = up - share * (up - low)
+            of_inner = function(inner)
+        else:
+            low, inner, of_inner = inner, outer, of_outer
+            outer = low + share * (up - low)
+            of_outer = function(outer)
+    return (inner, of_inner) if of_inner > of_outer else (outer, of_outer)

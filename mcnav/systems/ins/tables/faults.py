@@ -1,0 +1,170 @@
+"""``[[faults]]``: what measurements of the sensors have for some time that no filter believes in, and outages."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Final, Literal
+
+import numpy as np
+from pydantic import Field, TypeAdapter
+
+from mcnav.entries.context import FileContext
+from mcnav.entries.quantities import Duration, Table, Written
+from mcnav.entries.unions import ByType
+from mcnav.entries.validation import validate_entry
+from mcnav.errors import suggestion
+from mcnav.systems.description import FurtherTable
+from mcnav.systems.ins.scenario import Navigation
+from mcnav.systems.ins.sensors.aiding import Sensor
+from mcnav.systems.ins.sensors.faults import Fault
+from mcnav.systems.ins.sensors.registry import QUANTITIES
+from mcnav.systems.ins.tables.instants import same_times, within
+
+MOST_FAULTS: Final = 20
+"""Largest number of faults: each adds epochs."""
+
+LARGEST: Final = 1e9
+"""Largest size of a fault, SI."""
+
+OfSensor = Annotated[str, Field(description="Name of the sensor.", examples=["gnss"])]
+OfComponent = Annotated[
+    str | None,
+    Field(description="What is wrong; not needed where a sensor measures one thing.", examples=["position_north"]),
+]
+Size = Annotated[Written, Field(description="Size of the error, in a unit of what is measured.", examples=["30 m"])]
+Begin = Annotated[Duration, Field(description="Begin, in the trajectory's time.", examples=["600 s"])]
+End = Annotated[Duration, Field(description="End, in the trajectory's time.", examples=["660 s"])]
+
+
+class SpikeTable(Table):
+    """One wrong measurement: the first one at or after the begin."""
+
+    called: ClassVar[str] = "a spike"
+    kind: Annotated[Literal["spike"], Field(description="One wrong measurement.")]
+    sensor: OfSensor
+    component: OfComponent = None
+    begin: Begin
+    size: Size
+
+
+class RampTable(Table):
+    """An error that grows from zero at the begin to its size at the end."""
+
+    called: ClassVar[str] = "a ramp"
+    kind: Annotated[Literal["ramp"], Field(description="An error that grows from zero to its size at the end.")]
+    sensor: OfSensor
+    component: OfComponent = None
+    begin: Begin
+    end: End
+    size: Size
+
+
+class BiasTable(Table):
+    """A constant error from the begin to the end, both included."""
+
+    called: ClassVar[str] = "a bias"
+    kind: Annotated[Literal["bias"], Field(description="A constant error.")]
+    sensor: OfSensor
+    component: OfComponent = None
+    begin: Begin
+    end: End
+    size: Size
+
+
+class OutageTable(Table):
+    """No measurements from the begin, included, to the end."""
+
+    called: ClassVar[str] = "an outage"
+    kind: Annotated[Literal["outage"], Field(description="No measurements.")]
+    sensor: OfSensor
+    begin: Begin
+    end: End
+
+
+AnyFault: Final[Any] = Annotated[
+    SpikeTable | RampTable | BiasTable | OutageTable,
+    ByType("kind"),
+    Field(description="A fault of a sensor, which its filter does not believe in."),
+]
+FORM: Final = TypeAdapter[SpikeTable | RampTable | BiasTable | OutageTable](AnyFault)
+
+FAULTS: Final = FurtherTable(
+    Annotated[list[AnyFault], Field(max_length=MOST_FAULTS)],
+    "Faults of the sensors that aid the navigation; needs [[aiding]].",
+    "this scenario has no sensors that could fail, which those of type ins can have",
+    "aiding",
+    "needs [[aiding]], the sensors that fail",
+)
+"""The table of the campaign file."""
+
+
+def read_faults(
+    entries: object, sensors: tuple[Sensor, ...], navigation: Navigation, context: FileContext
+) -> tuple[Sensor, ...]:
+    """Return sensors with their faults; mistakes are added to the context."""
+    if not isinstance(entries, list) or len(entries) > MOST_FAULTS:
+        context.problem("faults", f"expected at most {MOST_FAULTS} tables [[faults]]")
+        return sensors
+    by_name = {sensor.name: sensor for sensor in sensors}
+    for number, entry in enumerate(entries, start=1):
+        key = f"faults #{number}"
+        table = validate_entry(FORM, entry, context, key)
+        if table is None:
+            continue
+        sensor = by_name.get(table.sensor)
+        if sensor is None:
+            known = suggestion(table.sensor, list(by_name))
+            context.problem(f"{key}.sensor", f"got {table.sensor!r}; no sensor has this name{known}")
+            continue
+        begin, end = table.begin, table.begin if isinstance(table, SpikeTable) else table.end
+        if not isinstance(table, SpikeTable) and end <= begin:
+            context.problem(f"{key}.end", f"got {entry['end']!r}; expected a time after the begin of {begin:g} s")
+            continue
+        if isinstance(table, OutageTable):
+            by_name[sensor.name] = _without(sensor, begin, end, navigation, key, context)
+            continue
+        found = _component(table.component, sensor, key, context)
+        size = None if found is None else _size(table.size, sensor, found, key, context)
+        if found is None or size is None:
+            continue
+        fault = Fault(table.kind, found, begin, end, size)
+        if not np.any(fault.errors(sensor.times) != 0.0):
+            context.problem(f"{key}.begin", f"got {entry['begin']!r}; {sensor.name} has no measurement then")
+        by_name[sensor.name] = replace(sensor, faults=(*sensor.faults, fault))
+    return tuple(by_name[sensor.name] for sensor in sensors)
+
+
+def _without(
+    sensor: Sensor, begin: float, end: float, navigation: Navigation, key: str, context: FileContext
+) -> Sensor:
+    """Return a sensor without the measurements of an outage."""
+    if sensor.log is not None or any(each.noise_at is not None for each in sensor.components):
+        context.problem(f"{key}.sensor", f"got {sensor.name!r}; outages of a recorded sensor are those of its log")
+        return sensor
+    silent = within(sensor.times, begin, end, same_times(navigation))
+    if not silent.any():
+        context.problem(f"{key}.begin", f"{sensor.name} has no measurement from {begin:g} s to {end:g} s")
+    return replace(sensor, times=sensor.times[~silent], outages=tuple(sorted((*sensor.outages, (begin, end)))))
+
+
+def _component(name: str | None, sensor: Sensor, key: str, context: FileContext) -> int | None:
+    """Return the number of what is wrong."""
+    names = [component.name for component in sensor.components]
+    if name is None and len(names) == 1:
+        return 0
+    if name in names:
+        return names.index(name)
+    if name is None:
+        context.problem(f"{key}.component", f"is missing; it is one of {', '.join(names)}")
+    else:
+        context.problem(f"{key}.component", f"got {name!r}; {sensor.name} measures {', '.join(names)}")
+    return None
+
+
+def _size(written: object, sensor: Sensor, component: int, key: str, context: FileContext) -> float | None:
+    """Return the size of a fault, SI."""
+    size = context.quantity(written, QUANTITIES[sensor.components[component].quantity].unit, f"{key}.size")
+    if size is not None and not 0.0 < abs(size) <= LARGEST:
+        context.problem(f"{key}.size", f"got {written!r}; expected a size other than zero, up to {LARGEST:g}")
+        return None
+    return size

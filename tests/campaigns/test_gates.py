@@ -1,0 +1,152 @@
+"""Gates and faults in a campaign: what linear analysis says of them, what samples had, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mcnav.config.read import parse_campaign
+from mcnav.contract.linear import SharedTables
+from mcnav.contract.samples import Batch
+from mcnav.contract.scenario import has_gates
+from mcnav.errors import CampaignError
+from mcnav.execution.chunks import DrawPlan
+from mcnav.report.html import page_html
+from mcnav.report.lincov_page import page
+from mcnav.studies.lincov import lincov_table, linear_covariance
+from mcnav.workflow.run import run_campaign
+
+FALSE_ALARM = 1e-4
+"""With which a count lies beyond its interval."""
+
+
+def content(*faults: dict[str, Any], gate: float | None = 0.99, **changes: Any) -> dict[str, Any]:
+    """Describe two minutes in a straight line with positions each 5 s, whose filter is matched."""
+    straight = {"rate": "1 Hz", "start": {"latitude": "47 deg", "longitude": "9 deg", "altitude": "1 km",
+                "speed": "50 m/s"}, "segments": [{"straight": "2 min"}]}  # fmt: skip
+    states = ["position", "velocity", "attitude", "accelerometer_bias"]
+    gated = {} if gate is None else {"gate": gate}
+    return {
+        "samples": 800,
+        "scenario": {"type": "ins", "trajectory": straight},
+        "imu": {"accelerometer": {"bias": "1 mg", "velocity_random_walk": "1 mg/sqrt(Hz)"}},
+        "errors": {"position": "10 m", "velocity": "0.5 m/s", "tilt": "1 mrad", "heading": "5 mrad"},
+        "aiding": [{"type": "position-fix", "interval": "5 s", "position": "3 m"}],
+        "filter": {"estimates": states, **gated},
+        **({"faults": list(faults)} if faults else {}),
+        **changes,
+    }
+
+
+SPIKE = {"kind": "spike", "sensor": "position_fix", "component": "position_north", "begin": "60 s", "size": "14 m"}
+RAMP = {"kind": "ramp", "sensor": "position_fix", "component": "position_east", "begin": "71 s", "end": "100 s",
+        "size": "15 m"}  # fmt: skip
+
+
+def test_what_linear_analysis_says_of_a_gate() -> None:
+    """A matched filter: the innovation has the covariance that it believes, and tells nothing of the error after it."""
+    campaign = parse_campaign(content(), "mine.toml", "mine")
+    scenario, errors = campaign.scenario, campaign.errors
+    assert has_gates(scenario)
+    (law,) = scenario.gate_laws(errors.mean, errors.covariance)
+    believed = law.root @ law.root.T
+    np.testing.assert_allclose(law.covariance, believed, rtol=1e-9, atol=1e-9 * believed.max())
+    system = scenario.linear()
+    true = system.covariance(errors.covariance)[-1]
+    sigmas = np.sqrt(np.diag(true))
+    assert np.all(np.abs(law.errors - true) <= 1e-9 * np.outer(sigmas, sigmas))
+    assert np.all(np.abs(law.cross) <= 1e-7 * np.outer(np.sqrt(np.diag(believed)), sigmas))
+    # a measurement moves the position by its gain, P / R, as nothing else is measured then
+    np.testing.assert_allclose(np.diag(law.responses)[:3], sigmas[:3] ** 2 / 9.0, rtol=1e-6)
+    answer = linear_covariance(campaign)
+    rows: Any = lincov_table(answer)["gates"]
+    assert [row["component"] for row in rows] == ["position_north", "position_east", "position_down"]
+    limit = stats.chi2.ppf(0.99, 3)
+    stopped = stats.ncx2.sf(limit, 3, rows[0]["spike"] ** 2 * np.linalg.inv(believed)[0, 0])
+    assert stopped == pytest.approx(0.95, rel=1e-8)
+    assert rows[0]["spike_error"] == pytest.approx(rows[0]["spike"] * law.responses[0, 0], rel=1e-9)
+    written = page_html(page(answer, {}))
+    assert "What the gates stop" in written
+    other = parse_campaign(content(gate=None), "mine.toml", "mine")
+    assert not has_gates(other.scenario)
+    assert "gates" not in lincov_table(linear_covariance(other))
+    asked = {**content()["filter"], "stops": {"probability": 0.5, "ramp": "30 s"}}
+    half: Any = lincov_table(linear_covariance(parse_campaign(content(filter=asked), "mine.toml", "mine")))["gates"]
+    assert half[0]["spike"] < rows[0]["spike"]
+    assert (half[0]["probability"], half[0]["duration"]) == (0.5, 30.0)
+
+
+def test_counts_of_samples_are_those_that_are_expected(tmp_path: Path) -> None:
+    """Rejections of a spike by its exact law, those of a ramp on average, in a run and on its page."""
+    campaign = parse_campaign(content(SPIKE, RAMP), "mine.toml", "mine")
+    summary = run_campaign(campaign, tmp_path, "ensemble", 1).summary
+    spike, ramp = summary["faults"]
+    count = campaign.samples
+    low, high = stats.binom.ppf([0.5 * FALSE_ALARM, 1.0 - 0.5 * FALSE_ALARM], count, spike["expected"])
+    assert 0.2 < spike["expected"] < 0.8
+    assert low <= round(spike["rejected"] * count) <= high
+    assert spike["measurements"] == 1
+    assert spike["alarm"] == pytest.approx(spike["expected"])
+    assert spike["rejected_interval"][0] < spike["rejected"] < spike["rejected_interval"][1]
+    # six measurements of which each is rejected or not: no sum of them varies more than six times one
+    assert ramp["measurements"] == 6
+    assert abs(ramp["rejected"] - ramp["expected"]) < stats.norm.isf(0.5 * FALSE_ALARM) * 6.0 * 0.5 / np.sqrt(count)
+    assert ramp["expected"] > ramp["alarm"] > 0.1
+    assert "Faults of the sensors" in (tmp_path / "report.html").read_text()
+
+
+def test_both_engines_and_linear_analysis_of_a_fault_without_a_gate() -> None:
+    """Samples without errors and noise: the faults alone move them, to first order as in linear analysis.
+
+    A bias until the end is in the position. What is of second order is 1e-4 of it here, the engines' steps are 1e-5.
+    """
+    faults = (SPIKE, RAMP, {**RAMP, "kind": "bias", "component": "position_down", "begin": "90 s", "end": "120 s"})
+    scenario = parse_campaign(content(*faults, gate=None), "mine.toml", "mine").scenario
+    assert has_gates(scenario)
+    nothing = np.zeros((1, len(scenario.sources)))
+    batch = Batch(np.zeros(1, dtype=np.int64), nothing, 0)
+    found = [scenario.engine(name, nothing).simulate(batch, noise=False).values for name in ("ensemble", "reference")]
+    nominal = scenario.linear().end.nominal
+    assert np.abs(nominal[2]) > 5.0
+    for values in found:
+        np.testing.assert_allclose(values[0, :3], nominal[:3], rtol=1e-3)
+    np.testing.assert_allclose(found[0][0, :6], found[1][0, :6], rtol=1e-4)
+    times, sources = scenario.reading_times, nothing.shape[1]
+    readings = scenario.covariance_readings(times, nothing[0], np.zeros((sources, sources)), SharedTables())
+    np.testing.assert_allclose(readings.mean, scenario.linear().nominal, rtol=1e-9, atol=1e-12)
+
+
+def test_an_outage_is_one_of_aiding() -> None:
+    outage = {"kind": "outage", "sensor": "position_fix", "begin": "40 s", "end": "60 s"}
+    one = parse_campaign(content(outage), "mine.toml", "mine")
+    aided = [{"type": "position-fix", "interval": "5 s", "position": "3 m", "outages": [["40 s", "60 s"]]}]
+    other = parse_campaign(content(aiding=aided), "mine.toml", "mine")
+    values = []
+    for campaign in (one, other):
+        draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, 40)
+        values.append(campaign.scenario.engine("ensemble", draws.probes()).simulate(draws.batch(0, 40)).values)
+    np.testing.assert_array_equal(*values)
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ({**SPIKE, "sensor": "gps"}, "faults #1.sensor: got 'gps'; no sensor has this name"),
+        ({**SPIKE, "component": "altitude"}, "faults #1.component: got 'altitude'; position_fix measures position_n"),
+        ({name: each for name, each in SPIKE.items() if name != "component"}, "faults #1.component: is missing; it is"),
+        ({**SPIKE, "size": "3 s"}, "faults #1.size: got '3 s', which is a time; expected a length"),
+        ({**SPIKE, "size": "0 m"}, "faults #1.size: got '0 m'; expected a size other than zero"),
+        ({**SPIKE, "begin": "900 s"}, "faults #1.begin: got '900 s'; position_fix has no measurement then"),
+        ({**RAMP, "end": "50 s"}, "faults #1.end: got '50 s'; expected a time after the begin of 71 s"),
+        ({**SPIKE, "kind": "step"}, "faults #1.kind: got 'step'"),
+        ({**SPIKE, "end": "70 s"}, "faults #1.end: unknown key"),
+    ],
+)
+def test_what_is_refused(fault: dict[str, Any], told: str) -> None:
+    with pytest.raises(CampaignError) as refused:
+        parse_campaign(content(fault), "mine.toml", "mine")
+    assert told in str(refused.value)

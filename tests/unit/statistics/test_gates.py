@@ -1,0 +1,89 @@
+"""What gates let pass: case I, the noncentral chi-square, and a filter that is wrong about its innovations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import optimize, special, stats
+
+from mcnav.analysis.gates import answer_gates
+from mcnav.contract.gates import GateLaw, GateQuestion
+from mcnav.statistics.gates import GatedError, acceptance, largest_of, run_acceptance, smallest_stopped
+
+GAIN, VARIANCE, BEFORE = 0.5 * (np.sqrt(5.0) - 1.0), 0.5 * (np.sqrt(5.0) - 1.0), 0.5 * (np.sqrt(5.0) + 1.0)
+"""Of a random walk with q = r = 1: K, P, and P before the update; S is one more."""
+
+S, LIMIT = BEFORE + 1.0, 10.827566170662733
+
+
+def test_case_i() -> None:
+    """A spike of 6 in one measurement: digits of the check value, which was computed elsewhere."""
+    law = GatedError(LIMIT, np.array([-6.0 / np.sqrt(S)]), np.eye(1), np.zeros(1), 6.0 * GAIN, float(np.sqrt(VARIANCE)))
+    assert pytest.approx(2.618034, abs=1e-6) == S
+    assert acceptance(LIMIT, law.mean, law.covariance) == pytest.approx(0.338092, abs=1e-6)
+    assert law.error == pytest.approx(3.708204, abs=1e-6)
+    assert law.unnoticed_beyond(4.0 * law.sigma) == pytest.approx(0.2580601, abs=1e-7)
+
+
+def test_answers_of_its_gate() -> None:
+    """The smallest spike by a root of the closed form, the worst one by scipy's minimum, and a ramp of one step."""
+    one = np.ones((1, 1))
+    law = GateLaw(
+        "sensor", 100.0, (("position", "m", "m"),), LIMIT, np.sqrt(S) * one, np.zeros(1), S * one, np.zeros((1, 1)),
+        np.zeros(1), VARIANCE * one, GAIN * one, 1.0, -one[None] / np.sqrt(S), GAIN * one,
+    )  # fmt: skip
+    (answer,) = answer_gates([law], GateQuestion(0.99, 1.0), [])
+
+    def accepted(spike: float) -> float:
+        reach, shift = np.sqrt(LIMIT), spike / np.sqrt(S)
+        return float(special.ndtr(reach - shift) - special.ndtr(-reach - shift))
+
+    def risk(spike: float) -> float:
+        sigma = np.sqrt(VARIANCE)
+        return accepted(spike) * float(stats.norm.sf((4.0 * sigma - GAIN * spike) / sigma)
+                                       + stats.norm.sf((4.0 * sigma + GAIN * spike) / sigma))  # fmt: skip
+
+    spike = optimize.brentq(lambda b: accepted(b) - 0.01, 1.0, 30.0, xtol=1e-12)
+    assert answer.spike == pytest.approx(spike, rel=1e-9)
+    assert answer.spike_error == pytest.approx(GAIN * spike, rel=1e-9)
+    assert answer.limit == pytest.approx(4.0 * np.sqrt(VARIANCE), rel=1e-12)
+    worst = optimize.minimize_scalar(lambda b: -risk(b), bounds=(0.0, 20.0), method="bounded")
+    assert answer.risk == pytest.approx(-worst.fun, rel=1e-6)  # flat at the top
+    assert answer.worst == pytest.approx(worst.x, rel=1e-3)
+    assert risk(6.0) < answer.risk
+    # the usual rejections do not count: one measurement of 0.001
+    ramp = optimize.brentq(lambda b: accepted(b) / accepted(0.0) - 0.01, 1.0, 30.0, xtol=1e-12)
+    assert answer.ramp == pytest.approx(ramp, rel=1e-9)
+    assert answer.ramp_error == pytest.approx(GAIN * ramp, rel=1e-9)
+
+
+def test_three_components_as_scipy_has_them() -> None:
+    mean = np.array([1.0, -2.0, 0.5])
+    assert acceptance(9.0, mean, np.eye(3)) == pytest.approx(stats.ncx2.cdf(9.0, 3, mean @ mean), rel=1e-9)
+    means = np.stack([mean, 2.0 * mean, 0.0 * mean])
+    each = [acceptance(9.0, row, np.eye(3)) for row in means]
+    assert run_acceptance(9.0, means, np.eye(3)) == pytest.approx(np.prod(each), rel=1e-12)
+    assert acceptance(np.inf, mean, np.eye(3)) == 1.0
+
+
+@pytest.mark.parametrize("size", [0.0, 0.8, 4.0])
+def test_an_innovation_that_is_correlated_with_the_error(size: float) -> None:
+    """Against scipy's bivariate normal, good to 1e-5, where the innovation is twice as large as believed."""
+    covariance, cross, sigma, mean, error = 4.0, 0.9, 0.7, 1.2, -0.3
+    law = GatedError(6.0, np.array([mean]), np.array([[covariance]]), np.array([cross]), error, sigma)
+    both = stats.multivariate_normal([mean, error], [[covariance, cross], [cross, sigma**2]])
+    reach = np.sqrt(6.0)
+
+    def rectangle(low: float, high: float) -> float:
+        corners = [both.cdf([n, e]) * sign for n, one in ((reach, 1), (-reach, -1)) for e, sign in
+                   ((high, one), (low, -one))]  # fmt: skip
+        return float(sum(corners))
+
+    expected = rectangle(size, 50.0) + rectangle(-50.0, -size)
+    assert law.unnoticed_beyond(size) == pytest.approx(expected, abs=2e-5)
+
+
+def test_where_nothing_is_stopped() -> None:
+    assert smallest_stopped(lambda size: 1.0, 0.9) == np.inf
+    assert smallest_stopped(lambda size: 0.05, 0.9) == 0.0
+    assert largest_of(lambda x: 1.0 - (x - 0.3) ** 2, 2.0) == (pytest.approx(0.3, abs=1e-6), pytest.approx(1.0))
