@@ -86,6 +86,17 @@ def deferred() -> Iterator[None]:
         raise KeyboardInterrupt
 
 
+@contextmanager
+def until_interrupted() -> Iterator[None]:
+    """Run a block that Ctrl-C ends as it is meant to: the command goes on behind it. Termination ends the command."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if interrupts.received != [signal.SIGINT]:
+            raise
+        interrupts.received.clear()
+
+
 def _end_if_ignored(ignored: Any) -> None:
     """End the process when an interrupt came in a finalizer or callback, from which exceptions do not propagate."""
     if interrupts.received and issubclass(ignored.exc_type, KeyboardInterrupt):

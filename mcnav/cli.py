@@ -42,7 +42,7 @@ GARBAGE_THRESHOLD = 50_000
 GROUPS: Final = {
     "Start": ("demo", "new", "check", "run", "docs"),
     "Analyse": ("lincov", "sweep", "allocate", "linearity", "start-times", "identify", "judge"),
-    "Look": ("show", "report", "compare", "index", "figure", "export", "replay", "trajectory", "imu"),
+    "Look": ("show", "live", "report", "compare", "index", "figure", "export", "replay", "trajectory", "imu"),
     "Advanced": ("partials", "record", "schema", "compile", "reproduce", "calibrate"),
 }
 """Commands in the order and under the headings of ``mcnav --help``."""
@@ -224,10 +224,14 @@ def _print_next(command: str) -> None:
 
 def _open(page: Path) -> None:
     """Show a page in the browser."""
+    _open_address(page.resolve().as_uri())
+
+
+def _open_address(address: str, what: str = "file") -> None:
     import webbrowser
 
-    if not webbrowser.open(page.resolve().as_uri()):
-        _print_notes(["no browser is found; open the file yourself"])
+    if not webbrowser.open(address):
+        _print_notes([f"no browser is found; open the {what} yourself"])
 
 
 def _export(chosen: Format, rows: Sequence[Mapping[str, Any]], tables: Mapping[str, Any]) -> None:
@@ -555,7 +559,13 @@ def compare(
 @_command()
 def replay(
     folder: Folder,
-    index: Annotated[int, typer.Argument(metavar="INDEX", min=0, help="Sample index.")],
+    index: Annotated[int | None, typer.Argument(metavar="INDEX", min=0, help="Sample index.")] = None,
+    fail: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="In place of a sample, the most likely way to fail requirement N, at its limit."
+        ),
+    ] = None,
     campaign: Annotated[
         Path | None,
         typer.Option(
@@ -567,7 +577,8 @@ def replay(
 ) -> None:
     """Simulate one sample of a run again, with its history.
 
-    Its errors, its outcome and its history are written as a page and a CSV file.
+    Its errors, its outcome and its history are written as a page and a CSV file. With --fail it is no sample, but the
+    flight by which a requirement beyond counting fails most likely.
 
     Exit status: 0 the outcome is as stored, 1 it is different, 2 bad input.
 
@@ -577,7 +588,12 @@ def replay(
     from mcnav.report.terminal_parts import printed
     from mcnav.workflow import replay as replaying
 
-    result = replaying.replay(folder, index, campaign)
+    if (index is None) == (fail is None):
+        raise _fail("mcnav replay needs the index of a sample or --fail with the number of a requirement, one of them")
+    if fail is None:
+        result = replaying.replay(folder, index or 0, campaign)
+    else:
+        result = replaying.replay_failure(folder, fail, campaign)
     _print_notes(result.notes)
     out.print(printed(terminal(result)))
     out.print()
@@ -756,6 +772,36 @@ def lincov(
     out.print()
     _print_written(files)
     _print_next(next_command.after_lincov(campaign, result))
+
+
+@_command()
+def live(
+    campaign: CampaignFile,
+    folder: Annotated[Path | None, typer.Option("--out", help="Folder of runs [default: reports/NAME_live].")] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page [default: a free one].")] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs of a run.")] = 2,
+    show: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+) -> None:
+    """Show a campaign on a page that answers while it is changed.
+
+    The page is that of mcnav lincov. It follows the campaign's file, tunes the filter anew for what its sliders say,
+    keeps the last settings side by side, and confirms them by Monte Carlo. Its server listens on this machine alone, at
+    an address that nobody guesses. Ctrl-C ends it.
+
+    Example: mcnav live campaigns/19_flight_with_gnss.toml --open
+    """
+    from mcnav._interrupts import until_interrupted
+    from mcnav.studies.live import LiveCampaign
+    from mcnav.studies.live_server import LiveServer, answer_requests
+
+    target = output_folder(folder, Path("reports") / f"{campaign.stem}_live")
+    with LiveServer(port) as server, until_interrupted():
+        content = LiveCampaign(campaign, target, jobs)
+        _print(f"page: {server.address}\nCtrl-C ends it")
+        if show:
+            _open_address(server.address, "address")
+        answer_requests(content, server)
+    _print_next(next_command.written("run", campaign))
 
 
 @_command()

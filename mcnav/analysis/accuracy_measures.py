@@ -21,6 +21,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.requirements import (
     Requirement,
+    is_rare,
     law_quantile,
     normal_box_probability,
     size_members,
@@ -31,6 +32,7 @@ from mcnav.analysis.vector_sizes import components_of
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Output
 from mcnav.errors import suggestion
+from mcnav.statistics.normal_tails import probability_beyond_box, probability_beyond_distance
 from mcnav.units import UnitError, conversion, quantity
 
 SIGMA, DRMS, BOX = "sigma", "drms", "box"
@@ -118,6 +120,23 @@ class Measure:
         if readings.own is None or self.members:
             return float("nan")
         return self._value(np.zeros_like(readings.mean), readings.own)
+
+    def beyond(self, readings: CovarianceReadings) -> float:
+        """Compute the probability that true errors lie beyond the limits of a requirement, over time the largest.
+
+        NaN where it allows more than `mcnav.analysis.requirements.RARE`, and of other measures.
+        """
+        if self.requirement is None or not is_rare(self.probability):
+            return float("nan")
+        picked, limits = np.array(self.members or self.outputs), np.array(self.limits)
+
+        def at(reading: int) -> float:
+            mean, covariance = readings.mean[reading, picked], readings.covariance[reading][np.ix_(picked, picked)]
+            if self.kind == BOX:
+                return probability_beyond_box(mean, covariance, limits)
+            return probability_beyond_distance(mean, covariance, float(limits[0]))
+
+        return max(map(at, self.readings))
 
     def _value(self, means: Array, covariances: Array) -> float:
         at, picked = np.array(self.readings), np.array(self.members or self.outputs)

@@ -19,7 +19,7 @@ from mcnav.analysis.requirements import (
     size_members,
     size_probability,
 )
-from mcnav.rare.limits import Distance, Limit, Sides
+from mcnav.rare.limits import AnyEpoch, Distance, Limit, Sides
 from mcnav.statistics.proportions import lower_probability, upper_probability
 from mcnav.statistics.samples_to_decide import samples_to_meet, samples_to_reject
 
@@ -32,25 +32,36 @@ LIKELY: Final = 0.2
 
 @dataclass(frozen=True)
 class Event:
-    """Region beyond a requirement: outputs by number, and their limits."""
+    """Region beyond a requirement: outputs by number, and their limits; over time at any of its epochs, by number."""
 
     outputs: tuple[int, ...]
     limit: Limit
+    epochs: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, requirement: Requirement, sizes: Mapping[int, tuple[int, ...]]) -> Event:
         """Return that of a quantile, a radius or a box; ``sizes`` are those of `mcnav.analysis.comparison.Model`."""
         outputs = requirement.outputs
+        limit: Sides | Distance
         members = size_members(outputs, sizes) if requirement.kind != "box" else ()
         if requirement.kind == "box" or (len(outputs) == 1 and not members):
             limits = np.array(requirement.limits)
-            return cls(outputs, Sides(-limits, limits))
-        chosen = members or outputs
-        return cls(chosen, Distance(requirement.limits[0], len(chosen)))
+            limit = Sides(-limits, limits)
+        else:
+            outputs = members or outputs
+            limit = Distance(requirement.limits[0], len(outputs))
+        epochs = requirement.epochs
+        return cls(outputs, AnyEpoch(limit, len(epochs)) if epochs else limit, epochs)
 
-    def margin(self, outcomes: Array) -> Array:
-        """Return how far outcomes of all outputs, shape (n, outputs), lie beyond, shape (n,)."""
-        return self.limit.margin(outcomes[:, self.outputs])
+    def picked(self, values: Array) -> Array:
+        """Return what is limited of all outputs, shape (n, outputs), or over time (n, m, outputs), as (n, limited)."""
+        if not self.epochs:
+            return values[:, self.outputs]
+        return values[:, self.epochs][:, :, self.outputs].reshape(len(values), -1)
+
+    def margin(self, values: Array) -> Array:
+        """Return how far all outputs, shaped as for `picked`, lie beyond, shape (n,)."""
+        return self.limit.margin(self.picked(values))
 
 
 def allowed_share(requirement: Requirement) -> float:
@@ -70,8 +81,9 @@ def weigh(
 ) -> RequirementResult:  # fmt: skip
     """Add an exceedance to the result on a requirement: compare it with the samples counted, and decide by it.
 
-    A finding by counting stands, without an exceedance. The interval is two-sided, so that each of its ends holds at
-    more than ``confidence``.
+    ``outcomes`` are those of the samples, shape (n, outputs), over time (n, m, outputs). A finding by counting stands,
+    without an exceedance. The interval is two-sided, so that each of its ends holds at more than ``confidence``. Over
+    time the exceedance is that of any epoch, no less than that of each: it shows that a requirement is met.
     """
     if result.finding != Finding.UNDECIDED:
         return result
@@ -86,7 +98,7 @@ def weigh(
     if exceedance.refusal:
         return replace(result, exceedance=exceedance)
     allowed = allowed_share(result.requirement)
-    if exceedance.high <= allowed or exceedance.low > allowed:
+    if exceedance.high <= allowed or (exceedance.low > allowed and not event.epochs):
         finding = Finding.MET if exceedance.high <= allowed else Finding.NOT_MET
         remark = f"decided by {exceedance.flights:,} flights chosen with the linear model"
         return replace(result, exceedance=exceedance, finding=finding, samples_needed=None, remark=remark)

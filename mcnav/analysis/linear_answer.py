@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of, pic
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import (
     Requirement,
+    is_rare,
     law_quantile,
     normal_box_probability,
     size_members,
@@ -31,9 +31,6 @@ from mcnav.analysis.requirements_over_time import largest_quantile
 from mcnav.contract.quantities import Output, Source
 from mcnav.statistics.bisection import root_between, smallest_reaching
 from mcnav.statistics.normal_tails import probability_beyond_box, probability_beyond_distance
-
-RARE: Final = 1e-3
-"""Probability beyond its limits that a requirement allows, from which on it is stated by linear analysis."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +48,10 @@ class LinearRequirement:
     time : float or None
         Where it holds at several epochs, time of the largest value, in the unit of the history.
     beyond : float
-        Probability beyond its limits, then or at the end, of one that allows no more than `RARE`; else, and where it is
-        not known (`mcnav.statistics.normal_tails`), NaN.
+        Probability beyond its limits, then or at the end, of one that allows little
+        (`mcnav.analysis.requirements.RARE`); else, and where it is not known (`mcnav.statistics.normal_tails`), NaN.
+    curved : float
+        The same with the curvature of the outputs (`mcnav.analysis.tail_curves`); NaN where it is not computed.
     """
 
     requirement: Requirement
@@ -60,6 +59,7 @@ class LinearRequirement:
     margin: float
     time: float | None = None
     beyond: float = math.nan
+    curved: float = math.nan
 
     @property
     def judged(self) -> bool:
@@ -315,7 +315,7 @@ def _judge(
     members = size_members(requirement.outputs, sizes)
     picked = np.array(members or requirement.outputs)
     mean, covariance, nominal = mean[picked], covariance[np.ix_(picked, picked)], nominal[picked]
-    rare = 1.0 - size_probability(requirement) <= RARE * (1.0 + 1e-9)
+    rare = is_rare(size_probability(requirement))
     if requirement.kind == "box":
         beyond = probability_beyond_box(mean, covariance, np.array(requirement.limits)) if rare else math.nan
         return replace(_judge_box(requirement, mean, covariance, nominal), beyond=beyond)

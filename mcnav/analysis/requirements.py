@@ -82,6 +82,15 @@ def requirements_from(
     )  # fmt: skip
 
 
+RARE: Final = 1e-3
+"""Probability beyond its limits that a requirement allows, from which on linear analysis states it."""
+
+
+def is_rare(probability: float) -> bool:
+    """Return whether a requirement of a probability allows no more than `RARE` beyond its limits."""
+    return 1.0 - probability <= RARE * (1.0 + 1e-9)
+
+
 METHOD: Final = "lines along the linear model"
 """Method by which an exceedance is estimated (`mcnav.rare`)."""
 

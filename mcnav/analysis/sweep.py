@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure
 from mcnav.analysis.summary import Summary
@@ -145,6 +147,9 @@ class Sweep:
         Values of the campaign as it is.
     added : tuple of (Point, ndarray)
         Points looked at besides those of the grid, in order, with their values, shape (measures,), SI.
+    exceedances : ndarray, shape (n, [m,] measures), or None
+        Linear probability beyond the limits of requirements that allow little, NaN of other measures; see
+        `mcnav.analysis.accuracy_measures.Measure.beyond`.
     """
 
     campaign: str
@@ -160,6 +165,11 @@ class Sweep:
     just_met: tuple[JustMet, ...]
     confirmations: tuple[Confirmation, ...] = ()
     added: tuple[tuple[Point, Array], ...] = ()
+    exceedances: Array | None = None
+
+    def rare(self, measure: int) -> bool:
+        """Return whether the probability beyond the limits of a measure is known at a point."""
+        return self.exceedances is not None and bool(np.isfinite(self.exceedances[..., measure]).any())
 
     @property
     def shape(self) -> tuple[int, ...]:

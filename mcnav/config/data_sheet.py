@@ -6,18 +6,18 @@ A number is a key with its entry: one quantity, quantities by axis, a distributi
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.contract.quantities import Source
-from mcnav.systems.ins.sensors.quantity import SensorType
-from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
 from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, KINDS, CatalogueUnit, catalogue, catalogue_units
-from mcnav.systems.ins.tables.sensors import keys_of_errors
 from mcnav.units import UnitError, multiplied, quantity
+
+if TYPE_CHECKING:
+    from mcnav.systems.ins.sensors.quantity import SensorType
 
 SCALED: Final = (*SIZES, "limit", "loc", "mean")
 """Keys of a distribution that are multiplied with its size."""
@@ -163,22 +163,33 @@ def data_sheet_numbers(content: Mapping[str, Any], sources: tuple[Source, ...]) 
     gravity = content.get("gravity", {}).items()
     numbers = [*_of_imu(content.get("imu", {})), *_of_errors(content.get("errors", {}), sources)]
     numbers += [DataSheetNumber(f"gravity.{key}", entry, frozenset([f"gravity_{key}"]), {}) for key, entry in gravity]
-    for sensor in content.get("aiding", []):
-        name, kind = sensor.get("name", sensor["type"].replace("-", "_")), SENSOR_TYPES[sensor["type"]]
-        keys = [key for key in keys_of_errors(kind) if key in sensor and key != "lever_arm"]
-        numbers += [
-            DataSheetNumber(f"aiding.{name}.{key}", sensor[key], frozenset([f"{name}_{_error(kind, key)}"]), {})
-            for key in keys
-        ]
+    if "aiding" in content:
+        numbers += _of_aiding(content["aiding"])
     for table in OF_LOOPS:
         entries = content.get(table, {}).items()
         numbers += [DataSheetNumber(f"{table}.{name}", entry, frozenset([name]), {}) for name, entry in entries]
     return [number for number in numbers if _multiplied(number.entry, 0.0) != _multiplied(number.entry, 1.0)]
 
 
+def _of_aiding(sensors: Sequence[Mapping[str, Any]]) -> list[DataSheetNumber]:
+    from mcnav.systems.ins.sensors.registry import SENSOR_TYPES  # only aided navigation needs all types of sensors
+    from mcnav.systems.ins.tables.sensors import keys_of_errors
+
+    numbers = []
+    for sensor in sensors:
+        name, kind = sensor.get("name", sensor["type"].replace("-", "_")), SENSOR_TYPES[sensor["type"]]
+        keys = [key for key in keys_of_errors(kind) if key in sensor and key != "lever_arm"]
+        numbers += [
+            DataSheetNumber(f"aiding.{name}.{key}", sensor[key], frozenset([f"{name}_{_error(kind, key)}"]), {})
+            for key in keys
+        ]
+    return numbers
+
+
 def _error(kind: SensorType, key: str) -> str:
     """Return the kind of a sensor's errors that a key of its table sizes.
 
+    >>> from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
     >>> _error(SENSOR_TYPES["gnss"], "position"), _error(SENSOR_TYPES["altimeter"], "altitude")
     ('position_noise', 'noise')
     >>> _error(SENSOR_TYPES["gnss"], "lever_arm_error")

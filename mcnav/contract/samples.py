@@ -46,7 +46,8 @@ class SimulationResult:
     linear_values : ndarray, shape (n, outputs), optional
         The same samples by the linear system, with the same noise; from an engine with noise alone.
     history : ndarray, shape (n, m, outputs), optional
-        Errors at every epoch, from an engine with noise alone.
+        Errors at every epoch, from an engine that computes them with the final ones; it may leave them out where no
+        noise is asked for.
     filter_values : ndarray, shape (n, m, width), optional
         Records of the samples' filters at every epoch, from an engine with a filter alone; see `FilterSchema`.
     smoothed_history, smoother_values : ndarray, shapes (n, m, outputs), (n, m, width), optional

@@ -234,7 +234,7 @@ def _system_folders() -> tuple[str, ...]:
 def is_input(path: str) -> bool:
     """Return whether a file counts as an input, by its folder and name."""
     where = Path(path)
-    if any(place.startswith(root) for root in _system_folders() for place in (path, str(where.resolve()))):
+    if any(place.startswith(_system_folders()) for place in (path, str(where.resolve()))):
         return False
     return where.suffix not in _IGNORED_SUFFIX and not any(_IGNORED_PART.fullmatch(part) for part in where.parts[:-1])
 

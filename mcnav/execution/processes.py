@@ -21,7 +21,8 @@ from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from mcnav._subprocess import end_with_parent, interrupts_blocked
-from mcnav.contract.engine import Engine
+from mcnav._types import Array
+from mcnav.contract.engine import ConditionalNoise, Engine, conditions_noise
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
@@ -209,6 +210,68 @@ class IsolatedEngine:
     def simulate_each(self, batch: Batch) -> SimulationResult:
         """Simulate samples one by one, so that only the one at fault fails."""
         return join_results([self.simulate(batch[row : row + 1]) for row in range(len(batch.errors))])
+
+
+@dataclass(frozen=True)
+class ConditionalIsolatedEngine(IsolatedEngine):
+    """The same of an engine that simulates samples under conditions on their noise."""
+
+    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalNoise:
+        """Return the samples with conditions on what noise adds to some outputs."""
+        return _IsolatedNoise(self, outputs)
+
+
+@dataclass(frozen=True)
+class _IsolatedNoise:
+    """Samples with conditions on their noise in a process of its own."""
+
+    isolated: IsolatedEngine
+    outputs: tuple[int, ...]
+
+    def simulate(self, batch: Batch, added: Array) -> SimulationResult:
+        """See `ConditionalNoise`."""
+        engine = _ErrorsAndNoise(self.isolated.engine, self.outputs)
+        widened = Batch(batch.index, np.column_stack([batch.errors, added]), batch.seed)
+        return IsolatedEngine(engine, self.isolated.outputs, self.isolated.timeout).simulate(widened)
+
+
+@dataclass(frozen=True)
+class _ErrorsAndNoise:
+    """An engine of samples whose last errors are what noise adds to some outputs."""
+
+    engine: Engine
+    given: tuple[int, ...]
+    epochs: Epochs | None = None
+    filter: FilterSchema | None = None
+    noisy: bool = True
+
+    @property
+    def parallel(self) -> str:
+        """See `Engine`."""
+        return self.engine.parallel
+
+    @property
+    def chunk(self) -> int:
+        """See `Engine`."""
+        return self.engine.chunk
+
+    @property
+    def accuracy(self) -> str:
+        """See `Engine`."""
+        return self.engine.accuracy
+
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples."""
+        assert conditions_noise(self.engine)
+        errors, added = np.split(batch.errors, [batch.errors.shape[1] - len(self.given)], axis=1)
+        conditional = self.engine.conditional_noise(self.given)
+        return conditional.simulate(Batch(batch.index, errors, batch.seed), added)
+
+
+def isolated_engine(engine: Engine, outputs: int, timeout: float | None) -> IsolatedEngine:
+    """Return an engine in a process of its own."""
+    kind = ConditionalIsolatedEngine if conditions_noise(engine) else IsolatedEngine
+    return kind(engine, outputs, timeout)
 
 
 def simulate_isolated(work: ChunkJob, place: SampleRange) -> ChunkFile:

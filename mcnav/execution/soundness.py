@@ -24,9 +24,9 @@ def isolated(scenario: Scenario, engine: Engine, timeout: float | None) -> Engin
     """Run a user's code in a process of its own where it may end the process."""
     if not (runs_user_code(scenario) and (engine.parallel == "processes" or timeout is not None)):
         return engine
-    from mcnav.execution.processes import IsolatedEngine  # a tenth of a second, which other scenarios do not need
+    from mcnav.execution.processes import isolated_engine  # a tenth of a second, which other scenarios do not need
 
-    return IsolatedEngine(engine, len(scenario.outputs), timeout)
+    return isolated_engine(engine, len(scenario.outputs), timeout)
 
 
 def find_doubt(scenario: Scenario, draws: DrawPlan, tolerance: float, timeout: float | None) -> Unsettled | None:

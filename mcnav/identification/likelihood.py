@@ -62,12 +62,12 @@ class Maximum:
 
 def deviance(model: Model, bands: Bands, logs: Array) -> float:
     """Compute −2 log L."""
-    variances, _ = model.variances(bands.grid, logs)
-    return _deviance(bands, variances)
+    return float(_deviances(bands.numbers, bands.sums, model.variances(bands.grid, logs)[0]))
 
 
-def _deviance(bands: Bands, variances: Array) -> float:
-    return float(np.sum(bands.numbers * np.log(variances) + bands.sums / variances))
+def _deviances(numbers: Array, sums: Array, variances: Array) -> Array:
+    """Compute −2 log L of records, shape (...,), from sums and variances of shape (..., m)."""
+    return np.asarray(np.sum(numbers * np.log(variances) + sums / variances, axis=-1))
 
 
 def information(model: Model, bands: Bands, logs: Array) -> Array:
@@ -88,33 +88,67 @@ def maximize(
     model: Model, bands: Bands, start: Array, held: Iterable[int] = (), converged: float = CONVERGED
 ) -> Maximum:
     """Find the maximum near a start; ``held`` are parameters that stay as they are."""
-    lowest, highest = limits(model, bands.grid)
-    logs = np.clip(np.array(start, dtype=float), lowest, highest)
-    free = np.array([at for at in range(len(logs)) if at not in set(held)], dtype=np.intp)
-    variances, slopes = model.variances(bands.grid, logs)
-    value, damping = _deviance(bands, variances), 1e-3
-    for _ in range(STEPS):
-        if not len(free):
+    starts = np.asarray(start, dtype=float)[None]
+    logs, deviances = maximize_many(model, bands.grid, bands.numbers, bands.sums[None], starts, held, converged)
+    return Maximum(logs[0], float(deviances[0]))
+
+
+def maximize_many(
+    model: Model,
+    grid: Grid,
+    numbers: Array,
+    sums: Array,
+    starts: Array,
+    held: Iterable[int] = (),
+    converged: float = CONVERGED,
+) -> tuple[Array, Array]:
+    """Find the maxima of records with the same bands, each near its start.
+
+    Parameters
+    ----------
+    numbers : ndarray, shape (m,)
+    sums : ndarray, shape (k, m)
+    starts : ndarray, shape (k, parameters)
+    held : iterable of int
+        Parameters that stay as they are.
+    converged : float
+        Decrement of −2 log L at which a maximum is reached.
+
+    Returns
+    -------
+    logs : ndarray, shape (k, parameters)
+    deviances : ndarray, shape (k,)
+    """
+    lowest, highest = limits(model, grid)
+    logs = np.clip(starts, lowest, highest)
+    free = np.array([at for at in range(logs.shape[1]) if at not in set(held)], dtype=np.intp)
+    variances, slopes = model.variances(grid, logs)
+    values, damping = _deviances(numbers, sums, variances), np.full(len(logs), 1e-3)
+    going, diagonal = np.arange(len(logs)), np.arange(len(free))
+    for _ in range(STEPS if len(free) else 0):
+        relative = slopes[going][:, :, free] / variances[going, :, None]
+        across = np.swapaxes(relative, 1, 2)
+        gradient = 0.5 * across @ (sums[going] / variances[going] - numbers)[:, :, None]
+        scoring = 0.5 * (across * numbers) @ relative
+        ridge = damping[going, None] * np.maximum(scoring[:, diagonal, diagonal], 1e-6)
+        scoring[:, diagonal, diagonal] += ridge
+        step = np.clip(np.linalg.solve(scoring, gradient)[:, :, 0], -LARGEST_STEP, LARGEST_STEP)
+        trial = logs[going]
+        trial[:, free] = np.clip(trial[:, free] + step, lowest[free], highest[free])
+        new, new_slopes = model.variances(grid, trial)
+        real = np.all((new > 0.0) & np.isfinite(new), axis=1)
+        after = np.full(len(going), np.inf)
+        after[real] = _deviances(numbers, sums[going[real]], new[real])
+        better = after <= values[going]
+        on, back = going[better], going[~better]
+        gained = values[on] - after[better]
+        logs[on], values[on], variances[on], slopes[on] = trial[better], after[better], new[better], new_slopes[better]
+        damping[on], damping[back] = np.maximum(damping[on] * 0.2, 1e-9), damping[back] * 8.0
+        left = np.concatenate([on[(gained >= converged) | (damping[on] >= 1e-2)], back[damping[back] <= 1e12]])
+        if not len(left):
             break
-        relative = slopes[:, free] / variances[:, None]
-        gradient = 0.5 * relative.T @ (bands.sums / variances - bands.numbers)
-        scoring = 0.5 * (relative.T * bands.numbers) @ relative
-        ridge = np.diag(damping * np.maximum(np.diag(scoring), 1e-6))
-        step = np.clip(np.linalg.solve(scoring + ridge, gradient), -LARGEST_STEP, LARGEST_STEP)
-        trial = logs.copy()
-        trial[free] = np.clip(trial[free] + step, lowest[free], highest[free])
-        new, new_slopes = model.variances(bands.grid, trial)
-        after = _deviance(bands, new) if np.all(new > 0.0) and np.all(np.isfinite(new)) else np.inf
-        if after <= value:
-            gained, damping = value - after, max(damping * 0.2, 1e-9)
-            logs, value, variances, slopes = trial, after, new, new_slopes
-            if gained < converged and damping < 1e-2:
-                break
-        else:
-            damping *= 8.0
-            if damping > 1e12:
-                break
-    return Maximum(logs, value)
+        going = np.sort(left)
+    return logs, values
 
 
 def profile_interval(

@@ -89,8 +89,10 @@ def quantization(grid: Grid) -> Array:
     return np.asarray(4.0 * (squared + (1.0 - squared) / grid.count) / grid.interval**2)
 
 
-def gauss_markov(grid: Grid, correlation_time: float) -> Array:
+def gauss_markov(grid: Grid, correlation_time: float | Array) -> Array:
     """Variance of c for σ = 1: a first-order Gauss-Markov process, stationary from before the record.
+
+    Correlation times of shape (..., 1) give variances of shape (..., m).
 
     Means over Δ have the autocovariances ``γ_0 = 2 (a − 1 + ρ)/a²`` and ``γ_k = ((1 − ρ)/a)² ρ^(k−1)`` with
     ``a = Δ/τ``, ``ρ = exp(−a)``. Over an endless record their sum is ``γ_0 − γ_1/ρ + (γ_1/ρ)(1 − ρ²)/d`` with
@@ -102,7 +104,8 @@ def gauss_markov(grid: Grid, correlation_time: float) -> Array:
     distance = less * less + 4.0 * rho * squared  # 1 - 2 rho cos w + rho^2
     at_lag = (less / ratio) ** 2 / rho  # gamma_k = at_lag rho^k
     # gamma_0 - at_lag, by a series where the difference cancels
-    same = 2.0 * (ratio - less) / ratio**2 - at_lag if ratio > 1e-3 else -ratio * ratio / 12.0 - ratio / 3.0
+    series = -ratio * ratio / 12.0 - ratio / 3.0
+    same = np.where(ratio > 1e-3, 2.0 * (ratio - less) / ratio**2 - at_lag, series)
     endless = same + at_lag * less * (1.0 + rho) / distance
     parity = 1.0 - grid.alternating * rho**grid.count
     beyond = 4.0 / grid.count * at_lag * rho * less * less * (1.0 - squared) / distance**2 * parity
@@ -152,12 +155,22 @@ class Model:
         return tuple(name for process in self.processes for name in process.parameters)
 
     def variances(self, grid: Grid, logs: Array) -> tuple[Array, Array]:
-        """Compute the variances of c, shape (m,), and their derivatives by the parameters, shape (m, parameters)."""
-        total, columns, at = np.zeros(len(grid.order)), [], 0
+        """Compute the variances of c and their derivatives by the parameters.
+
+        Parameters
+        ----------
+        logs : ndarray, shape (..., parameters)
+
+        Returns
+        -------
+        variances : ndarray, shape (..., m)
+        derivatives : ndarray, shape (..., m, parameters)
+        """
+        total, columns, at = np.zeros((*logs.shape[:-1], len(grid.order))), [], 0
         for process in self.processes:
-            squared = np.exp(2.0 * logs[at])
+            squared = np.exp(2.0 * logs[..., at, None])
             if process.timed:
-                step, times = 1e-4, np.exp(logs[at + 1])
+                step, times = 1e-4, np.exp(logs[..., at + 1, None])
                 value = squared * process.spectrum(grid, times)
                 ahead, behind = (process.spectrum(grid, times * np.exp(sign * step)) for sign in (1.0, -1.0))
                 columns += [2.0 * value, squared * (ahead - behind) / (2.0 * step)]
@@ -166,4 +179,4 @@ class Model:
                 columns.append(2.0 * value)
             total += value
             at += len(process.parameters)
-        return total, np.stack(columns, axis=1)
+        return total, np.stack(columns, axis=-1)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from mcnav._types import Array
-from mcnav.identification.likelihood import Maximum, information, maximize
+from mcnav.identification.likelihood import Maximum, information, maximize_many
 from mcnav.identification.processes import Model
 from mcnav.identification.spectrum import Bands, Record
 
@@ -28,6 +28,9 @@ NEAR: Final = 1e-4
 
 MOST: Final = 499
 """Records are simulated until so many gain as much, and at most so many."""
+
+AT_ONCE: Final = 50
+"""Records that are simulated and fitted at once."""
 
 HOPELESS: Final = 1e-6
 """P-value by Student's t below which nothing is simulated, either: no error of it saves the model."""
@@ -52,41 +55,65 @@ def trend_p_value(model: Model, bands: Bands, best: Maximum, record: Record) -> 
     bands, best : Bands, Maximum
         Of the record, and the model's maximum.
     """
-    kept = len(record.lowest)
-    ramp = ramp_coefficients(record.count, record.interval, kept)
-    coefficients = record.lowest
-    gain, slope = _gain(model, bands, best, coefficients, ramp)
+    ramp = ramp_coefficients(record.count, record.interval, len(record.lowest))
+    start = np.array([best.deviance]), best.logs[None]
+    gains, slopes = _gains(model, bands, bands.sums[None], *start, record.lowest[None], ramp)
+    gain, slope = float(gains[0]), float(slopes[0])
     quick = _quick_p_value(model, bands, best, gain)
     if not HOPELESS < quick < CLEAR:
         return quick, slope
     generator = np.random.default_rng(0)
     variances, _ = model.variances(bands.grid, best.logs)
-    as_large = 0
-    for simulated in range(1, MOST + 1):
-        low = np.sqrt(variances[:kept]) * generator.standard_normal(kept)
-        sums = variances * generator.gamma(0.5 * bands.numbers, 2.0)
-        sums[:kept] = low**2
-        drawn = Bands(bands.grid, bands.numbers, sums)
-        null = maximize(model, drawn, best.logs, converged=NEAR)
-        as_large += _gain(model, drawn, null, low, ramp)[0] >= gain
-        if as_large == ENOUGH:
-            return max(as_large / simulated, quick), slope
+    simulated, as_large = 0, 0
+    while simulated < MOST:
+        count = min(AT_ONCE, MOST - simulated)
+        low, sums = _simulate(generator, variances, bands.numbers, len(ramp), count)
+        logs = np.repeat(best.logs[None], count, axis=0)
+        logs, deviances = maximize_many(model, bands.grid, bands.numbers, sums, logs, converged=NEAR)
+        larger = np.cumsum(_gains(model, bands, sums, deviances, logs, low, ramp)[0] >= gain)
+        if as_large + larger[-1] >= ENOUGH:
+            simulated += 1 + int(np.searchsorted(larger, ENOUGH - as_large))
+            return max(ENOUGH / simulated, quick), slope
+        simulated, as_large = simulated + count, as_large + int(larger[-1])
     return max((as_large + 1.0) / (MOST + 1.0), quick), slope
 
 
-def _gain(model: Model, bands: Bands, best: Maximum, coefficients: Array, ramp: Array) -> tuple[float, float]:
-    """Return what −2 log L gains by a trend, and its slope; both are fitted in turn until the slope rests."""
-    kept, logs, slope, deviance = len(ramp), best.logs, 0.0, best.deviance
+def _simulate(
+    generator: np.random.Generator, variances: Array, numbers: Array, kept: int, count: int
+) -> tuple[Array, Array]:
+    """Draw records: their lowest coefficients, shape (count, kept), and sums of the bands, shape (count, m)."""
+    low, sums = np.empty((count, kept)), np.empty((count, len(numbers)))
+    for number in range(count):
+        low[number] = np.sqrt(variances[:kept]) * generator.standard_normal(kept)
+        sums[number] = variances * generator.gamma(0.5 * numbers, 2.0)
+    sums[:, :kept] = low**2
+    return low, sums
+
+
+def _gains(
+    model: Model, bands: Bands, sums: Array, deviances: Array, logs: Array, coefficients: Array, ramp: Array
+) -> tuple[Array, Array]:
+    """Compute what −2 log L of records gains by a trend, and its slopes; both are fitted in turn until a slope rests.
+
+    Parameters
+    ----------
+    sums, deviances, logs : ndarray, shapes (k, m), (k,), (k, parameters)
+        Of the bands, and of the records' maxima without a trend.
+    coefficients : ndarray, shape (k, kept)
+    """
+    kept, slopes, least, logs = len(ramp), np.zeros(len(sums)), deviances.copy(), logs.copy()
+    going = np.arange(len(sums))
     for _ in range(20):
-        weight = ramp / model.variances(bands.grid, logs)[0][:kept]
-        previous, slope = slope, float(weight @ coefficients / (weight @ ramp))
-        sums = bands.sums.copy()
-        sums[:kept] = (coefficients - slope * ramp) ** 2
-        trended = maximize(model, Bands(bands.grid, bands.numbers, sums), logs, converged=NEAR)
-        logs, deviance = trended.logs, trended.deviance
-        if abs(slope - previous) <= 1e-2 * abs(slope):
+        weights = ramp / model.variances(bands.grid, logs[going])[0][:, :kept]
+        previous = slopes[going]
+        slopes[going] = np.sum(weights * coefficients[going], axis=1) / (weights @ ramp)
+        rest = sums[going]
+        rest[:, :kept] = (coefficients[going] - slopes[going, None] * ramp) ** 2
+        logs[going], least[going] = maximize_many(model, bands.grid, bands.numbers, rest, logs[going], converged=NEAR)
+        going = going[np.abs(slopes[going] - previous) > 1e-2 * np.abs(slopes[going])]
+        if not len(going):
             break
-    return max(best.deviance - deviance, 0.0), slope
+    return np.maximum(deviances - least, 0.0), slopes
 
 
 def _quick_p_value(model: Model, bands: Bands, best: Maximum, gain: float) -> float:

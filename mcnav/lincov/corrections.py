@@ -47,12 +47,19 @@ class DifferencePartials:
 
 @dataclass(frozen=True)
 class SecondOrderCorrections:
-    """Corrections of mean and covariance by second and third derivatives; see `mcnav.lincov.higher_order`."""
+    """Corrections of mean and covariance by second and third derivatives; see `mcnav.lincov.higher_order`.
+
+    ``centre``, ``slopes`` and ``curvatures`` are those of each output along the axes of its curvature, shapes
+    (outputs,) and (outputs, r); none where sources are not normal.
+    """
 
     mean_shift: Array
     quadratic: Array
     third_order: Array
     skewness: Array
+    centre: Array | None = None
+    slopes: Array | None = None
+    curvatures: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -33,10 +33,11 @@ STEP: Final = 0.5
 class SecondOrder:
     """Derivatives along the principal directions of the start covariance, per sigma; r is its rank.
 
-    Gradients have shape (outputs, r), hessians (outputs, r, r). ``cubic`` is c, the third derivatives contracted over
-    two of their three directions, shape (outputs, r).
+    ``centre`` are the outputs of the mean errors. Gradients have shape (outputs, r), hessians (outputs, r, r).
+    ``cubic`` is c, the third derivatives contracted over two of their three directions, shape (outputs, r).
     """
 
+    centre: Array
     gradients: Array
     hessians: Array
     cubic: Array
@@ -56,6 +57,12 @@ class SecondOrder:
         """Correction of the covariance by third derivatives, shape (outputs, outputs)."""
         half = 0.5 * self.gradients @ self.cubic.T
         return np.asarray(half + half.T)
+
+    @property
+    def along_axes(self) -> tuple[Array, Array]:
+        """Gradients and second derivatives of each output along the axes of its own hessian, shapes (outputs, r)."""
+        curvatures, axes = np.linalg.eigh(self.hessians)
+        return np.einsum("iab,ia->ib", axes, self.gradients), curvatures
 
     @property
     def skewness(self) -> Array:
@@ -108,4 +115,4 @@ def second_order(propagate: Propagate, mean: Array, covariance: Array, step: flo
         hessians[a, b] = hessians[b, a] = (both - first - second + neither) / (4.0 * step**2)
         cubic[a] += (both + first - 2.0 * plus[a] - second - neither + 2.0 * minus[a]) / (2.0 * step**3)
         cubic[b] += (both + second - 2.0 * plus[b] - first - neither + 2.0 * minus[b]) / (2.0 * step**3)
-    return SecondOrder(gradients.T, hessians.transpose(2, 0, 1), cubic.T)
+    return SecondOrder(centre, gradients.T, hessians.transpose(2, 0, 1), cubic.T)

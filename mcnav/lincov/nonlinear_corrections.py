@@ -99,7 +99,11 @@ def _unscented(engine: Engine, errors: ErrorModel) -> UnscentedMoments:
 
 def _derivatives(engine: Engine, errors: ErrorModel) -> SecondOrderCorrections:
     order = higher_order.second_order(without_noise(engine), errors.mean, errors.covariance)
-    return SecondOrderCorrections(order.mean_shift, order.quadratic, order.third_order, order.skewness)
+    corrections = SecondOrderCorrections(order.mean_shift, order.quadratic, order.third_order, order.skewness)
+    if not errors.normal:
+        return corrections
+    slopes, curvatures = order.along_axes
+    return replace(corrections, centre=order.centre, slopes=slopes, curvatures=curvatures)
 
 
 def polynomial_moments(engine: Engine, errors: ErrorModel) -> PolynomialMoments:

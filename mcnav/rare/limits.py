@@ -31,6 +31,10 @@ class Sides:
         """
         return np.asarray(np.max((outputs @ self.normals.T - self.offsets) / self._scales, axis=1))
 
+    def reached(self, outputs: Array) -> Array:
+        """Return the largest multiple of two equal limits that outputs, shape (n, outputs), reach, shape (n,)."""
+        return np.asarray(np.max(np.abs(outputs) / self.upper, axis=1))
+
     @property
     def normals(self) -> Array:
         """Directions n of the sides ``n . y > c``, shape (sides, outputs)."""
@@ -65,6 +69,10 @@ class Distance:
         """Return how far outputs, shape (n, dimensions), lie beyond; see `Sides.margin`."""
         return np.asarray(np.sqrt(np.sum(outputs**2, axis=1)) - self.radius)
 
+    def reached(self, outputs: Array) -> Array:
+        """Return the multiple of the radius that outputs, shape (n, dimensions), reach, shape (n,)."""
+        return np.asarray(np.sqrt(np.sum(outputs**2, axis=1)) / self.radius)
+
     @property
     def normals(self) -> Array:
         """Directions that cover the circle or the sphere evenly (golden spiral), shape (directions, dimensions)."""
@@ -83,9 +91,41 @@ class Distance:
         return np.full(len(self.normals), self.radius)
 
 
+@dataclass(frozen=True)
+class AnyEpoch:
+    """Beyond a limit at one of several epochs at least: the first passage lies within them.
+
+    Outputs are those of the first epoch, then those of the second, and so on.
+    """
+
+    limit: Sides | Distance
+    epochs: int
+
+    def margin(self, outputs: Array) -> Array:
+        """Return how far outputs, shape (n, epochs times outputs), lie beyond, shape (n,); see `Sides.margin`."""
+        return np.asarray(np.max(self.limit.margin(self._apart(outputs)).reshape(len(outputs), self.epochs), axis=1))
+
+    def reached(self, outputs: Array) -> Array:
+        """Return the largest multiple of the limit that outputs reach, shape (n,)."""
+        return np.asarray(np.max(self.limit.reached(self._apart(outputs)).reshape(len(outputs), self.epochs), axis=1))
+
+    @property
+    def normals(self) -> Array:
+        """Directions of the sides at each epoch, shape (epochs times sides, epochs times outputs)."""
+        return np.asarray(np.kron(np.eye(self.epochs), self.limit.normals))
+
+    @property
+    def offsets(self) -> Array:
+        """Their distances."""
+        return np.tile(self.limit.offsets, self.epochs)
+
+    def _apart(self, outputs: Array) -> Array:
+        return outputs.reshape(len(outputs) * self.epochs, -1)
+
+
 def side_towards(limit: Limit, change: Array) -> Array:
     """Return the normal of the side that a change of the outputs, shape (outputs,), approaches most directly."""
     return np.asarray(limit.normals[int(np.argmax(limit.normals @ change))])
 
 
-Limit = Sides | Distance
+Limit = Sides | Distance | AnyEpoch

@@ -131,6 +131,7 @@ class ChangeRow:
     requirement: str
     factor: float | None
     reached: bool
+    exceedance: float | None = None
 
 
 @dataclass(frozen=True)
@@ -164,6 +165,7 @@ def change_row(allocation: Allocation, goal: Goal, change: NumberChange) -> Chan
         requirement=short_name(change.result, allocation.answer),
         factor=change.factor if math.isfinite(change.factor) else None,
         reached=change.reached,
+        exceedance=change.result.beyond if math.isfinite(change.result.beyond) else None,
     )
 
 
@@ -194,6 +196,9 @@ def change_table(goal: Goal, caption: str, rows: Sequence[ChangeRow], title: str
     def value(row: ChangeRow) -> Cell:
         return Cell(row.value, below=WRAPPED(f"limit {row.limit}{f': {row.requirement}' if several else ''}"))
 
+    beyond: Column[ChangeRow] = Column(
+        "Beyond then", lambda row: "–" if row.exceedance is None else f"{row.exceedance:.2e}", "beyond then"
+    )
     of: Column[ChangeRow] = Column("of", lambda row: row.requirement, kind="text", place="terminal")
     columns: list[Column[ChangeRow]] = [
         Column("Number", lambda row: CODE(row.number) if row.number in alone else row.number, "number", "label"),
@@ -202,6 +207,7 @@ def change_table(goal: Goal, caption: str, rows: Sequence[ChangeRow], title: str
         Column("Multiple", lambda row: row.multiple, "multiple"),
         Column("Linear value then", value, "linear value then"),
         Column("limit", lambda row: row.limit, place="terminal"),
+        *([beyond] if any(row.exceedance is not None for row in rows) else []),
         *([of] if several else []),
     ]
     return Table(caption, columns, rows, title, faint=lambda row: not row.reached)

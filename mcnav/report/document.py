@@ -90,6 +90,8 @@ class Cell:
         Whether it is shown in grey.
     rows, columns : int
         Cells of a page that it covers; zero rows: one above covers it.
+    value, value_below : float, optional
+        What its text, and its second line, show in digits, where readers may choose other units: see `Column.size`.
     """
 
     text: str = ""
@@ -103,6 +105,8 @@ class Cell:
     minor: bool = False
     rows: int = 1
     columns: int = 1
+    value: float | None = None
+    value_below: float | None = None
 
 
 @dataclass(frozen=True)
@@ -132,6 +136,9 @@ class Column(Generic[Row]):
         Above zero in columns that a narrow terminal may leave out, those with the largest number first.
     beside : str, optional
         What precedes its cells on a small screen that shows no headings; by default the heading of a number.
+    size : str
+        ``sigma`` or ``value`` of numbers in the unit of their row, that of its first cell: readers of a page may choose
+        another multiple of sigma, and other units. All numbers in that unit are in such columns.
     """
 
     heading: str
@@ -144,6 +151,7 @@ class Column(Generic[Row]):
     of_user: bool = False
     spare: int = 0
     beside: str | None = None
+    size: Literal["", "sigma", "value"] = ""
 
     @property
     def name_beside(self) -> str:
@@ -157,7 +165,9 @@ class Column(Generic[Row]):
         content = self.content(row)
         if isinstance(content, Cell):
             return content
-        return Cell(content if isinstance(content, str) else self.form(content))
+        if isinstance(content, str):
+            return Cell(content)
+        return Cell(self.form(content), value=content if self.size else None)
 
     def heading_in(self, place: Place) -> str:
         """Return the heading, with the unit in brackets in the terminal."""
@@ -213,6 +223,11 @@ class Table(Generic[Row]):
         """Return the cells that are shown in a place, row by row."""
         columns = self.columns_in(place)
         return [[column.cell(row) for column in columns] for row in self.rows]
+
+    @property
+    def measured(self) -> bool:
+        """Return whether readers may choose the unit of its rows."""
+        return any(column.size for column in self.columns)
 
     @property
     def headings(self) -> list[str]:
@@ -392,9 +407,16 @@ class WhatIfPart:
     json: str
 
 
+@dataclass(frozen=True)
+class LivePart:
+    """First state of a live page, which its script shows and renews: see `mcnav.report.live`."""
+
+    json: str
+
+
 Part: TypeAlias = (
     "Sentence | Note | Verdict | Verdicts | Tiles | Facts | Findings | Answers | Heading | Folded | Beside | Listing"
-    " | Lines | Formula | MarkKey | WhatIfPart | Table[Any] | Figure"
+    " | Lines | Formula | MarkKey | WhatIfPart | LivePart | Table[Any] | Figure"
 )
 """Parts of a page."""
 
@@ -435,6 +457,11 @@ class Page:
     foot: Sequence[Part] = ()
     status: str = ""
     tone: str = ""
+
+    @property
+    def measured(self) -> bool:
+        """Return whether a foremost table has numbers of which readers may choose the unit."""
+        return any(each.measured for part in self.head if isinstance(part, Answers) for each in part.tables)
 
 
 def joined(*parts: Part | None) -> tuple[Part, ...]:

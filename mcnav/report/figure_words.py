@@ -6,6 +6,7 @@ estimate is.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Final
 
@@ -258,6 +259,34 @@ def _requirements(content: RunAnalysis) -> str:
     )
 
 
+def _tails(content: RunAnalysis) -> str:
+    """Compare the methods at the limit of the requirement whose estimate is the largest share of what it allows."""
+    rows = requirement_rows(content.summary, "shown", content.time_unit)
+    drawn = [(row, each) for row, each in zip(rows, content.tail_curves, strict=False) if each is not None]
+    if not drawn:
+        return ""
+
+    def used(row: RequirementRow) -> float:
+        known = row.entry.exceedance
+        return math.inf if known is None or known.estimate is None else known.estimate / _allowed(row)
+
+    row, curve = max(drawn, key=lambda pair: used(pair[0]))
+    known, (linear, curved) = row.entry.exceedance, curve.at_limit
+    parts = [f"{curve.beyond:,} of {curve.samples:,} samples lie beyond" if curve.beyond else
+             f"none of {curve.samples:,} samples lies beyond"]  # fmt: skip
+    if math.isfinite(linear):
+        more = f", with curvature {curved:.3g}" if math.isfinite(curved) else ""
+        parts.append(f"linear analysis expects {linear:.3g}{more}")
+    if known is not None and known.estimate is not None:
+        parts.append(f"the flights chosen give {known.estimate:.3g}, where {_allowed(row):.2g} is allowed")
+    return f"At the limit of {', '.join(map(humanize, row.entry.outputs))} {'; '.join(parts)}."
+
+
+def _allowed(row: RequirementRow) -> float:
+    """Return the probability beyond its limits that a requirement allows."""
+    return 1.0 - (0.5 if row.entry.probability is None else row.entry.probability)
+
+
 def _dispersion(content: RunAnalysis) -> str:
     """Compare truth and navigation error of the quantity in which they differ most at the end."""
     known, outputs = content.envelopes, content.manifest.model.outputs
@@ -299,7 +328,7 @@ WORDS: Final[dict[str, Callable[[RunAnalysis], str]]] = {
     "flight": _flight, "ratios": _ratios, "nees": _nees, "matrices": _matrices, "budget": _budget,
     "development": _development, "envelopes": _envelopes, "scatter": _scatter, "histograms": _histograms,
     "quantiles": _quantiles, "convergence": _convergence, "combination": _combination,
-    "requirements_over_time": _requirements,
+    "requirements_over_time": _requirements, "tails": _tails,
     "dispersion_over_time": _dispersion, "landing_ellipses": _ellipses,
     "nees_history": _of_filter(filter_figure_words.nees_history),
     "nis_history": _of_filter(filter_figure_words.nis_history),

@@ -54,7 +54,8 @@ class FilterAnswer:
 
     def sigmas(self, end: float | None, key: Literal["flown", "linear", "filter"]) -> Cell:
         """Write a number at the end and, below it, that of the other epoch."""
-        return Cell(number(end), below=number(getattr(self.worst, key)) if self.worst else "")
+        other = getattr(self.worst, key) if self.worst else None
+        return Cell(number(end), below=number(other) if self.worst else "", value=end, value_below=other)
 
 
 def filter_answers(content: RunAnalysis, outputs: Sequence[OutputEntry]) -> list[FilterAnswer]:

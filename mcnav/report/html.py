@@ -14,7 +14,8 @@ from urllib.parse import quote
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from mcnav.report.document import Page, Part, WhatIfPart
+from mcnav.report.document import LivePart, Page, Part, WhatIfPart
+from mcnav.report.glossary import hints
 from mcnav.report.template_cache import TemplateCache
 
 CARD = "&{padding:.6rem .9rem;border:1px solid var(--line);border-radius:.6rem;background:var(--paper);max-width:72rem}"
@@ -31,25 +32,30 @@ SVG: Final = "http://www.w3.org/2000/svg"
 BOX: Final = "0 0 16 16"
 
 END: Final = "})();\n"
-"""End of the page's script, before which that of the section "What if" has its place."""
+"""End of the page's script, before which those of some parts have their place."""
+
+ADDED: Final = {WhatIfPart: "what_if", LivePart: "live"}
+"""Parts that have a style sheet and a script of their own, in the order of these."""
 
 
 def page_html(page: Page) -> str:
     """Write a page as HTML: text is escaped, only `markupsafe.Markup` is markup.
 
-    The table of contents lists the sections. The content security policy allows the one script by its hash. Scrolling
-    boxes can be focused by keyboard.
+    The table of contents lists the sections. The content security policy allows the one script by its hash, and
+    that of a live page to ask the server it came from. Scrolling boxes can be focused by keyboard.
     """
     environment = _environment()
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))
-    if any(isinstance(part, WhatIfPart) for section in page.sections for part in section.parts):
-        style += _source(environment, "what_if.css")
-        script = script.removesuffix(END) + _source(environment, "what_if.js") + END
+    kinds = {type(part) for section in page.sections for part in section.parts}
+    for name in (name for kind, name in ADDED.items() if kind in kinds):
+        style += _source(environment, f"{name}.css")
+        script = script.removesuffix(END) + _source(environment, f"{name}.js") + END
     script = re.sub(r"(?m)^\s*(//.*)?\n?", "", script)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     text = environment.get_template("page.html").render(
-        page=page, style=Markup(style), script=Markup(script), script_hash=Markup(f"sha256-{digest}"), icon=icon
-    )
+        page=page, style=Markup(style), script=Markup(script), script_hash=Markup(f"sha256-{digest}"), icon=icon,
+        live=LivePart in kinds, hints=hints(),
+    )  # fmt: skip
     return _focusable(text)
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from statistics import NormalDist
 from typing import Final
 
 import numpy as np
-import scipy  # its special functions are imported when one is called
 
 from mcnav.analysis.summary import CombinationEntry, Joint, Summary
 from mcnav.report.format import number, percent
@@ -160,7 +160,7 @@ def _agreement(summary: Summary) -> str:
 
 def _is_certain(bias: float, error: float, confidence: float) -> bool:
     """Return whether a bias is not zero; a normal interval, for errors of many samples."""
-    return abs(bias) > float(scipy.special.ndtri(0.5 + 0.5 * confidence)) * error
+    return abs(bias) > NormalDist().inv_cdf(0.5 + 0.5 * confidence) * error
 
 
 def _sigmas(sigmas: CombinationEntry, summary: Summary) -> tuple[str, str, str]:

@@ -102,6 +102,7 @@ class RequirementRow:
     causes: list[tuple[str, float]]
     at: str
     exceedance: float | None = None
+    exceedance_curved: float | None = None
 
     @property
     def tone(self) -> str:
@@ -168,6 +169,7 @@ def requirement_rows(answer: LinearAnswer) -> list[RequirementRow]:
             margin=each.margin if math.isfinite(each.margin) else None,
             causes=cause_words(answer, answer.requirement_causes(place)) if each.judged else [],
             exceedance=each.beyond if math.isfinite(each.beyond) else None,
+            exceedance_curved=each.curved if math.isfinite(each.curved) else None,
             at="" if each.time is None else f"{each.time:.6g} {label.partition('[')[2].removesuffix(']')}".strip(),
         ))  # fmt: skip
     return rows

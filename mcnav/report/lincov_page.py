@@ -134,25 +134,36 @@ BEYOND_LIMIT: Final[Column[RequirementRow]] = Column(
 )
 """Linear probability beyond the limit, of requirements that allow one in a thousand and less."""
 
+WITH_CURVATURE: Final[Column[RequirementRow]] = Column(
+    "With curvature", lambda row: "–" if row.exceedance_curved is None else f"{row.exceedance_curved:.2e}",
+    "with curvature",
+)  # fmt: skip
+CURVED: Final = (
+    " With curvature: from second derivatives by some simulations without noise, for normal sources; noise adds its "
+    "linear variance, and the probabilities of the outputs of a box are added up."
+)
+
 
 def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
     """Tabulate the requirements and their linear values."""
     boxes = any(each.requirement.kind == "box" for each in answer.requirements)
     several = "; of several outputs within limits together, each in multiples of its limit" if boxes else ""
     rows = requirement_rows(answer)
+    curved = any(row.exceedance_curved is not None for row in rows)
     columns: list[Column[RequirementRow]] = [
         Column("Requirement", lambda row: row.requirement, "requirement", "words"),
         Column("Finding", lambda row: Cell(row.finding, tone=row.tone), "finding", "label"),
         Column("Linear", lambda row: Cell(row.shown, below=f"largest at {row.at}" if row.at else ""), "linear"),
         Column("largest at", lambda row: row.at or "–", kind="text", place="terminal"),
         *([BEYOND_LIMIT] if any(row.exceedance is not None for row in rows) else []),
+        *([WITH_CURVATURE] if curved else []),
         Column("Errors may be ×", lambda row: row.margin, "errors may be ×"),
         Column("Largest causes", lambda row: _causes(row.causes),
                "largest causes then, share of the mean square", "words"),
     ]  # fmt: skip
     words, what = end_words(answer.outputs), "outputs" if any(kinds_of(answer.outputs)) else "errors"
     title, caption = f"Requirements, for linear normal {what}", REQUIREMENTS.format(what, words.many)
-    return Table(f"{caption}{several}.", columns, rows, title, keys=2)
+    return Table(f"{caption}{several}.{CURVED if curved else ''}", columns, rows, title, keys=2)
 
 
 def _size(value: float | None) -> str:
@@ -167,7 +178,7 @@ def _filtered(answer: LinearAnswer) -> list[Column[SizeRow]]:
     """Return the column of the filter's sigma, if there is a filter."""
     if answer.history is None or answer.history.sigma_filter is None:
         return []
-    return [Column("Filter’s own", lambda row: row.sigma_filter, "filter's σ", form=_size)]
+    return [Column("Filter’s own", lambda row: row.sigma_filter, "filter's σ", form=_size, size="sigma")]
 
 
 def _by_kind(answer: LinearAnswer, table: Table[SizeRow]) -> Table[SizeRow]:
@@ -182,11 +193,11 @@ def _by_kind(answer: LinearAnswer, table: Table[SizeRow]) -> Table[SizeRow]:
 def final_table(answer: LinearAnswer) -> Table[SizeRow]:
     """Tabulate the final means and sigmas with the causes of the variances."""
     rows = final_rows(answer)
-    mean: Column[SizeRow] = Column("Mean", lambda row: row.mean, "mean", form=_size)
+    mean: Column[SizeRow] = Column("Mean", lambda row: row.mean, "mean", form=_size, size="value")
     columns: list[Column[SizeRow]] = [
         Column("Output", _output, "output", "label"),
         *([mean] if any(row.mean for row in rows) else []),
-        Column("At the end", lambda row: row.sigma, "σ", form=_size),
+        Column("At the end", lambda row: row.sigma, "σ", form=_size, size="sigma"),
         *_filtered(answer),
         Column("Largest causes", lambda row: _causes(row.causes), CAUSES, "words"),
     ]
@@ -200,7 +211,7 @@ def largest_table(answer: LinearAnswer) -> Table[SizeRow]:
     label = "" if answer.history is None else answer.history.readings.label
     columns: list[Column[SizeRow]] = [
         Column("Output", _output, "output", "label"),
-        Column("Largest", lambda row: row.sigma, "largest σ", form=_size),
+        Column("Largest", lambda row: row.sigma, "largest σ", form=_size, size="sigma"),
         *_filtered(answer),
         Column(label, lambda row: row.time, f"at {label}", form=five_digits),
         Column("Largest causes then", lambda row: _causes(row.causes), CAUSES, "words"),
@@ -215,8 +226,8 @@ def smoothed_table(answer: LinearAnswer) -> Table[SizeRow]:
     label = "" if answer.smoothed is None else answer.smoothed.readings.label
     columns: list[Column[SizeRow]] = [
         Column("Output", _output, "output", "label"),
-        Column("Largest", lambda row: row.sigma, "largest σ", form=_size),
-        Column("Smoother claims", lambda row: row.sigma_filter, "smoother's σ", form=_size),
+        Column("Largest", lambda row: row.sigma, "largest σ", form=_size, size="sigma"),
+        Column("Smoother claims", lambda row: row.sigma_filter, "smoother's σ", form=_size, size="sigma"),
         Column(label, lambda row: row.time, f"at {label}", form=five_digits),
         Column("Largest causes then", lambda row: _causes(row.causes), CAUSES, "words"),
     ]

@@ -20,6 +20,7 @@ from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.requirements_over_time import ErrorHistories
 from mcnav.analysis.running_ratios import Convergence
 from mcnav.analysis.summary import HigherOrder, Summary
+from mcnav.analysis.tail_curves import Curvature, TailCurve, tail_curve
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.analysis.vector_sizes import SampledSize
@@ -110,6 +111,17 @@ class RunAnalysis:
         return tuple(
             requirement_curve(each.requirement, histories, self.criterion.confidence)
             if each.requirement.epochs and max(each.requirement.epochs) < len(histories.times) else None
+            for each in self.requirements
+        )  # fmt: skip
+
+    @cached_property
+    def tail_curves(self) -> tuple[TailCurve | None, ...]:
+        """Probability beyond the limits of each requirement that flights were chosen for; none of others."""
+        curvature = Curvature.of_record(self.manifest.model.second_order)
+        blocks = self.manifest.sampling_design.blocks(self.samples.index)
+        return tuple(
+            tail_curve(each.requirement, self.model, curvature, self.outputs, blocks, self.criterion.confidence)
+            if each.exceedance is not None and not each.requirement.epochs and self.beyond is None else None
             for each in self.requirements
         )  # fmt: skip
 

@@ -106,7 +106,7 @@ Value = Callable[[OutputEntry], float | None]
 
 def _sigma(name: str, kind: str, value: Value, spare: int = 0) -> ResultColumn[OutputEntry]:
     """Return a column of sigmas, to five digits."""
-    page = Column(f"{kind.capitalize()} σ", value, form=five_digits, place="page")
+    page = Column(f"{kind.capitalize()} σ", value, form=five_digits, place="page", size="sigma")
     return ResultColumn(name, value, (page, Column("", value, f"{kind} σ", form=_five, place="terminal", spare=spare)))
 
 

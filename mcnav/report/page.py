@@ -20,6 +20,7 @@ from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
 from mcnav.report.figures.requirements import requirements_over_time
+from mcnav.report.figures.tail import tails
 from mcnav.report.html import page_html
 from mcnav.report.left_out import not_modelled
 from mcnav.report.model import RunAnalysis
@@ -44,7 +45,7 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "convergence": agreement.running_ratios, "nees_history": normalized_errors.nees_over_time,
     "nis_history": normalized_errors.nis_over_time, "sigma_history": sigma_ratios.sigma_ratios_over_time,
     "within_history": sigma_ratios.shares_within, "estimation": estimation, "combination": combination,
-    "requirements_over_time": requirements_over_time,
+    "requirements_over_time": requirements_over_time, "tails": tails,
     "dispersion_over_time": truth.dispersion_over_time, "landing_ellipses": truth.ellipses_at_end,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""

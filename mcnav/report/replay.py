@@ -29,14 +29,15 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Replay:
-    """One sample of a run, simulated again.
+    """One sample of a run, simulated again; or, with the number of a requirement, the most likely way to fail it.
 
-    Its ``errors``, their ``sigmas`` and the final errors by the ``linear`` model are in SI. A stored ``traceback`` is
-    preferred; ``notes`` are remarks for the user, a line each.
+    ``limited`` says what a requirement limits and what the flight reaches. Its ``errors``, their ``sigmas`` and the
+    final errors by the ``linear`` model are in SI. A stored ``traceback`` is preferred; ``notes`` are remarks for the
+    user, a line each.
     """
 
     campaign: str
-    index: int
+    index: int | None
     sources: Sequence[Source]
     outputs: Sequence[Output]
     errors: Array
@@ -46,6 +47,20 @@ class Replay:
     traceback: str
     history: History
     notes: tuple[str, ...] = ()
+    requirement: int = 0
+    limited: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name of its files."""
+        return f"replay_fail_{self.requirement}" if self.index is None else f"replay_{self.index}"
+
+    @property
+    def words(self) -> str:
+        """What is flown."""
+        if self.index is None:
+            return f"most likely way to fail requirement {self.requirement}"
+        return f"sample {self.index:,}"
 
 
 @dataclass(frozen=True)
@@ -70,7 +85,7 @@ def error_table(replay: Replay) -> Table[_Error]:
         Column("value", lambda row: row.value, form=lambda value: number(value, 6)),
         Column("in sigmas", lambda row: row.sigmas),
     ]
-    return Table("Errors of this sample.", columns, rows, f"{replay.campaign}: sample {replay.index:,}")
+    return Table("Errors of this flight.", columns, rows, f"{replay.campaign}: {replay.words}")
 
 
 def outcome_table(replay: Replay) -> Table[int]:
@@ -99,7 +114,7 @@ def table(replay: Replay) -> pd.DataFrame:
     """Tabulate the history, or without one the errors and outcomes, with units in the column names."""
     if replay.history.columns:
         return pd.DataFrame(dict(replay.history.columns))
-    row: dict[str, object] = {"index": replay.index}
+    row: dict[str, object] = {"index": replay.words if replay.index is None else replay.index}
     row |= {f"error {s.name} [{s.unit}]": e for s, e in zip(replay.sources, replay.errors, strict=True)}
     rows = []
     for outcome in replay.outcomes:
@@ -110,25 +125,31 @@ def table(replay: Replay) -> pd.DataFrame:
 
 def page(replay: Replay) -> Page:
     """Return the page."""
-    heading, figure = f"{replay.campaign}: sample {replay.index:,}", flight(replay.history)
+    heading, figure = f"{replay.campaign}: {replay.words}", flight(replay.history)
     traceback = Lines(replay.traceback) if replay.traceback else None
-    sections = [Section("outcome", "Outcome", joined(outcome_table(replay), traceback))]
+    sections = [Section("outcome", "Outcome", joined(_limit(replay), outcome_table(replay), traceback))]
     if figure is not None:
         until = Note("Simulated by the reference engine, up to the end or the failure.")
         sections.append(Section("flight", "Time history", [figure, until]))
     sections.append(Section("errors", "Errors", [error_table(replay)]))
     facts = Facts([(outcome.label, outcome.status) for outcome in replay.outcomes])
-    return Page(heading, "One sample simulated again", heading, [facts], sections)
+    kind = "Most likely way to fail" if replay.index is None else "One sample simulated again"
+    return Page(heading, kind, heading, [facts], sections)
+
+
+def _limit(replay: Replay) -> Note | None:
+    """Say what the flight reaches of a limit; nothing of a sample."""
+    return Note(replay.limited) if replay.limited else None
 
 
 def terminal(replay: Replay) -> list[Part]:
     """List what the terminal shows: errors, outcomes, and why a simulation failed."""
     status = [Note(f"{outcome.label}: {outcome.status}") for outcome in replay.outcomes]
     trace = [Lines(replay.traceback)] if replay.traceback else []
-    return [error_table(replay), outcome_table(replay), Note(""), *status, *trace]
+    return [error_table(replay), *joined(_limit(replay)), outcome_table(replay), Note(""), *status, *trace]
 
 
 def files(replay: Replay) -> Mapping[str, bytes]:
     """Return the page and the table by file name."""
-    name = f"replay_{replay.index}"
+    name = replay.name
     return {f"{name}.html": page_html(page(replay)).encode(), f"{name}.csv": table(replay).to_csv(index=False).encode()}

@@ -96,6 +96,7 @@ class RequirementRow:
     scale: float
     unit: str
     time_unit: str = ""
+    number: int = 1
 
     @property
     def words(self) -> str:
@@ -166,13 +167,16 @@ class RequirementRow:
             return "–"
         if known.refusal or known.estimate is None or known.low is None or known.high is None:
             return f"not estimated: {known.refusal}"
-        return f"{known.estimate:.2e} ({known.low:.2e} to {known.high:.2e}), {known.flights:,} flights"
+        when = " at any epoch" if self.entry.epochs else ""
+        return f"{known.estimate:.2e} ({known.low:.2e} to {known.high:.2e}){when}, {known.flights:,} flights"
 
     @property
     def way(self) -> str:
         """The most likely way to fail."""
         known = self.entry.exceedance
-        return "" if known is None or not known.way else way_to_fail(self.summary, known.way)
+        if known is None or not known.way:
+            return ""
+        return f"{way_to_fail(self.summary, known.way)}; flown by mcnav replay RUN --fail {self.number}"
 
     @property
     def to_decide(self) -> str:
@@ -229,9 +233,9 @@ def requirement_rows(summary: Summary, units: Units = "shown", time_unit: str = 
         for output, shown in zip(summary.outputs, summary.units_shown, strict=True)
     }
     rows = []
-    for entry in summary.requirements:
+    for place, entry in enumerate(summary.requirements, 1):
         scale, unit = (1.0, "") if entry.kind in ("sigma_ratio", "box") else shown_in[entry.outputs[0]]
-        rows.append(RequirementRow(summary, entry, scale, unit, time_unit))
+        rows.append(RequirementRow(summary, entry, scale, unit, time_unit, place))
     return rows
 
 

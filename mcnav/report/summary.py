@@ -128,9 +128,15 @@ def _linear(record: ModelRecord, model: Model) -> Keys:
         **({"processes": processes} if processes else {}),
         "mean_linear": model.outcome_mean,
         "unscented": record.unscented,
-        "second_order": record.second_order,
+        "second_order": _without_axes(record.second_order),
         "higher_order": record.higher_order,
     }
+
+
+def _without_axes(second_order: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    """Leave out what only tails are computed from (`mcnav.analysis.tail_curves`)."""
+    axes = {"centre", "slopes", "curvatures"}
+    return None if second_order is None else {key: each for key, each in second_order.items() if key not in axes}
 
 
 def _output(output: Variable) -> Keys:

@@ -37,6 +37,8 @@ def frame(sweep: Sweep) -> pd.DataFrame:
                 columns[name], units[name] = result, measure.shown_in
         if np.isfinite(sweep.margins[..., index]).any():
             columns[f"{measure.name}, met"] = (sweep.margins[..., index] <= 0.0).reshape(-1)
+        if sweep.exceedances is not None and sweep.rare(index):
+            columns[f"{measure.name}, beyond"] = sweep.exceedances[..., index].reshape(-1)
     table = pd.DataFrame(columns)
     assert len(table) == int(np.prod(shape))
     table.attrs = {"units": units, "just_met": just_met_rows(sweep)}
@@ -103,6 +105,7 @@ def table(sweep: Sweep) -> Mapping[str, object]:
         ],
         "values": sweep.values,
         "filter": sweep.own if np.isfinite(sweep.own).any() else None,
+        **({"exceedance": sweep.exceedances} if any(map(sweep.rare, range(len(sweep.measures)))) else {}),
         "added": [{"point": _plain_point(sweep, point), "values": values} for point, values in sweep.added],
         "just_met": just_met_rows(sweep),
         "monte_carlo": [

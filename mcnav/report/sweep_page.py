@@ -173,8 +173,15 @@ def point_table(sweep: Sweep) -> Table[tuple[int, ...]]:
         described = sweep.measures[index]
         return Column(title_of(described, sweep), content, unit=described.shown_in)
 
-    count = len(sweep.variables)
-    columns = [*map(variable, range(count)), *map(measure, range(len(sweep.measures)))]
+    def beyond(index: int) -> Column[tuple[int, ...]]:
+        probabilities = sweep.values if sweep.exceedances is None else sweep.exceedances
+        return Column(
+            "Beyond the limit" if len(sweep.measures) == 1 else f"{title_of(sweep.measures[index], sweep)}, beyond",
+            lambda place: f"{float(probabilities[(*place, index)]):.2e}",
+        )
+
+    count, indices = len(sweep.variables), range(len(sweep.measures))
+    columns = [*map(variable, range(count)), *map(measure, indices), *map(beyond, filter(sweep.rare, indices))]
     return Table("", columns, [places[each] for each in chosen], "Linear analysis", keys=count)
 
 

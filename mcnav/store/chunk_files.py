@@ -169,9 +169,9 @@ def write_chunk(
         Final sigmas of the samples' filters and the NEES, where the schema has columns for them.
     """
     count = len(errors)
-    failed = np.array([row in failures for row in range(count)], dtype=bool)
-    status = [failures[row].status if row in failures else OK for row in range(count)]
-    columns = {"index": arrow_array(np.arange(begin, begin + count)), "status": arrow_texts(status)}
+    failed = np.zeros(count, dtype=bool)
+    failed[list(failures)] = True
+    columns = {"index": arrow_array(np.arange(begin, begin + count)), "status": _status_of(failures, count)}
     columns |= {name: arrow_array(values) for name, values in zip(layout.errors, errors.T, strict=True)}
     columns |= {name: arrow_array(values, failed) for name, values in zip(layout.outputs, outputs.T, strict=True)}
     if layout.linear and linear is not None:
@@ -186,6 +186,13 @@ def write_chunk(
     content = parquet_bytes(table.replace_schema_metadata(metadata), _TEXT)
     write_whole(folder / chunk_name(number), content)
     return _described(number, begin, totals.samples, totals.failed, totals.fallback_count, content)
+
+
+def _status_of(failures: Mapping[int, Failure], count: int) -> pa.Array:
+    """Return the status of each row as text."""
+    if not failures:
+        return repeated_text(OK, count)
+    return arrow_texts([failures[row].status if row in failures else OK for row in range(count)])
 
 
 def _checksum_of(marks: Mapping[str, str]) -> str:

@@ -156,7 +156,10 @@ class FaultRecord(Record):
 
 
 class ExceedanceRecord(Record):
-    """See `mcnav.analysis.requirements.Exceedance`; ``requirement`` is the number of the requirement, from zero."""
+    """See `mcnav.analysis.requirements.Exceedance`; ``requirement`` is the number of the requirement, from zero.
+
+    ``point`` is the most likely way to fail in standard normals, shape (d,); none where it is not known.
+    """
 
     requirement: Count
     estimate: Number
@@ -166,14 +169,16 @@ class ExceedanceRecord(Record):
     refusal: Words = ""
     way: Mapping[Words, float] = {}
     sides: Count = 0
+    point: Vector | None = None
 
 
 class ModelRecord(Record):
     """The linear model, SI, and what further simulations add to it (`mcnav.lincov.nonlinear_corrections`).
 
     ``processes`` are the covariances that each process of noise adds; none in a scenario without noise. ``filter`` is
-    none in a scenario without a filter, ``smoother`` where none follows it. ``faults`` are
-    those of its sensors.
+    none in a scenario without a filter, ``smoother`` where none follows it. ``faults`` are those of its sensors.
+    ``development`` is in a file of its own (`mcnav.store.development`), whose digest the manifest has; in the manifest
+    itself where an earlier version wrote it.
     """
 
     sources: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
@@ -186,7 +191,8 @@ class ModelRecord(Record):
     filter: FilterRecord | None = None
     smoother: SmootherRecord | None = None
     faults: tuple[FaultRecord, ...] | None = None
-    development: PartialsRecord | None = None
+    development: Annotated[PartialsRecord | None, Field(exclude=True)] = None
+    development_sha256: Digest | None = None
     unscented: Mapping[str, Any] | None = None
     partials_differences: Mapping[str, Any] | None = None
     second_order: Mapping[str, Any] | None = None

@@ -21,9 +21,9 @@ from mcnav.files import INPUTS, indented_json, read_whole
 from mcnav.records import Record
 
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
-HISTORY, SAMPLES, LOCK = "history.parquet", "samples", ".lock"
+HISTORY, DEVELOPMENT, SAMPLES, LOCK = "history.parquet", "development.parquet", "samples", ".lock"
 EPOCHS, HISTORIES, FILTER = "epochs.parquet", "histories.parquet", "filter.parquet"
-FILES: Final = (MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, FILTER, CAMPAIGN)
+FILES: Final = (MANIFEST, SUMMARY, REPORT, HISTORY, DEVELOPMENT, EPOCHS, HISTORIES, FILTER, CAMPAIGN)
 TABLES: Final = "tables"
 """Folder of a run with the tables of its campaign."""
 

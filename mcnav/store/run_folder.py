@@ -1,11 +1,12 @@
 """The run folder: what a run leaves behind, and all that a report needs.
 
-``campaign.toml`` (resolved), ``manifest.json``, ``samples/part-*.parquet``, ``history.parquet``, where the engine knows
-errors throughout the flight ``epochs.parquet`` and ``histories.parquet``, with a filter ``filter.parquet``,
-``summary.json``, ``report.html``, and the Python file of a scenario of the user's own, which only ``mcnav run`` on the
-campaign beside it ever executes, with the small files that it reads in ``inputs/``. A file is written under a temporary
-name and renamed when it is complete, so that a file that is there is whole. The file of a chunk has the identity of its
-run and its place in it; it is verified by its content, not because the manifest lists it.
+``campaign.toml`` (resolved), ``manifest.json``, ``samples/part-*.parquet``, ``history.parquet``, where partial
+derivatives are known over time ``development.parquet``, where the engine knows errors throughout the flight
+``epochs.parquet`` and ``histories.parquet``, with a filter ``filter.parquet``, ``summary.json``, ``report.html``, and
+the Python file of a scenario of the user's own, which only ``mcnav run`` on the campaign beside it ever executes, with
+the small files that it reads in ``inputs/``. A file is written under a temporary name and renamed when it is complete,
+so that a file that is there is whole. The file of a chunk has the identity of its run and its place in it; it is
+verified by its content, not because the manifest lists it.
 """
 
 from __future__ import annotations
@@ -41,11 +42,13 @@ from mcnav.store.chunk_files import (
     room_for,
     table_from,
 )
+from mcnav.store.development import development_in, development_table
 from mcnav.store.histories import first_histories
 from mcnav.store.inputs import LARGEST_COPY
-from mcnav.store.manifest import FileRecord, Manifest
+from mcnav.store.manifest import FileRecord, Manifest, ModelRecord, PartialsRecord
 from mcnav.store.run_files import (
     CAMPAIGN,
+    DEVELOPMENT,
     EPOCHS,
     FILES,
     HISTORIES,
@@ -136,17 +139,37 @@ class RunFolder:
         return manifest
 
     def finished_manifest(self) -> Manifest:
-        """Read the manifest of a finished run; `RunFolderError` when there is none."""
+        """Read the manifest of a finished run with its partial derivatives over time.
+
+        Raises `RunFolderError` when there is none, or one of the two files is damaged.
+        """
         manifest = self.existing_manifest()
         if not manifest.complete:
             raise RunFolderError(
                 f"{self.path}: the run is not finished; run the campaign again, it goes on where it stopped"
             )
-        return manifest
+        model = manifest.model
+        if model.development_sha256 is None:
+            return manifest
+        known = self._development(model, model.development_sha256)
+        return manifest.model_copy(update={"model": model.model_copy(update={"development": known})})
+
+    def _development(self, model: ModelRecord, digest: str) -> PartialsRecord:
+        """Read the partial derivatives over time; `RunFolderError` when they are not those of the manifest."""
+        path = self.path / DEVELOPMENT
+        with _reading(path, "is missing or damaged"):
+            content = read_whole(path, LARGEST_JSON)
+            if hashlib.sha256(content).hexdigest() != digest:
+                raise ValueError("its checksum differs")
+            return development_in(content, model)
 
     def write_manifest(self, manifest: Manifest) -> None:
-        """Write the manifest with a checksum of itself."""
-        content = manifest.to_json()
+        """Write the manifest with a checksum of itself, and before it the file of partial derivatives over time."""
+        content, known = manifest.to_json(), manifest.model.development
+        if known is not None:
+            table = development_table(manifest.model, known)
+            self.write(DEVELOPMENT, table)
+            content["model"]["development_sha256"] = hashlib.sha256(table).hexdigest()
         text = as_text(content | {"checksum": json_digest(content)})
         self.write(MANIFEST, text)
         remember_whole(text)

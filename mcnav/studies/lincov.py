@@ -26,6 +26,7 @@ from mcnav.analysis.vector_sizes import components_of, linear_sizes
 from mcnav.analysis.what_if import WhatIf
 from mcnav.config.overrides import document_of
 from mcnav.config.read import Campaign, campaign_from
+from mcnav.config.toml import Content
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import kinds_of
 from mcnav.contract.scenario import (
@@ -45,9 +46,11 @@ from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.soundness import find_doubt
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
+from mcnav.report.document import Page
 from mcnav.report.gates import gate_rows
 from mcnav.report.html import page_html
 from mcnav.report.lincov_page import card, page
+from mcnav.studies.curved_tails import with_curvature
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.units import UnitError, quantity
 from mcnav.workflow.what_if import what_if_of_answer
@@ -85,6 +88,7 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
     described = campaign_from(campaign)
     answer = answer_linearly(described, times)
     with one_thread(), _scenario_errors(described):
+        answer = replace(answer, requirements=with_curvature(answer, described))
         remarks = remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
         gates = _gates(described)
     return replace(answer, remarks=remarks, gates=gates, card=partial(card, outages=_outages(described)))
@@ -244,13 +248,25 @@ def read_times(written: str) -> Array:
 def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> tuple[LinearAnswer, list[Path]]:
     """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`."""
     covariance = linear_covariance(campaign, times)
-    written = page_html(page(covariance, _outages(campaign), _what_if(campaign, covariance)))
+    written = page_html(lincov_page(campaign, covariance))
     files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
 
 
+def lincov_page(campaign: Campaign, answer: LinearAnswer) -> Page:
+    """Return the page on a campaign's linear covariance, with what its reader can change."""
+    return page(answer, _outages(campaign), _what_if(campaign, answer))
+
+
 def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:
-    """Return what the page lets its reader change, by the campaign's file, or by its entries where these are others."""
+    return what_if_of_answer(answer, *changeable_content(campaign))
+
+
+def changeable_content(campaign: Campaign) -> tuple[Content, str]:
+    """Return the entries whose numbers can be changed, and where a file of them is to be saved.
+
+    They are those of the campaign's file, or of the campaign where these are others.
+    """
     beside = f"beside {Path(campaign.file).name}"
     try:
         content = document_of(campaign)[0]
@@ -258,8 +274,8 @@ def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:
         content = {}
     names = OF_SIZES if campaign.tables else (*OF_SIZES, "errors")  # columns of tables have other paths there
     if any(content.get(name) != campaign.resolved.get(name) for name in names):
-        content, beside = dict(campaign.resolved), "beside the files that it names"
-    return what_if_of_answer(answer, content, beside)
+        return dict(campaign.resolved), "beside the files that it names"
+    return content, beside
 
 
 def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
@@ -288,6 +304,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
                 "met": each.met if each.judged else None,
                 "margin": each.margin,
                 **({"exceedance": each.beyond} if math.isfinite(each.beyond) else {}),
+                **({"exceedance_curved": each.curved} if math.isfinite(each.curved) else {}),
                 "time": each.time,
                 "causes": [asdict(cause) for cause in answer.requirement_causes(number)],
             }

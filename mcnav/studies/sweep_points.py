@@ -48,12 +48,15 @@ class PointAnswer:
         At which a measure just meets its limit; NaN without a limit.
     margins : ndarray, shape (measures,)
         Logarithm of the value over its bound, of a box the other way round: above zero where the limit is exceeded.
+    exceedances : ndarray, shape (measures,)
+        See `mcnav.analysis.accuracy_measures.Measure.beyond`.
     """
 
     values: Array
     own: Array
     bounds: Array
     margins: Array
+    exceedances: Array
 
 
 class LinearPoints:
@@ -124,7 +127,7 @@ class LinearPoints:
         own = campaign_requirements(campaign)
         required = {each.requirement: each for each in requirement_measures(own, campaign.scenario.outputs)}
         since = _beyond_since(campaign, answer)
-        values, stated, bounds, margins = np.full((4, len(self._measures)), np.nan)
+        values, stated, bounds, margins, exceedances = np.full((5, len(self._measures)), np.nan)
         for number, (measure, time) in enumerate(zip(self._measures, self._at, strict=True)):
             held = measure if measure.requirement is None else required[measure.requirement]
             held = held.at_reading(end if time is None else int(np.argmin(np.abs(answer.times - time))))
@@ -133,9 +136,10 @@ class LinearPoints:
                 values[number], margins[number] = np.inf, np.nan if held.bound is None else np.inf
                 continue
             values[number], stated[number] = held.value(answer), held.own_value(answer)
+            exceedances[number] = held.beyond(answer)
             if held.bound is not None:
                 margins[number] = _margin(held, float(values[number]))
-        return PointAnswer(values, stated, bounds, margins)
+        return PointAnswer(values, stated, bounds, margins, exceedances)
 
 
 def _beyond_since(campaign: Campaign, answer: CovarianceReadings) -> float:

@@ -174,15 +174,19 @@ class _Judge:
         confidence = self.criterion.confidence
         if requirement.epochs:
             result = judge_over_time(requirement, self.histories, confidence)
+            if self.histories is not None and max(requirement.epochs) < len(self.histories.times):
+                result = self._with_exceedance(result, requirement, self.histories.errors, self.histories.blocks)
         else:
             most = STORED_ROWS if self.manifest.store == SUMMARY else None
             result = judge_requirement(
                 requirement, self.model, self.outputs, self.blocks, self.comparison, confidence, most
             )
-            result = self._with_exceedance(result, requirement)
+            result = self._with_exceedance(result, requirement, self.outputs, self.blocks)
         return explain(result, self.manifest.model, self.model, self.beyond)
 
-    def _with_exceedance(self, result: RequirementResult, requirement: Requirement) -> RequirementResult:
+    def _with_exceedance(
+        self, result: RequirementResult, requirement: Requirement, outcomes: Array, blocks: IndexArray
+    ) -> RequirementResult:
         """Add what flights chosen with the linear model say of a requirement, where there are some."""
         number = self.requirements.index(requirement)
         for record in self.manifest.model.exceedance or ():
@@ -191,7 +195,7 @@ class _Judge:
                     record.estimate, record.low, record.high, record.flights, record.refusal, record.way, record.sides
                 )
                 event, confidence = Event.of(requirement, self.model.sizes), self.criterion.confidence
-                return weigh(result, exceedance, event, self.outputs, self.blocks, confidence)
+                return weigh(result, exceedance, event, outcomes, blocks, confidence)
         return result
 
 

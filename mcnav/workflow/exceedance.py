@@ -14,18 +14,26 @@ from scipy import special
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.exceedance import Event, allowed_share, most_likely_way, samples_deciding
-from mcnav.analysis.requirements import Requirement
-from mcnav.contract.engine import ConditionalEngine, ConditionalNoise, Engine, conditions_noise, without_noise
-from mcnav.contract.samples import Batch
+from mcnav.analysis.requirements import Requirement, is_rare, size_probability
+from mcnav.contract.engine import (
+    ConditionalEngine,
+    ConditionalNoise,
+    Engine,
+    conditions_noise,
+    has_histories,
+    without_noise,
+)
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.execution.soundness import isolated
 from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.facets import linear_facets
 from mcnav.sampling.copula import semidefinite_factor
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.sampling.error_model import ErrorModel
+from mcnav.statistics.bisection import root_between
 from mcnav.store.manifest import ExceedanceRecord
 from mcnav.systems.timeouts import check_stopped
-from mcnav.workflow.prepare import PreparedSystem, exact_part
+from mcnav.workflow.prepare import LinearHistory, PreparedSystem, exact_part
 
 RAREST: Final = 12.0
 """Distance of the linear limit in sigmas beyond which a probability, of 1e-33, is not estimated."""
@@ -40,6 +48,12 @@ SHARE: Final = 5
 MOST_FLIGHTS: Final = 4_000
 """Flights of a campaign with noise, which scatters entries: one flight for so many samples, and at most so many."""
 
+UNFELT: Final = 1e-6
+"""Share of an output's linear sigma below which what noise adds to it is rounding."""
+
+MOVED: Final = 0.2
+"""Share of its distance by which the most likely way to fail is moved to the limit, at most."""
+
 STREAM: Final = 1_000_003
 """Seeds of the flights: the campaign's times this, plus the number of the requirement."""
 
@@ -48,22 +62,28 @@ STREAM: Final = 1_000_003
 class _Noise:
     """Noise that adds ``factor @ w`` of normals w to the linear outcomes of the requirement's outputs.
 
-    ``processes`` are the covariances that each process adds to them, shape (m, m).
+    ``processes`` are the covariances that each process adds to them, shape (m, m). ``felt`` are the outputs, by their
+    place among these, to which noise adds more than rounding; the noise of ``samples`` is given for them.
     """
 
     samples: ConditionalNoise
     processes: Mapping[str, Array]
     factor: Array
+    felt: IndexArray
 
     @classmethod
     def of(cls, engine: ConditionalEngine, model: Model, outputs: tuple[int, ...]) -> _Noise:
         """Factor the covariance; a part without variance has no normals."""
         processes = {name: covariance[np.ix_(outputs, outputs)] for name, covariance in model.processes.items()}
         covariance = sum(processes.values(), np.zeros((len(outputs), len(outputs))))
+        whole = np.sqrt(np.diag(model.outcome_covariance)[list(outputs)])
         sigma = np.sqrt(np.diag(covariance))
+        sigma = np.where(sigma > UNFELT * whole, sigma, 0.0)
+        felt = np.flatnonzero(sigma)
         inverse = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
         factor = sigma[:, None] * semidefinite_factor(inverse[:, None] * covariance * inverse)
-        return cls(engine.conditional_noise(outputs), processes, factor[:, factor.any(axis=0)])
+        samples = engine.conditional_noise(tuple(outputs[place] for place in felt))
+        return cls(samples, processes, factor[:, factor.any(axis=0)], felt)
 
     def added(self, normals: Array) -> Array:
         """Return what noise adds to the linear outcomes, shape (n, m)."""
@@ -72,17 +92,19 @@ class _Noise:
 
 @dataclass(frozen=True)
 class _Normals:
-    """Simulation and linear model as functions of standard normals, for some outputs.
+    """Simulation and linear model as functions of standard normals, for what an event limits.
 
-    The first normals are those on which constant errors depend; the others are those of `_Noise`.
+    The first normals are those on which constant errors depend; the others are those of `_Noise`. The linear model
+    ``throughout`` the flight is that of an event over time.
     """
 
     engine: Engine
     errors: ErrorModel
     model: Model
-    outputs: tuple[int, ...]
+    event: Event
     seed: int
     noise: _Noise | None = None
+    throughout: LinearHistory | None = None
 
     @property
     def constants(self) -> int:
@@ -104,16 +126,24 @@ class _Normals:
         """Simulate, with noise by number; NaN for a flight that fails."""
         check_stopped()
         if not len(points):
-            return np.zeros((0, len(self.outputs)))
-        errors = self.errors_of(points)
-        if self.noise is None:
-            flown = without_noise(self.engine)(errors)
-        else:
-            batch = Batch(numbers, errors, self._noise_seed)
-            flown = self.noise.samples.simulate(batch, self.noise.added(points[:, self.constants :]))
-        values = flown.values[:, self.outputs].copy()
+            return np.zeros((0, len(self.linear(np.zeros((1, self.dimensions)))[0])))
+        if self.event.epochs:
+            engine = self.engine
+            assert has_histories(engine)
+            return self.event.picked(engine.histories(self.errors_of(points)))
+        flown = self.simulate(points, numbers)
+        values = self.event.picked(flown.values).copy()
         values[list(flown.failures)] = math.nan
         return values
+
+    def simulate(self, points: Array, numbers: IndexArray) -> SimulationResult:
+        """Simulate, with noise by number; all outputs."""
+        errors = self.errors_of(points)
+        if self.noise is None:
+            return without_noise(self.engine)(errors)
+        batch = Batch(numbers, errors, self._noise_seed)
+        added = self.noise.added(points[:, self.constants :])
+        return self.noise.samples.simulate(batch, added[:, self.noise.felt])
 
     @cached_property
     def _noise_seed(self) -> int:
@@ -121,7 +151,10 @@ class _Normals:
 
     def linear(self, points: Array) -> Array:
         """Return the outputs by the linear model."""
-        outcomes = (self.model.nominal + self.errors_of(points) @ self.model.partials.T)[:, self.outputs]
+        errors, throughout = self.errors_of(points), self.throughout
+        if throughout is not None:
+            return self.event.picked(throughout.nominal + np.einsum("mos,ns->nmo", throughout.partials, errors))
+        outcomes = self.event.picked(self.model.nominal + errors @ self.model.partials.T)
         return np.asarray(outcomes if self.noise is None else outcomes + self.noise.added(points[:, self.constants :]))
 
     def departures(self, point: Array) -> tuple[list[str], Array]:
@@ -144,25 +177,36 @@ class _Normals:
 def estimate_exceedances(
     system: PreparedSystem, model: Model, requirements: Sequence[Requirement], confidence: float
 ) -> tuple[ExceedanceRecord, ...]:
-    """Estimate the probability beyond the limits of each requirement that counting cannot decide.
+    """Estimate the probability beyond the limits of each requirement that counting cannot decide, but those on sigmas.
 
-    Those over time, and those on sigmas, are left out.
+    Over time it is that of any epoch.
     """
     records = []
     engine = isolated(system.scenario, exact_part(system.engine), system.timeout)
     for number, requirement in enumerate(requirements):
-        if requirement.kind == "sigma_ratio" or requirement.epochs:
+        if requirement.kind == "sigma_ratio":
             continue
-        event = Event.of(requirement, model.sizes)
-        seed = system.draws.seed * STREAM + number
-        noise = _Noise.of(engine, model, event.outputs) if conditions_noise(engine) else None
-        normals = _Normals(engine, system.draws.errors, model, event.outputs, seed, noise)
+        if requirement.epochs and (reason := _refusal_over_time(system, engine)):
+            if is_rare(size_probability(requirement)):
+                records.append(_refused(number, reason))
+            continue
+        draws = system.draws
+        normals, event = _normals(engine, draws.errors, draws.seed, model, requirement, number, system.throughout)
         if not _is_beyond_counting(normals, event, requirement, system, confidence):
             continue
         reason = _refusal(system)
         refused = _refused(number, reason)
         records.append(refused if reason else _estimate(number, normals, event, system.draws.samples, confidence))
     return tuple(records)
+
+
+def _refusal_over_time(system: PreparedSystem, engine: Engine) -> str:
+    """Say why no flights are chosen for requirements over time; nothing where they are."""
+    if system.engine.noisy or system.engine.filter is not None:
+        return "over time flights are chosen without noise alone"
+    if system.throughout is None or not has_histories(engine):
+        return "over time flights are chosen where the engine has histories and their partial derivatives alone"
+    return ""
 
 
 def _refused(number: int, reason: str) -> ExceedanceRecord:
@@ -174,7 +218,9 @@ def _refusal(system: PreparedSystem) -> str:
     """Say why no flights are chosen; nothing where they are."""
     engine, draws = system.engine, system.draws
     if (engine.noisy or engine.filter is not None) and not conditions_noise(exact_part(engine)):
-        return "flights are chosen with the noise of type ins alone, of engines ensemble and shared-gains"
+        return (
+            "flights are chosen with the noise of type ins, of engines ensemble and shared-gains, and of closed loops"
+        )
     if system.unsettled is not None:
         return "there is no linear model to choose flights with"
     flights = NOISY_FLIGHTS if engine.noisy else FLIGHTS
@@ -214,4 +260,64 @@ def _estimate(number: int, normals: _Normals, event: Event, samples: int, confid
     )  # fmt: skip
     if rare.refusal:
         return record.completed({"refusal": rare.refusal})
-    return record.completed({"way": most_likely_way(*normals.departures(rare.point)), "sides": rare.sides})
+    way = most_likely_way(*normals.departures(rare.point))
+    return record.completed({"way": way, "sides": rare.sides, "point": rare.point})
+
+
+@dataclass(frozen=True)
+class FailingFlight:
+    """Flight of the most likely way to fail, just beyond the limit.
+
+    Attributes
+    ----------
+    errors : ndarray, shape (sources,)
+    added : ndarray, shape (m,)
+        What noise adds to the linear outcomes of the requirement's ``outputs``; empty without noise.
+    result : SimulationResult
+    reached : float
+        Multiple of the limit.
+    """
+
+    errors: Array
+    outputs: tuple[int, ...]
+    added: Array
+    result: SimulationResult
+    reached: float
+
+
+def fly_way_to_fail(
+    engine: Engine, errors: ErrorModel, seed: int, model: Model, requirement: Requirement, record: ExceedanceRecord,
+    throughout: LinearHistory | None,
+) -> FailingFlight:  # fmt: skip
+    """Fly the most likely way to fail of a requirement, moved along its direction to just beyond the limit.
+
+    It is moved by at most a fifth of its distance: where the limit is not crossed there, it is flown as it is. Noise
+    that the condition leaves random is that of flight 0.
+    """
+    normals, event = _normals(engine, errors, seed, model, requirement, record.requirement, throughout)
+    point = np.array(record.point)
+
+    def margin(multiple: float) -> float:
+        value = float(event.limit.margin(normals.fly(multiple * point[None], np.zeros(1, dtype=np.int64)))[0])
+        return value if math.isfinite(value) else 1.0
+
+    (low, below), (high, beyond) = ((each, margin(each)) for each in (1.0 - MOVED, 1.0 + MOVED))
+    crossed = below <= 0.0 < beyond
+    multiple = root_between(margin, (low, below), (high, beyond), 1e-6)[1] if crossed else 1.0
+    found = multiple * point[None]
+    chosen = normals.errors_of(found)[0]
+    added = np.zeros(0) if normals.noise is None else normals.noise.added(found[:, normals.constants :])[0]
+    number = np.zeros(1, dtype=np.int64)
+    reached = float(event.limit.reached(normals.fly(found, number))[0])
+    return FailingFlight(chosen, event.outputs, added, normals.simulate(found, number), reached)
+
+
+def _normals(
+    engine: Engine, errors: ErrorModel, seed: int, model: Model, requirement: Requirement, number: int,
+    throughout: LinearHistory | None,
+) -> tuple[_Normals, Event]:  # fmt: skip
+    """Return flights as functions of standard normals for a requirement by number, and what failing is."""
+    event = Event.of(requirement, model.sizes)
+    noise = _Noise.of(engine, model, event.outputs) if conditions_noise(engine) else None
+    over_time = throughout if event.epochs else None
+    return _Normals(engine, errors, model, event, seed * STREAM + number, noise, over_time), event

@@ -11,8 +11,9 @@ import numpy as np
 
 from mcnav._threads import one_thread
 from mcnav._types import Array
+from mcnav.analysis.requirements import requirements_from
 from mcnav.config.read import Campaign, read_campaign
-from mcnav.contract.engine import Engine
+from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.failure import OK
 from mcnav.contract.history import Epochs, History
 from mcnav.contract.quantities import Output
@@ -23,10 +24,13 @@ from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, s
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.identity import chunk_digest, identity_of
 from mcnav.execution.processes import IsolatedEngine, end_workers
+from mcnav.execution.soundness import isolated
 from mcnav.files import INPUTS, read_whole, write_whole
 from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import prepare_engine
+from mcnav.report.names import humanize
 from mcnav.report.replay import Outcome, Replay, files
+from mcnav.report.requirements import NamedRequirement, stated
 from mcnav.store.chunk_files import (
     LARGEST_CHUNK,
     STATUS,
@@ -36,11 +40,15 @@ from mcnav.store.chunk_files import (
     tracebacks_in,
     verify_chunk,
 )
-from mcnav.store.manifest import Manifest
+from mcnav.store.manifest import ExceedanceRecord, Manifest
 from mcnav.store.run_files import CAMPAIGN, MANIFEST
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 from mcnav.systems.histories import with_errors
+from mcnav.units import conversion
+from mcnav.workflow.analyse import linear_model
+from mcnav.workflow.exceedance import fly_way_to_fail
+from mcnav.workflow.prepare import exact_part, linear_history
 
 STORED: Final = "stored"
 
@@ -99,6 +107,91 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
         history=history,
         notes=_revision_note(manifest, campaign) + of_inputs,
     )
+
+
+def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -> Replay:
+    """Fly the most likely way to fail a requirement of a run, just beyond its limit.
+
+    Parameters
+    ----------
+    path, campaign_file
+        As for `replay`.
+    number : int
+        Of the requirement, from one, in the order of the report.
+
+    Raises
+    ------
+    CampaignError, RunFolderError
+        As `replay`; also when no way to fail is known.
+    """
+    folder = RunFolder(path)
+    manifest = folder.existing_manifest()
+    record = _way_to_fail(path, manifest, number)
+    campaign, engine_name = _campaign_of(folder, manifest, campaign_file)
+    scenario, draws = campaign.scenario, DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
+    outputs = [output.model_dump() for output in manifest.model.outputs]
+    requirement = requirements_from([each.model_dump() for each in campaign.requirements], outputs)[number - 1]
+    with one_thread():
+        try:
+            engines = _engines(scenario, engine_name, draws)
+            own = isolated(scenario, exact_part(engines[engine_name]), campaign.sample_timeout)
+            model = linear_model(manifest.model)
+            throughout = linear_history(scenario, engines[engine_name]) if requirement.epochs else None
+            flight = fly_way_to_fail(own, campaign.errors, campaign.seed, model, requirement, record, throughout)
+            others = [
+                _outcome(name, without_noise(engine)(flight.errors[None]))
+                for name, engine in engines.items()
+                if name != engine_name
+            ]
+        except (ScenarioError, PolynomialFitError) as wrong:
+            raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
+        finally:
+            end_workers()
+        history = scenario.simulate_one(flight.errors) if can_replay(scenario) else History()
+    result, shown = flight.result, [each.shown_in for each in scenario.outputs]
+    units = {each.name: (conversion(each.unit, each.shown_in), each.shown_in) for each in scenario.outputs}
+    names = list(units)
+    predicted = model.nominal + model.partials @ flight.errors
+    noise = [
+        f"noise adds {added * units[names[i]][0]:.4g} {shown[i]} to {humanize(names[i])}, by linear analysis"
+        for i, added in zip(flight.outputs, flight.added, strict=False)
+    ]
+    limits = NamedRequirement(
+        requirement.kind,
+        [names[i] for i in requirement.outputs],
+        requirement.limits,
+        requirement.probability,
+        requirement.when,
+    )
+    return Replay(
+        campaign=campaign.name,
+        index=None,
+        sources=scenario.sources,
+        outputs=scenario.outputs,
+        errors=flight.errors,
+        sigmas=campaign.errors.standard_deviations,
+        linear=predicted if result.linear_values is None else result.linear_values[0],
+        outcomes=(_outcome(engine_name, result), *others),
+        traceback=result.failures[0].traceback if result.failures else "",
+        history=history,
+        notes=(*_revision_note(manifest, campaign), *noise),
+        requirement=number,
+        limited=f"Required: {stated(limits, units)}. This flight reaches {flight.reached:.4f} times the limit.",
+    )
+
+
+def _way_to_fail(path: Path, manifest: Manifest, number: int) -> ExceedanceRecord:
+    """Return the record of a requirement's most likely way to fail; refuse where there is none."""
+    records = {each.requirement + 1: each for each in manifest.model.exceedance or ()}
+    known = [key for key, each in records.items() if each.point is not None]
+    which = f"; known of {', '.join(map(str, known))}" if known else ""
+    if number not in records:
+        reason = "flights were chosen for no such requirement" if records else "no requirement is beyond counting"
+        raise RunFolderError(f"{path}: has no most likely way to fail of requirement {number}: {reason}{which}")
+    if number not in known:
+        reason = records[number].refusal or "the run was made by an earlier version; run the campaign with --fresh"
+        raise RunFolderError(f"{path}: has no most likely way to fail of requirement {number}: {reason}{which}")
+    return records[number]
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from mcnav.contract.engine import Engine, has_histories
 from mcnav.contract.history import Epochs
 from mcnav.contract.scenario import is_linear_over_time, runs_user_code
 from mcnav.execution.processes import IsolatedEngine
+from mcnav.numerics.power_sums import sum_powers_about_zero
 from mcnav.statistics.filter_sums import FilterMeans
 from mcnav.store.chunk_files import ChunkFile, Samples
 from mcnav.store.filters import filter_columns, filter_table
@@ -106,6 +107,8 @@ def _tables_of_followed(
         means = FilterMeans.of(schema, totals.filter_sums)
         tables[FILTER] = filter_table(epochs, outputs, means)
         columns = filter_columns(outputs, means, filter_prediction(system.scenario, epochs))
+    if sums is None and histories is not None:  # those of a map are of the samples that are simulated for it
+        sums = sum_powers_about_zero(histories)
     if sums is None or sums.count < FEWEST_FOLLOWED or histories is None:
         return tables
     tables[HISTORIES] = histories_table(epochs, outputs, histories)

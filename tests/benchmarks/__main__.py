@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from tests.benchmarks import growth, kernel, machine, stages
+from tests.benchmarks import growth, kernel, machine, slopes, stages
 from tests.benchmarks.build import COMPARED, case_of, disagreement
 from tests.benchmarks.case import TIME, Case
 from tests.benchmarks.compare import measure_all
@@ -22,7 +22,7 @@ from tests.benchmarks.readme import records
 from tests.benchmarks.tables import markdown
 
 FORMAT = 1
-CHAPTERS = ("reentry", "inertial")
+CHAPTERS = ("whole-runs", "reentry", "inertial")
 REFERENCE = "the reference engine (scipy's DOP853 at 1e-12, polar equations)"
 PACKAGES = ("joblib", "numba", "jax", *(entry.package for entry in PEERS.values()))
 
@@ -33,7 +33,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--peers", nargs="+", choices=list(PEERS), default=list(PEERS), help="[default: all]")
     parser.add_argument("--seconds", type=float, default=0.3, help="for which a measurement is repeated [default: 0.3]")
     parser.add_argument("--full", action="store_true", help="fly 10^8 samples as well, and 10^5 aided ones")
-    parser.add_argument("--only", choices=CHAPTERS, help="one chapter; the page keeps what is known of the other")
+    parser.add_argument("--only", choices=CHAPTERS, help="one chapter; the page keeps what is known of the others")
     parser.add_argument(
         "--inertial-peers", nargs="*", choices=list(INERTIAL_PEERS), default=list(INERTIAL_PEERS), help="[default: all]"
     )
@@ -85,13 +85,17 @@ def main() -> None:
         print(f"{time.perf_counter() - began:5.0f} s  {line}", flush=True)
 
     asked.out.mkdir(parents=True, exist_ok=True)
-    for name, measure, file in (("reentry", _reentry, "benchmarks"), ("inertial", _inertial, "inertial")):
+    for name, measure, file in (
+        ("whole-runs", lambda _, told: slopes.measure(told), "whole_runs"),
+        ("reentry", _reentry, "benchmarks"),
+        ("inertial", _inertial, "inertial"),
+    ):
         if asked.only in (None, name):
             (asked.out / f"{file}.json").write_text(json.dumps(measure(asked, told), indent=1) + "\n")
     if (asked.out / "benchmarks.json").exists():
-        record, inertial = records(asked.out)
-        (asked.out / "benchmarks.md").write_text(markdown(record, inertial), encoding="utf-8")
-        if asked.only != "inertial":
+        record, *further = records(asked.out)
+        (asked.out / "benchmarks.md").write_text(markdown(record, *further), encoding="utf-8")
+        if asked.only in (None, "reentry"):
             (asked.out / "work_precision.svg").write_text(work_precision(record))
     told(f"written to {asked.out}")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -19,6 +19,7 @@ def described(packages: Iterable[str]) -> dict[str, Any]:
     flags = processor.get("flags", "").split()
     return {
         "processor": processor.get("model name", platform.machine()),
+        "model": "/".join(processor[key] for key in ("cpu family", "model", "stepping") if key in processor),
         "vectors": [name for name in VECTORS if name in flags][-1:],
         "cores": len(os.sched_getaffinity(0)),
         "load": round(os.getloadavg()[0], 2),
@@ -27,6 +28,16 @@ def described(packages: Iterable[str]) -> dict[str, Any]:
         "packages": {name: _version(name) for name in sorted(set(packages))},
         "date": datetime.now(UTC).date().isoformat(),
     }
+
+
+def sentence(record: Mapping[str, Any]) -> str:
+    """Say on what a chapter was measured, and under what load; earlier records lack the processor's model."""
+    model = f" {record['model']}" if record.get("model") else ""
+    processor = f"{record['processor']}{model} ({', '.join(record['vectors'])}), {record['cores']} cores"
+    return (
+        f"Measured on {record['date']}: {processor}, Python {record['python']}; load of the machine before the first "
+        f"run {record['load']}."
+    )
 
 
 def _processor() -> dict[str, str]:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from tests.benchmarks import slopes
 from tests.benchmarks.inertial.tables import sentence
 from tests.benchmarks.tables import FINE, OURS, markdown
 
@@ -17,8 +18,12 @@ END: Final = "<!-- end of benchmarks -->\n"
 PAGE: Final = "reports/benchmarks/benchmarks.md"
 
 
-def excerpt(record: Mapping[str, Any], inertial: Mapping[str, Any] | None = None) -> str:
-    """Make the sentences of the README: one trajectory with the fastest peer, the longest run, aided navigation."""
+def excerpt(
+    record: Mapping[str, Any],
+    inertial: Mapping[str, Any] | None = None,
+    whole_runs: Mapping[str, Any] | None = None,
+) -> str:
+    """Make the sentences of the README: a trajectory with the fastest peer, the longest run, aided ones, whole runs."""
     sentences = []
     for case in record["cases"][-1:]:
         rows = [
@@ -42,12 +47,19 @@ def excerpt(record: Mapping[str, Any], inertial: Mapping[str, Any] | None = None
         )
     if inertial:
         sentences.append(sentence(inertial))
+    if whole_runs:
+        sentences.append(slopes.sentence(whole_runs))
     sentences.append(f"All measurements, and how they are made: [Benchmarks]({PAGE}).")
     return textwrap.fill(" ".join(filter(None, sentences)), 120, break_on_hyphens=False)
 
 
-def renewed(text: str, record: Mapping[str, Any], inertial: Mapping[str, Any] | None = None) -> str:
-    """Make the README with new figures.
+def renewed(
+    text: str,
+    record: Mapping[str, Any],
+    inertial: Mapping[str, Any] | None = None,
+    whole_runs: Mapping[str, Any] | None = None,
+) -> str:
+    """Make the README with new figures of the chapters.
 
     Raises
     ------
@@ -58,14 +70,16 @@ def renewed(text: str, record: Mapping[str, Any], inertial: Mapping[str, Any] | 
     _, end, after = rest.partition(END)
     if not (begin and end):
         raise ValueError(f"the README lacks its marks {BEGIN.strip()} and {END.strip()}")
-    return f"{before}{BEGIN}\n{excerpt(record, inertial)}\n\n{END}{after}"
+    return f"{before}{BEGIN}\n{excerpt(record, inertial, whole_runs)}\n\n{END}{after}"
 
 
-def records(folder: Path) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """Read the records of both chapters; none of the second where it has not been measured."""
-    first, second = folder / "benchmarks.json", folder / "inertial.json"
-    inertial = dict(json.loads(second.read_text(encoding="utf-8"))) if second.exists() else None
-    return dict(json.loads(first.read_text(encoding="utf-8"))), inertial
+def records(folder: Path) -> tuple[dict[str, Any], dict[str, Any] | None, dict[str, Any] | None]:
+    """Read the records of the chapters; none of the second and the third where it has not been measured."""
+    first, *further = (folder / f"{name}.json" for name in ("benchmarks", "inertial", "whole_runs"))
+    inertial, whole_runs = (
+        dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else None for path in further
+    )
+    return dict(json.loads(first.read_text(encoding="utf-8"))), inertial, whole_runs
 
 
 if __name__ == "__main__":

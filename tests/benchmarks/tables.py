@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from tests.benchmarks import machine, slopes
 from tests.benchmarks.compare import TARGETS
 from tests.benchmarks.inertial.tables import chapter
 from tests.benchmarks.kernel import sentence
 from tests.benchmarks.markdown import number, table
 
 METHOD: Final = """\
-    make bench                      # both chapters with all peers and whole runs: a quarter of an hour, idle machine
+    make bench                      # all chapters with all peers and whole runs: a quarter of an hour, idle machine
     make bench BENCH="1 7 --full"   # other trajectories, and 10^8 samples; python -m tests.benchmarks --help
-    make bench BENCH="--only inertial"    # one chapter: reentry, or inertial navigation in three dimensions
+    make bench BENCH="--only inertial"    # one chapter: whole-runs, reentry, or inertial
     .venv/bin/python -m tests.benchmarks.kernel    # the ensemble's kernel alone, all seven trajectories
     .venv/bin/python -m tests.benchmarks.readme    # this page and the lines of the README again, from the record
 
-`make bench` writes this page, `work_precision.svg` and the record `benchmarks.json`, which has every number in full.
+`make bench` writes this page, `work_precision.svg` and the records `benchmarks.json`, `inertial.json` and
+`whole_runs.json`, which have every number in full. Each chapter says on what, when and under what load it was measured;
+figures of different chapters are not compared, as they are of different days and machines.
 
 All peers integrate the same equations along the same truth for the same samples of the TN's errors, in stretches
 between the kinks of the truth and in canonical units, which suit their step controls better than SI. The accuracy of
@@ -38,16 +41,21 @@ ROUGH, FINE = (f"{target:.0e}" for target in TARGETS)
 OURS: Final = "mcnav"
 
 
-def markdown(record: Mapping[str, Any], inertial: Mapping[str, Any] | None = None) -> str:
-    """Make the page of the record, and of that of inertial navigation in three dimensions where there is one."""
-    machine = record["machine"]
-    packages = machine["packages"] | (inertial["machine"]["packages"] if inertial else {})
+def markdown(
+    record: Mapping[str, Any],
+    inertial: Mapping[str, Any] | None = None,
+    whole_runs: Mapping[str, Any] | None = None,
+) -> str:
+    """Make the page of the records of the chapters: reentries, and where they are, three dimensions and whole runs."""
+    known = [each["machine"]["packages"] for each in (record, inertial, whole_runs) if each]
+    packages = {name: version for each in known for name, version in each.items()}
     parts = [
         "# Benchmarks",
         "Times and memory of mcnav and its peers, at the same measured accuracy.",
         METHOD,
-        f"{machine['processor']} ({', '.join(machine['vectors'])}), {machine['cores']} cores, "
-        f"Python {machine['python']}, {machine['date']}; load of the machine before the first run {machine['load']}.",
+        *(slopes.chapter(whole_runs) if whole_runs else ()),
+        "## Reentries, with peers",
+        machine.sentence(record["machine"]),
         *(_trajectory(record, case) for case in record["cases"]),
         "![Work against precision](work_precision.svg)",
         "## The kernel by itself",

@@ -47,12 +47,12 @@ What is seen is asked before the first text is emptied: afterwards the page woul
 """
 
 
-def violations(page: Any, options: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return what axe objects to in a page, into which it is loaded unless it is there."""
+def violations(page: Any, options: dict[str, Any], part: str | None = None) -> list[dict[str, Any]]:
+    """Return what axe objects to in a page, or in a part of it; axe is loaded unless it is there."""
     sync_playwright = pytest.importorskip("axe_playwright_python.sync_playwright")
     there = page.evaluate("'axe' in window")
     axe = sync_playwright.Axe("undefined") if there else sync_playwright.Axe()
-    return list(axe.run(page, options=options | {"resultTypes": ["violations"]}).response["violations"])
+    return list(axe.run(page, part, options=options | {"resultTypes": ["violations"]}).response["violations"])
 
 
 def faint_texts(page: Any, schemes: tuple[str, ...] = ("light", "dark")) -> list[str]:

@@ -166,6 +166,16 @@ class Browser:
         folder : Path, optional
             Folder of files that the page may ask for as well.
         """
+        own = (path.as_uri(), "data:") if folder is None else (folder.as_uri(), "data:")
+        with self.visited(path.as_uri(), width, height, scripts, silent, own) as window:
+            yield window
+
+    @contextmanager
+    def visited(
+        self, address: str, width: int = 1280, height: int = 900, scripts: bool = True, silent: bool = True,
+        own: tuple[str, ...] | None = None,
+    ) -> Iterator[Any]:  # fmt: skip
+        """Open an address in the same way; ``own`` begins all addresses that it may ask for, by default itself."""
         window, said, asked = self._window(scripts), list[str](), list[str]()
         heard: dict[str, Callable[[Any], None]] = {
             "console": lambda message: said.append(message.text),
@@ -178,15 +188,14 @@ class Browser:
         for event, hear in heard.items():
             window.on(event, hear)
         try:
-            window.goto(path.as_uri())
+            window.goto(address)
             yield window
         finally:
             for event, hear in heard.items():
                 window.remove_listener(event, hear)
             window.goto("about:blank")
         assert not (silent and said), said
-        own = (path.as_uri(), "data:") if folder is None else (folder.as_uri(), "data:")
-        assert [url for url in asked if not url.startswith(own)] == []
+        assert [url for url in asked if not url.startswith(own or (address, "data:"))] == []
 
 
 @pytest.fixture(scope="session")

@@ -50,17 +50,20 @@ def bits(code: str, order: str) -> list[str]:
 REENTRY_AND_STEADY = """
 from pathlib import Path
 from mcnav.config.read import read_campaign
-from mcnav.contract.engine import without_noise
+from mcnav.contract.engine import has_histories, without_noise
+from mcnav.contract.samples import Batch
 from mcnav.execution.chunks import DrawPlan
 
 def final(name, engine, samples):
     printed(f"{name}, final errors", without_noise(engine)(samples).values)
 
 def history(name, engine, samples):
-    printed(f"{name}, histories", engine.histories(samples))
+    histories = engine.histories(samples) if has_histories(engine) else engine.simulate(Batch(None, samples, 1)).history
+    printed(f"{name}, histories", histories)
 
 def moments(name, engine, samples):
-    printed(f"{name}, sums", engine.history_sums(samples).sums)
+    if has_histories(engine):
+        printed(f"{name}, sums", engine.history_sums(samples).sums)
 
 for file in ("01_tn_d1772_trajectory_4", "11_cruise", "12_hover"):
     campaign = read_campaign(Path("campaigns") / f"{file}.toml")

@@ -10,13 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcnav.contract.engine import has_histories, without_noise
-from mcnav.lincov.partials import partials_throughout
+from mcnav.contract.engine import without_noise
+from mcnav.contract.samples import Batch
+from mcnav.numerics.hermite import POSITION_BOUND, VELOCITY_BOUND
 from mcnav.numerics.integration import Diverged, integrate
 from mcnav.systems.reentry.instruments import Error as PlanarError
 from mcnav.systems.reentry.instruments import indicated_force, measured_force
 from mcnav.systems.reentry.truth import motion
-from mcnav.systems.steady.ensemble import ORDER, simulate_ensemble, simulate_histories
+from mcnav.systems.steady.ensemble import ORDER, highest_rate, simulate_ensemble, simulate_histories
 from mcnav.systems.steady.linearized import linearize
 from mcnav.systems.steady.navigator import (
     STEEPEST,
@@ -253,10 +254,10 @@ def test_development_ends_with_the_partials() -> None:
 
 
 def test_histories_are_shorter_flights(flight: SteadyFlight) -> None:
-    """At each stop what the flight that ends there gives with the same steps, and at the last one its very bits."""
+    """At a step what the flight that ends there gives with the same steps, and at the last one its very bits."""
     errors = _draws(40, 1.0)
     stops = np.array([0, 7, 25, 60])
-    histories, valid = simulate_histories(flight, errors, 60, stops)
+    histories, valid = simulate_histories(flight, errors, 60, stops / 60)
     final, _ = simulate_ensemble(flight, errors, 60)
     assert valid.all()
     np.testing.assert_array_equal(histories[:, -1], final)
@@ -267,20 +268,37 @@ def test_histories_are_shorter_flights(flight: SteadyFlight) -> None:
         assert np.all(np.abs(histories[:, number] - expected) <= 1e-9 * scale + 1e-12)
 
 
+@pytest.mark.parametrize("steps", [12, 24])
+def test_errors_between_steps_are_off_by_the_interpolation_at_most(flight: SteadyFlight, steps: int) -> None:
+    """Against 16 times the steps, of which each time is one: the bound of `mcnav.numerics.hermite` for swings at the
+    highest rate, as large as a sample's largest position error, beside what the scheme leaves at its own steps."""
+    errors = _draws(40, 1.0 if flight.slaved else 0.1)
+    shares = np.arange(16 * steps + 1) / (16 * steps)
+    exact, _ = simulate_histories(flight, errors, 16 * steps, shares)
+    off = np.abs(simulate_histories(flight, errors, steps, shares)[0] - exact)
+    of_scheme, rate = off[:, ::16].max(axis=1), highest_rate(flight)
+    share = rate * flight.duration / steps
+    bound = np.repeat([POSITION_BOUND * share**9, VELOCITY_BOUND * share**8 * rate], 3)
+    size = np.linalg.norm(exact[:, :, :3], axis=2).max(axis=1)
+    rounding = 1e-14 * np.repeat([1.0, steps / flight.duration], 3)  # a velocity is a difference of positions
+    assert np.all(off.max(axis=1) <= of_scheme + (bound + rounding) * size[:, None])
+
+
 def test_linear_sigmas_of_a_steady_flight_throughout() -> None:
     """Central differences of histories against the equations of variation, in both kinds of axes."""
     scenario = Cruise(FLIGHTS["cruise, level platform"])
     sizes = np.array([source.nominal for source in scenario.sources])
     engine = scenario.engine("ensemble", np.diag(sizes))
-    assert has_histories(engine)
-    assert engine.epochs is not None
-    partials, nominal = partials_throughout(engine, sizes)
-    np.testing.assert_array_equal(nominal, 0.0)
-    steps = len(engine.epochs.times)
-    expected = scenario._partials(engine.epochs.times * 60.0)
-    scale = np.abs(expected * sizes).max(axis=(0, 2))[:, None]
-    assert steps == 60
-    assert np.all(np.abs((partials - expected) * sizes) < 1e-6 * scale)
+    assert isinstance(engine, EnsembleEngine)
+    errors = np.concatenate([np.diag(sizes), -np.diag(sizes)]) * 1e-3
+    histories = engine.simulate(Batch(np.arange(len(errors)), errors, 1)).history
+    assert histories is not None
+    up, down = np.split(histories, 2)
+    flown = ((up - down) / 2e-3).transpose(1, 2, 0)
+    expected = scenario._partials(engine.epochs.times * 60.0) * sizes
+    scale = np.abs(expected).max(axis=(0, 2))[:, None]
+    assert len(engine.epochs.times) == 60
+    assert np.all(np.abs(flown - expected) < 1e-6 * scale)
 
 
 def test_the_seeds_earth_may_be_another() -> None:

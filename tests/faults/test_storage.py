@@ -22,6 +22,7 @@ from mcnav.errors import RunFolderError
 from mcnav.execution.chunks import simulate_chunk
 from mcnav.progress import Silent
 from mcnav.store.chunk_files import verify_chunk
+from mcnav.store.run_files import MANIFEST, as_text, json_digest
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.run import run_campaign
@@ -104,6 +105,32 @@ def test_every_wrong_byte_of_a_manifest_is_noticed_and_mended(finished: Path, tm
     assert len(mended.notices) == 1
     assert "manifest.json: was damaged" in mended.notices[0]
     assert digests(folder.path) == digests(finished)
+
+
+def test_partials_over_time_that_are_damaged_are_noticed_and_mended(finished: Path, tmp_path: Path) -> None:
+    shutil.copytree(finished, tmp_path / "run")
+    path = tmp_path / "run" / "development.parquet"
+    for content in (path.read_bytes()[:-1] + b"?", b"", None):
+        path.unlink() if content is None else path.write_bytes(content)
+        with pytest.raises(RunFolderError, match=r"development\.parquet: is missing or damaged"):
+            report_run(tmp_path / "run")
+    assert simulate(small(300), tmp_path / "run", "ensemble", 1).simulated == 0
+    assert digests(tmp_path / "run") == digests(finished)
+
+
+def test_a_run_of_an_earlier_version_has_partials_over_time_in_its_manifest(finished: Path, tmp_path: Path) -> None:
+    shutil.copytree(finished, tmp_path / "run")
+    folder = RunFolder(tmp_path / "run")
+    manifest = folder.finished_manifest()
+    content, known = manifest.to_json(), manifest.model.development
+    assert known is not None
+    del content["model"]["development_sha256"]
+    content["model"]["development"] = known.to_json()
+    folder.write(MANIFEST, as_text(content | {"checksum": json_digest(content)}))
+    (folder.path / "development.parquet").unlink()
+    again = folder.finished_manifest().model.development
+    assert again is not None
+    assert again.to_json() == known.to_json()
 
 
 @pytest.mark.parametrize(("kind", "most"), [(resource.RLIMIT_FSIZE, 30_000), (resource.RLIMIT_AS, 6_000_000_000)])

@@ -218,7 +218,6 @@ def record() -> dict[str, Any]:
         "engines": engine_rows(),
         "hour": 3600.0,
         "bounds": [bound],
-        "earlier": [{"name": "cruise", "microseconds": 2.0, "before": 17.0, "accuracy": ""}],
         "growth": [
             {"varied": "states", "seconds": 600.0, "interval": 1.0, "states": 9, "engine": name, "microseconds": 300.0}
             for name in ("aided, own gains", "aided, shared gains")

@@ -64,13 +64,13 @@ class _Answer:
     """An output, or all outputs together; what is known of them in words."""
 
     title: Cell
-    linear: str
-    flown: str
+    linear: str | float | None
+    flown: str | float | None
     verdict: Cell
     words: str
     ratio: Cell = NOTHING
-    unscented: str = ""
-    higher_order: str = ""
+    unscented: str | float | None = ""
+    higher_order: str | float | None = ""
     kind: str = ""
 
 
@@ -80,12 +80,12 @@ def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answe
     if joint is not None:
         at = len(rows) if joint.verdict == "agrees" else 0
         rows.insert(at, replace(_jointly(joint), kind="All outputs together" if several else ""))
-    unscented: Column[_Answer] = Column("Unscented", lambda row: row.unscented)
-    higher_order: Column[_Answer] = Column("Higher order", lambda row: row.higher_order)
+    unscented: Column[_Answer] = Column("Unscented", lambda row: row.unscented, form=five_digits, size="sigma")
+    higher_order: Column[_Answer] = Column("Higher order", lambda row: row.higher_order, form=five_digits, size="sigma")
     columns: list[Column[_Answer]] = [
         Column("Output", lambda row: row.title, kind="label"),
-        Column("Linear", lambda row: row.linear),
-        Column("Monte Carlo", lambda row: row.flown, beside="Monte Carlo"),
+        Column("Linear", lambda row: row.linear, form=five_digits, size="sigma"),
+        Column("Monte Carlo", lambda row: row.flown, form=five_digits, beside="Monte Carlo", size="sigma"),
         Column("Ratio", lambda row: row.ratio, kind="label", beside="ratio"),
         *([] if entries[0].sigma_unscented is None else [unscented]),
         *([] if entries[0].sigma_higher_order is None else [higher_order]),
@@ -104,13 +104,13 @@ def _answer(content: RunAnalysis, entry: OutputEntry) -> _Answer:
     strip = Strip.of(entry.ratio_paired, entry.ratio_paired_ends, content.summary.tolerance)
     return _Answer(
         title=Cell(content.output_names[entry.place], entry.unit),
-        linear=five_digits(entry.sigma_linear),
-        flown=five_digits(entry.sigma_paired),
+        linear=entry.sigma_linear,
+        flown=entry.sigma_paired,
         verdict=Cell(entry.verdict or "", tone=tone(entry.verdict)),
         words=listed(largest_sources(content, entry.place)) or "–",
         ratio=Cell(rounded(entry.ratio_paired), strip=strip),
-        unscented=five_digits(entry.sigma_unscented),
-        higher_order=five_digits(entry.sigma_higher_order),
+        unscented=entry.sigma_unscented,
+        higher_order=entry.sigma_higher_order,
         kind=entry.kind,
     )
 
@@ -133,9 +133,11 @@ def _filter_table(content: RunAnalysis, rows: Sequence[FilterAnswer]) -> Table[F
     columns: list[Column[FilterAnswer]] = [
         Column("Output", lambda row: Cell(content.output_names[row.entry.place], row.entry.unit), kind="label"),
         Column("When", lambda row: Cell("end", below=row.when), kind="text", beside="when"),
-        Column("Monte Carlo", lambda row: row.sigmas(row.entry.sigma_paired, "flown"), beside="Monte Carlo"),
-        Column("Linear", lambda row: row.sigmas(row.entry.sigma_linear, "linear")),
-        Column("Filter", lambda row: row.sigmas(row.sigma, "filter")),
+        Column(
+            "Monte Carlo", lambda row: row.sigmas(row.entry.sigma_paired, "flown"), beside="Monte Carlo", size="sigma"
+        ),
+        Column("Linear", lambda row: row.sigmas(row.entry.sigma_linear, "linear"), size="sigma"),
+        Column("Filter", lambda row: row.sigmas(row.sigma, "filter"), size="sigma"),
         Column("Farthest ratio", lambda row: row.ratio, kind="label", beside="farthest ratio"),
         Column("Verdicts", verdicts, kind="text", beside="verdicts"),
         Column("Largest source", largest, kind="words"),

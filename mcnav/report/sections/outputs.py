@@ -98,14 +98,15 @@ def _farthest_table(content: RunAnalysis) -> Table[_Far]:
 
 
 def requirements_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section | None:
-    """Arrange the requirements, a figure of those over time, and the sigmas that each allows; none without any."""
+    """Arrange the requirements, their tails, those over time, and the sigmas that each allows; none without any."""
     if not content.summary.requirements:
         return None
     confidence, _ = _levels(content)
     asked = requirements_table(content.summary, "shown", content.time_unit, confidence).read
     allowed = allowed_by_requirement(content.summary)
     folded = [Folded(f"Allowed source sigmas: {words}", [table]) for words, table in allowed.items()]
-    return Section("requirements", "Requirements", [asked, *joined(drawn.get("requirements_over_time")), *folded])
+    figures = joined(drawn.get("tails"), drawn.get("requirements_over_time"))
+    return Section("requirements", "Requirements", [asked, *figures, *folded])
 
 
 def sigmas_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section:

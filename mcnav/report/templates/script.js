@@ -105,16 +105,61 @@
     const power = 10 ** floor(log10((high - low) / most));
     const factor = [1, 2, 2.5, 5, 10].find((each) => high - low <= most * each * power * 1.000001);
     const step = factor * power;
-    for (let k = ceil(low / step - 1e-6); k * step <= high + 1e-6 * step; k += 1) found.push([k * step, factor === 2.5 ? power / 2 : step]);
+    for (let k = ceil(low / step - 1e-6); k * step <= high + 1e-6 * step; k += 1) found.push([k * step + 0, factor === 2.5 ? power / 2 : step]);
     return found;
   };
+  // A number with significant digits, as mcnav.report.format.number writes it.
+  const number = (v, digits = 4) => {
+    if (!Number.isFinite(v)) return v > 0 ? "∞" : "–";
+    if (!v) return "0";
+    const power = floor(log10(abs(v)) + 1e-12);
+    if (power >= digits + 2 || power < -4) {
+      const [mantissa, exponent] = v.toExponential(digits - 1).split("e");
+      return `${mantissa}·10${String(+exponent).replace(/./g, (c) => (c === "-" ? "⁻" : superscripts[c]))}`.replace("-", "−");
+    }
+    const decimals = max(0, digits - 1 - power);
+    return v.toLocaleString("en", { minimumFractionDigits: decimals, maximumFractionDigits: decimals }).replace("-", "−");
+  };
+
+  // Units and multiples of sigma that the reader chooses; all are factors. Of each unit: its size, and what it becomes.
+  const DEGREE = Math.PI / 180;
+  const UNITS = {
+    m: [1, "m", "ft"], km: [1e3, "m", "NM"], ft: [0.3048, "m", "ft"], mi: [1609.344, "m", "NM"], nmi: [1852, "m", "NM"], NM: [1852, "m", "NM"],
+    "m/s": [1, "m/s", "kt"], "km/s": [1e3, "m/s", "kt"], "km/h": [1 / 3.6, "m/s", "kt"], "ft/s": [0.3048, "m/s", "kt"], kt: [1852 / 3600, "m/s", "kt"],
+    rad: [1, "rad", "deg"], mrad: [1e-3, "rad", "deg"], urad: [1e-6, "rad", "deg"], deg: [DEGREE, "rad", "deg"], arcmin: [DEGREE / 60, "rad", "deg"], arcsec: [DEGREE / 3600, "rad", "deg"],
+    "rad/s": [1, "rad/s", "deg/h"], "deg/s": [DEGREE, "rad/s", "deg/h"], "deg/h": [DEGREE / 3600, "rad/s", "deg/h"], meru: [7.292115e-8, "rad/s", "deg/h"],
+    "m/s²": [1, "m/s²", "mg"], "m/s^2": [1, "m/s²", "mg"], g: [9.80665, "m/s²", "mg"], mg: [9.80665e-3, "m/s²", "mg"], ug: [9.80665e-6, "m/s²", "mg"],
+  };
+  const SYSTEMS = { own: "as computed", SI: "SI", aviation: "aviation" };
+  const SIGMAS = { 1: ["1σ", "one sigma"], 3: ["3σ", "three sigma"], 1.959963985: ["95 %", "1.96 sigma, 95 % of a normal error"] };
+  const UPRIGHT = /altitude|height|down|vertical/i;
+  const convention = { system: "own", sigma: 1, changed: new EventTarget(),
+    get words() { return SIGMAS[this.sigma][1]; },
+    // The unit that one becomes, and by which factor its numbers; words tell heights, which are in feet.
+    unit(unit, words = "") {
+      const known = Object.hasOwn(UNITS, unit) && this.system !== "own" && UNITS[unit];
+      if (!known) return [unit, 1];
+      const chosen = known[this.system === "SI" ? 1 : 2];
+      const target = chosen === "NM" && UPRIGHT.test(words) ? "ft" : chosen;
+      return [target, target === unit ? 1 : known[0] / UNITS[target][0]];
+    },
+    text: (own, v, factor) => (factor === 1 || !v ? own : number(v * factor, own.split("·")[0].replace(/\D/g, "").replace(/^0+/, "").length || 4)) };
+
   const axisOf = (svg, name) => {
     const [low, high, from, to, log] = get(svg, `data-${name}`).split(" ").map(Number);
     const [bent, straight] = log ? [log10, (v) => 10 ** v] : [(v) => v, (v) => v];
     const [a, b] = [bent(low), bent(high)];
     const group = svg.querySelector(`g.${name}`);
-    return { from, to, log, group, before: group.innerHTML, whole: [from, to], window: [from, to],
-      named: svg.hasAttribute(`data-${name}-names`), label: get(svg, `data-${name}-label`),
+    const [unit, label] = ["unit", "label"].map((each) => get(svg, `data-${name}-${each}`));
+    const title = all(":scope > text", svg).find(({ textContent: each }) => each && (each === `${label} (${unit})` || each === unit));
+    return { from, to, log, group, before: group.innerHTML, texts: all("text", group).map(({ textContent: each }) => each), whole: [from, to], window: [from, to],
+      named: svg.hasAttribute(`data-${name}-names`), label, unit, factor: 1,
+      // Write the axis in the units that are chosen; the words of the panel tell heights.
+      convert() {
+        if (this.named) return;
+        [this.unit, this.factor] = convention.unit(unit, `${label} ${get(svg, "aria-label").split(": ").pop()}`);
+        if (title) title.textContent = label ? `${label} (${this.unit})` : this.unit;
+      },
       value: (at) => straight(a + (b - a) * (at - from) / (to - from)), at: (v) => from + (to - from) * (bent(v) - a) / (b - a),
       get scale() { return (to - from) / (this.window[1] - this.window[0]); },
       get all() { return this.window.every((end, n) => end === this.whole[n]); },
@@ -123,9 +168,9 @@
       text(at) {
         const off = (each) => abs(get(each, "y") - at);
         if (this.named) return all("text", group).sort((p, q) => off(p) - off(q))[0].textContent;
-        const [first, last] = this.window.map(this.value);
-        const v = this.value(at);
-        return `${shown(v, 10 ** floor(log10((log ? v : abs(last - first)) / 500)))} ${get(svg, `data-${name}-unit`)}`.trim();
+        const [first, last] = this.window.map((end) => this.factor * this.value(end));
+        const v = this.factor * this.value(at);
+        return `${shown(v, 10 ** floor(log10((log ? v : abs(last - first)) / 500)))} ${this.unit}`.trim();
       } };
   };
   const plots = all("figure .plot").map((plot) => {
@@ -221,13 +266,15 @@
       const { group } = axis;
       const [grid, like] = [group.querySelector(".grid"), group.querySelector("text")];
       if (axis.named || !grid || !like) return;
-      if (axis.all) { group.innerHTML = axis.before; return; }
+      if (axis.all && axis.factor === 1) { group.innerHTML = axis.before; return; }
       const up = axis === y;
-      const found = ticksOf(...axis.window.map(axis.value), axis.log, max(2, floor(abs(axis.to - axis.from) / (up ? 680 : 1100))));
-      const places = found.map(([v]) => axis.place(axis.at(v)));
+      const found = ticksOf(...axis.window.map((end) => axis.factor * axis.value(end)), axis.log, max(2, floor(abs(axis.to - axis.from) / (up ? 680 : 1100))));
+      const places = found.map(([v]) => axis.place(axis.at(v / axis.factor)));
+      const widest = (texts) => max(1, ...texts.map((each) => each.length)) + 0.5;
+      const narrow = up ? max(0.6, min(1, widest(axis.texts) / widest(found.map(([v, step]) => shown(v, step))))) : 1;
       set(grid, { d: places.map((p) => (up ? `M${x.from} ${p}H${x.to}` : `M${p} ${y.from}V${y.to}`)).join("") });
       group.replaceChildren(grid, ...found.map(([v, step], k) => {
-        const text = set(like.cloneNode(), { [up ? "y" : "x"]: places[k] + (up ? 80 : 0) });
+        const text = set(like.cloneNode(), { [up ? "y" : "x"]: places[k] + (up ? 80 : 0), ...(narrow < 1 ? { "font-size": get(svg, "font-size") * narrow } : {}) });
         text.textContent = shown(v, step);
         return text;
       }));
@@ -253,6 +300,9 @@
       axes.forEach(ticks);
       if (same) again.remove(); else plot.append(again);
     };
+    convention.changed.addEventListener("change", () => {
+      axes.forEach((axis) => { axis.convert(); ticks(axis); });
+    });
     const self = { link: svg.dataset.link,
       window(limits) {
         const found = limits ? limits.map((v) => within(x.at(v), x.whole)) : x.whole;
@@ -346,6 +396,129 @@
     });
     plot.addEventListener("blur", () => say([]));
     return self;
+  });
+
+  // Switches: tables whose rows have one unit, and axes, follow; what has its unit beside it in words stays. Remembered.
+  const [own, captions] = [new Map(), new Map()];
+  const textsOf = (element) => {
+    const [walker, found] = [document.createTreeWalker(element, NodeFilter.SHOW_TEXT), []];
+    while (walker.nextNode()) found.push(walker.currentNode);
+    return found;
+  };
+  const originally = (element) => own.get(element) ?? own.set(element, element.textContent).get(element);
+  const convertTables = () => {
+    all("tr:has([data-unit])").forEach((row) => {
+      const unit = row.querySelector("[data-unit]");
+      const [shownIn, factor] = convention.unit(unit.dataset.unit, row.cells[0].textContent);
+      unit.textContent = shownIn;
+      all("data", row).forEach((each) => {
+        const multiple = each.classList.contains("sigma") ? convention.sigma : 1;
+        each.textContent = convention.text(originally(each), Number(each.value), factor * multiple);
+      });
+    });
+    all("table:has(data.sigma)").forEach((table) => {
+      const { words } = convention;
+      const caption = table.querySelector("caption span");
+      if (!caption) return;
+      if (!captions.has(caption)) {
+        const named = textsOf(caption).find((each) => /one sigma/i.test(each.data));
+        if (!named) caption.append(" ");
+        captions.set(caption, named ?? caption.appendChild(document.createTextNode("")));
+      }
+      const place = captions.get(caption);
+      if (!own.has(place)) own.set(place, place.data);
+      const before = own.get(place);
+      const begun = before[0] === "O" ? words[0].toUpperCase() + words.slice(1) : words;
+      place.data = convention.sigma === 1 ? before : before ? before.replace(/one sigma/i, begun) : `Sigmas are shown as ${words}.`;
+    });
+  };
+  const stored = (name, chosen) => {
+    try {
+      if (chosen === undefined) return localStorage.getItem(`mcnav-${name}`);
+      localStorage.setItem(`mcnav-${name}`, chosen);
+    } catch { /* a browser may refuse it to files */ }
+    return null;
+  };
+  all(".switches").forEach((place) => {
+    const choice = (legend, name, options, now, take) => {
+      const set_ = document.createElement("fieldset");
+      const title = document.createElement("legend");
+      title.textContent = legend;
+      set_.append(title, ...options.map(([value_, words]) => {
+        const input = set(document.createElement("input"), { type: "radio", name, value: value_ });
+        input.checked = value_ === now;
+        input.addEventListener("change", () => { take(value_); stored(name, value_); apply(); });
+        const label = document.createElement("label");
+        label.append(input, words);
+        return label;
+      }));
+      return set_;
+    };
+    const apply = () => { convertTables(); convention.changed.dispatchEvent(new Event("change")); };
+    const [sigma, system] = [stored("sigma"), stored("units")];
+    if (sigma in SIGMAS) convention.sigma = Number(sigma);
+    if (system in SYSTEMS) convention.system = system;
+    place.append(choice("Sigmas in tables", "sigma", ["1", "3", "1.959963985"].map((each) => [each, SIGMAS[each][0]]), String(convention.sigma), (each) => { convention.sigma = Number(each); }),
+      choice("Units", "units", Object.entries(SYSTEMS), convention.system, (each) => { convention.system = each; }));
+    if (convention.sigma !== 1 || convention.system !== "own") apply();
+  });
+
+  // Glossary: words have their meaning under the pointer, and the first of each in a section by keyboard and touch, too.
+  all(".glossary script").forEach((place) => {
+    const meanings = JSON.parse(place.textContent);
+    const keys_ = Object.keys(meanings);
+    const word = new RegExp(`\\b(${keys_.join("|")})(?=s?\\b)`, "gi");
+    const keyOf = (text) => keys_.find((each) => each === text || (each === each.toLowerCase() && each === text.toLowerCase()));
+    const told = set(document.createElement("div"), { class: "meaning", role: "tooltip" });
+    told.hidden = true;
+    document.body.append(told);
+    place.after(...keys_.map((key, k) => { // what screen readers say of a word
+      const each = set(document.createElement("p"), { id: `meaning-${k}` });
+      each.textContent = meanings[key];
+      return each;
+    }));
+    let leaving = 0;
+    const hide = () => { told.hidden = true; };
+    const later = () => { leaving = setTimeout(hide, 200); };
+    told.addEventListener("pointerenter", () => clearTimeout(leaving));
+    told.addEventListener("pointerleave", later);
+    document.addEventListener("keydown", ({ key }) => { if (key === "Escape") hide(); });
+    const show = (element, key) => {
+      clearTimeout(leaving);
+      told.textContent = `${key}: ${meanings[key]}.`;
+      told.hidden = false;
+      const at = box(element);
+      told.style.left = `${max(4, min(at.left, document.documentElement.clientWidth - told.offsetWidth - 4))}px`;
+      told.style.top = `${scrollY + (at.top > told.offsetHeight + 8 ? at.top - told.offsetHeight - 4 : at.bottom + 4)}px`;
+    };
+    const pieces = (text, seen, inside) => {
+      let from = 0;
+      const made_ = [];
+      for (const found of text.matchAll(word)) {
+        const key = keyOf(found[0]);
+        if (key) {
+          const first_ = !inside && !seen.has(key);
+          if (!inside) seen.add(key);
+          const element = document.createElement(first_ ? "button" : "span");
+          element.textContent = found[0];
+          set(element, { class: "term", ...(first_ ? { type: "button", "aria-describedby": `meaning-${keys_.indexOf(key)}` } : {}) });
+          element.addEventListener("pointerenter", () => show(element, key));
+          element.addEventListener("pointerleave", later);
+          if (first_) ["focus", "click"].forEach((each) => element.addEventListener(each, () => show(element, key)));
+          if (first_) element.addEventListener("blur", hide);
+          made_.push(text.slice(from, found.index), element);
+          from = found.index + found[0].length;
+        }
+      }
+      return made_.length ? [...made_, text.slice(from)] : null;
+    };
+    all("main > header, main > section").forEach((part) => {
+      const seen = new Set();
+      textsOf(part).filter((each) => each.data.trim() && !each.parentElement.closest("script, style, svg, math, code, pre, select, h1, .hidden, .switches, .what-if, .live, details.data")).forEach((each) => {
+        const made_ = pieces(each.data, seen, each.parentElement.closest("button, a, summary, label"));
+        if (made_) each.replaceWith(...made_);
+      });
+    });
   });
 
   // Of many panels those that are chosen: the first ones, a single one, or all.

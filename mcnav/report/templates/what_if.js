@@ -1,5 +1,5 @@
   // What if: numbers of the data sheet are multiplied, and the linear covariance is summed anew. Of the page's script it
-  // uses `all`, `button`, `copied`, `get`, `set`, `made` and `ticksOf`. Equations are those of mcnav.analysis.what_if.
+  // uses `all`, `button`, `convention`, `copied`, `get`, `number`, `set`, `made` and `ticksOf`. Equations are those of mcnav.analysis.what_if.
 
   // The error function: Taylor series of fourth order about the nearest of values 1/128 apart, good to 1e-13.
   const erf = (() => {
@@ -189,13 +189,6 @@
       element.append(...[content].flat());
       return element;
     };
-    const number = (v, digits = 4) => {
-      if (!Number.isFinite(v)) return v > 0 ? "∞" : "–";
-      if (!v) return "0";
-      const power = floor(log10(abs(v)) + 1e-12);
-      if (power >= digits + 2 || power < -4) return shown(v, 0);
-      return v.toLocaleString("en", { minimumFractionDigits: max(0, digits - 1 - power), maximumFractionDigits: max(0, digits - 1 - power) }).replace("-", "−");
-    };
     const text = (v) => String(+v.toPrecision(12));
     const unitOf = (unit) => make("span", unit ? [` ${unit}`] : [], { class: "unit" });
     const cells = (name, words) => words.map((each) => make(name, each));
@@ -289,13 +282,16 @@
       const [grid, ghost, claimed, line] = ["grid", "ghost", "claimed", "line"].map((kind) => set(made("path"), { class: kind }));
       const words = made("g");
       svg.append(grid, words, ghost, claimed, line);
-      const caption = make("p", [name, unitOf(unit)]);
+      const unitShown = unitOf(unit);
+      const caption = make("p", [name, unitShown]);
       const [from, to] = [times[0], times[times.length - 1]];
       const across = (t) => L + (W - L - 6) * (t - from) / (to - from || 1);
       const put = (x, y, content, anchor) => { const each = set(made("text"), { x, y, "text-anchor": anchor }); each.textContent = content; words.append(each); };
       return { i, element: make("div", [caption, svg], { class: "panel" }), draw(m, until) {
-        const value = (each, r) => shownScale * sigma(each, r, i);
-        const stated = (r) => shownScale * (own ? own[r * width + i] : NaN);
+        const [inUnit, factor] = convention.unit(unit, name);
+        unitShown.textContent = inUnit ? ` ${inUnit}` : "";
+        const value = (each, r) => factor * shownScale * sigma(each, r, i);
+        const stated = (r) => factor * shownScale * (own ? own[r * width + i] : NaN);
         const top = max(...times.map((_, r) => max(value(before.m, r), r < until ? value(m, r) : 0))) || 1;
         const up = (v) => H - B - (H - B - T) * min(v / top, 1.2);
         const path = (f, end) => times.slice(0, end).map((t, r) => [t, f(r)]).filter(([, v]) => Number.isFinite(v))
@@ -308,7 +304,7 @@
         ticks.forEach(([v, step]) => put(L - 4, up(v) + 4, shown(v + 0, step), "end"));
         set(grid, { d: ticks.map(([v]) => `M${L} ${up(v).toFixed(1)}H${W - 6}`).join("") });
         [[from, "start"], [to, "end"]].forEach(([t, anchor]) => put(across(t), H - 5, `${number(t, 3)} ${data.timeUnit}`, anchor));
-        set(svg, { "aria-label": `Sigma of ${name} over ${data.label}: at the end ${number(value(m, last), 3)} ${unit}, in the campaign ${number(value(before.m, last), 3)} ${unit}` });
+        set(svg, { "aria-label": `Sigma of ${name} over ${data.label}: at the end ${number(value(m, last), 3)} ${inUnit}, in the campaign ${number(value(before.m, last), 3)} ${inUnit}` });
       } };
     });
     const first = [...new Set([...requirements.flatMap(({ members }) => members), ...outputs.keys()])].slice(0, 9);
@@ -368,7 +364,11 @@
         write(row, [earlier ? shownIn(requirements[n], earlier.value) : "–", result ? shownIn(requirements[n], result.value) : "–", result ? `× ${number(result.margin, 3)}` : "–"]);
         row.cells[4].replaceChildren(make("span", result ? (result.met ? "met" : "not met") : "see mcnav lincov", { class: `tag ${result ? (result.met ? "agrees" : "differs") : "undecided"}` }));
       });
-      outputs.forEach(({ scale: each }, o) => {
+      caption_.textContent = `At the end, ${convention.words}`;
+      outputs.forEach(({ scale: own_, unit, name }, o) => {
+        const [inUnit, factor] = convention.unit(unit, name);
+        const each = factor * own_ * convention.sigma;
+        sigmas.rows[o].querySelector(".unit").textContent = inUnit ? ` ${inUnit}` : "";
         const [was, is, claims] = [sigma(before.m, last, o), sigma(m, last, o), own ? own[last * width + o] : NaN];
         const told = until < count ? "–" : number(each * is);
         write(sigmas.rows[o], [number(each * was), told, ...(held.length ? [number(each * claims), until === count ? number(rms(m, last, o) / claims, 3) : "–"] : [])]);
@@ -378,6 +378,13 @@
         filterLine.replaceChildren(make("strong", "Filter not tuned anew."), o < 0 ? "" : ` True over claimed error farthest from one: ${number(ratio, 3)}, of ${outputs[o].name} at ${number(times[r], 4)} ${data.timeUnit}; in the campaign ${number(earlier, 3)}.`);
       } else if (data.tuned) filterLine.replaceChildren(make("strong", "Filter not tuned anew."));
       panels.filter((panel) => first.includes(panel.i) || more?.open).forEach((panel) => panel.draw(m, min(until, times.length)));
+      root_.dispatchEvent(new Event("moved"));
+    };
+    // What a live page asks: factors of the numbers that are changed, by their keys; and the other way about.
+    root_.factors = () => Object.fromEntries(sliders.map(({ path }, n) => [path, factors[n]]).filter(([, factor]) => factor !== 1));
+    root_.choose = (chosenFactors) => {
+      sliders.forEach(({ path }, n) => { factors[n] = chosenFactors[path] ?? 1; rows[n].show(); });
+      update();
     };
     // What tests compare: sigmas by reading and output, SI, values and margins of requirements, and the file.
     root_.results = () => {
@@ -388,6 +395,9 @@
     chosen.addEventListener("change", update);
     const key = make("ul", [["line", "what if"], ["ghost", "in the campaign"], ...(own ? [["claimed", "claimed by the filter"]] : [])]
       .map(([kind, words]) => make("li", [make("span", [], { class: `swatch ${kind}` }), words])), { class: "key" });
+    const ends = table("At the end, one sigma", ["Output", "Campaign", "What if", ...held], sigmas, "sigmas");
+    const caption_ = ends.querySelector("caption span");
+    convention.changed.addEventListener("change", () => update());
     root_.append(
       make("div", [state, reset, copy], { class: "bar-of-state" }),
       ...(data.tuned || own ? [filterLine] : []),
@@ -396,7 +406,7 @@
         make("div", [
           ...(requirements.length ? [table("Requirements, for linear normal errors", ["Requirement", "Campaign", "What if", "Margin", "Finding"], asked, "requirements")] : []),
           ...(panels.length ? [key, plotsOf(first.map((each) => panels[each])), ...(more ? [more] : [])] : []),
-          table("At the end, one sigma", ["Output", "Campaign", "What if", ...held], sigmas, "sigmas"),
+          ends,
         ], { class: "results" }),
       ], { class: "halves" }),
     );

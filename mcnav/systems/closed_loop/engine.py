@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from mcnav._types import Array
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.systems.closed_loop.conditional import ConditionalDraws, noise_partials
 from mcnav.systems.closed_loop.declarations import Filter
 from mcnav.systems.closed_loop.filter import FilterStates, read_filter
 from mcnav.systems.closed_loop.maps import Maps
@@ -20,7 +22,7 @@ from mcnav.systems.closed_loop.simulation import simulate
 from mcnav.systems.closed_loop.sizes import LoopSizes, difference_steps
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.timeline import read_timeline
-from mcnav.systems.sample_loop import simulate_alone
+from mcnav.systems.sample_loop import join_results, simulate_alone
 from mcnav.systems.timeouts import SampleTimeout, within_limit
 from mcnav.systems.user.code import UserScenarioSpec
 
@@ -86,18 +88,57 @@ class ClosedLoopEngine:
         plan, last = self.plan.scaled(multiple), {self.plan.end: 0}
         return replace(self, sizes=sizes, plan=plan, instants=last, epochs=None, filter=None)
 
+    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalLoop:
+        """Return the samples with conditions on what noise adds to some outputs."""
+        return ConditionalLoop(self, outputs)
+
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples; without noise their final outputs alone."""
+        setup, noisy = self.set_up(), noise and self.noisy
+        return self.each_alone(batch, lambda rows: simulate(setup, batch[rows], noisy, over_time=noise))
+
+    def set_up(self) -> Setup:
+        """Put together what samples share."""
         instance = with_navigator(self.spec.build().value)
-        setup = set_up(instance, self.spec.name, self.sizes, self.plan, self.instants, self.filter)
+        return set_up(instance, self.spec.name, self.sizes, self.plan, self.instants, self.filter)
 
-        def some(part: Batch) -> SimulationResult:
-            return simulate(setup, part, noise and self.noisy, over_time=noise)
-
+    def each_alone(self, batch: Batch, some: Callable[[slice], SimulationResult]) -> SimulationResult:
+        """Simulate all samples together or, where that fails, each by itself."""
+        count = len(batch.errors)
         try:
-            return within_limit(lambda: some(batch))
+            return within_limit(lambda: some(slice(count)))
         except MemoryError:
             raise
         except (Exception, SystemExit, SampleTimeout):
-            count, file = len(batch.errors), self.spec.code.file
-            return simulate_alone(lambda row: some(batch[row : row + 1]), count, self.outputs, file)
+            return simulate_alone(lambda row: some(slice(row, row + 1)), count, self.outputs, self.spec.code.file)
+
+
+@dataclass(frozen=True)
+class ConditionalLoop:
+    """Samples of a loop with conditions on what noise adds to some outputs at the end."""
+
+    engine: ClosedLoopEngine
+    outputs: tuple[int, ...]
+
+    def simulate(self, batch: Batch, added: Array) -> SimulationResult:
+        """Simulate samples whose noise adds so much to these outputs, shape (n, m), SI; final outputs alone."""
+        setup = self.engine.set_up()
+        partials = noise_partials(setup.plan, setup.maps, setup.true, setup.readout, self.outputs)
+
+        def some(rows: slice) -> SimulationResult:
+            part = batch[rows]
+            draws = ConditionalDraws(part.seed, part.index, partials, added[rows])
+            return simulate(setup, part, True, over_time=False, draws=draws)
+
+        step = self.engine.chunk
+        pieces = [slice(begin, begin + step) for begin in range(0, len(added), step)]
+        return join_results([
+            self.engine.each_alone(batch[piece], lambda rows, piece=piece: some(_within(piece, rows)))
+            for piece in pieces
+        ])  # fmt: skip
+
+
+def _within(piece: slice, rows: slice) -> slice:
+    """Return rows of a piece as those of the whole."""
+    begin = int(piece.start)
+    return slice(begin + int(rows.start or 0), begin + int(rows.stop))

@@ -205,8 +205,10 @@ class ClosedLoopScenario:
         end = self.plan.end if triggered else len(self.timeline) - 1
         if self._begun is not None:
             return (end,)
-        end_time = self.plan.end_time
-        latest = max(EARLY * end_time, end_time - SURE * self._sigmas_of_times.get("end", 0.0)) if triggered else np.inf
+        latest = np.inf
+        if triggered:
+            end_time = self.plan.end_time
+            latest = max(EARLY * end_time, end_time - SURE * self._sigmas_of_times.get("end", 0.0))
         possible = [
             number
             for number, instant in enumerate(self.timeline[:end])

@@ -15,16 +15,21 @@ from mcnav.systems.closed_loop.waiting import begin, wait
 
 
 def simulate(
-    setup: Setup, batch: Batch, noise: bool, over_time: bool = True, shares: Array | None = None
-) -> SimulationResult:
+    setup: Setup, batch: Batch, noise: bool, over_time: bool = True, shares: Array | None = None,
+    draws: Noise | None = None,
+) -> SimulationResult:  # fmt: skip
     """Simulate samples; without ``over_time`` their final outputs alone.
 
     Parameters
     ----------
     shares : ndarray, shape (n,), optional
         Multiple of each sample's noise.
+    draws : Noise, optional
+        Of these samples, in place of that of the batch's numbers.
     """
-    flight = _begin(setup, batch, noise, over_time, shares)
+    if draws is None and noise:
+        draws = Noise(batch.seed, batch.index, shares)
+    flight = _begin(setup, batch, draws or NoNoise(len(batch.errors)), over_time)
     plan, last = setup.plan, len(setup.timeline) - 1
     with np.errstate(all="ignore"):
         if plan.begin is not None:
@@ -60,19 +65,18 @@ def simulate(
     return SimulationResult(
         values,
         dict(sorted(flight.failures.items())),
-        linear_values=linear if noise else None,
+        linear_values=None if draws is None else linear,
         history=flight.history if over_time else None,
         filter_values=None if flight.recorder is None else flight.recorder.records,
     )
 
 
-def _begin(setup: Setup, batch: Batch, noise: bool, over_time: bool, shares: Array | None) -> Flight:
+def _begin(setup: Setup, batch: Batch, draws: Noise | NoNoise, over_time: bool) -> Flight:
     """Start samples with their errors, and with their processes' values where there is noise."""
     maps, structure, count = setup.maps, setup.maps.structure, len(batch.errors)
     deviation = np.zeros((structure.size, count))
     for column, source in enumerate(structure.sources):
         deviation[list(source.moves)] += batch.errors[:, column]
-    draws = Noise(batch.seed, batch.index, shares) if noise else NoNoise(count)
     if structure.markov.size:
         deviation[structure.markov.whole] = draws.draw(PROCESSES, structure.markov.size) * setup.true.markov[:, None]
     x = structure.started(setup.start, batch.errors, deviation)

@@ -15,13 +15,19 @@ The scheme is DOP853's of eighth order (Hairer, Norsett and Wanner, 1993) with e
 24 steps in two hours of cruise leave 4e-8 of the dispersion, where the classical scheme of fourth order left 5e-8 after
 823 steps, at eight times the cost.
 
+Errors between the steps are those of the polynomial of eighth degree through d, d' and d'' at three nodes
+(`mcnav.numerics.hermite`). With the highest rate at which a deviation changes, `highest_rate`, and steps h, it is off
+by ``1.6e-7 (rate h)^9`` of the largest deviation at most, and its velocity by ``7.4e-6 (rate h)^8`` of ``rate`` times
+that: 1.1e-9 and 9e-8 for 24 steps in 2.8 hours of cruise.
+
 Samples go through in blocks of `LANES`, in one flat array ``row * LANES + lane``: deviation (3), its rate (3),
-misalignment (3), drift (3), biases (3), scale factors (3), the smallest component along the actual position. Two more
-arrays hold the deviation and its rate at a stage, and the accelerations of the stages.
+misalignment (3), drift (3), biases (3), scale factors (3), the smallest component along the actual position. Further
+arrays hold the deviation and its rate at a stage, the accelerations of the stages, and the last three nodes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -30,8 +36,9 @@ from scipy.integrate import DOP853
 
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import compiled, inlined
-from mcnav.compiled.lanes import SMALLEST_COMPONENT, half_turn
+from mcnav.compiled.lanes import SMALLEST_COMPONENT, angle_of_half, half_turn
 from mcnav.compiled.shapes import check_numbers, check_shape
+from mcnav.numerics.hermite import interpolation_weights
 from mcnav.systems.steady.truth import Error, SteadyFlight
 
 LANES: Final = 64
@@ -188,48 +195,114 @@ def _accelerate(
 
 
 @inlined
-def _advance(
-    block: Array, stage: Array, forces: Array, nodes: Array, first: int, step: float, constants: Array, slaved: bool,
-    level: bool,
-) -> None:  # fmt: skip
-    """Carry a block through steps of which the first has a number.
+def _keep_node(number: int, block: Array, forces: Array, kept: Array) -> None:
+    """Keep deviation, rate and acceleration at a node among those of the last three."""
+    at = (number % 3) * 9 * LANES
+    for i in range(6 * LANES):
+        kept[at + i] = block[i]
+    for i in range(3 * LANES):
+        kept[at + 6 * LANES + i] = forces[i]
 
-    Parameters
-    ----------
-    nodes : ndarray, shape (n, stages, 4)
-        Sine and cosine of the range angle, and the two times of `SteadyFlight.drifted`.
-    """
-    for number in range(nodes.shape[0]):
-        for s in range(STAGES):
-            _reach_stage(s, step, block, stage, forces)
-            node = (nodes[number, s, 0], nodes[number, s, 1], nodes[number, s, 2], nodes[number, s, 3])
-            time = (first + number + TIMES[s]) * step
-            _accelerate(s, time, node, constants, slaved, level, block, stage, forces)
-        _reach_stage(STAGES, step, block, stage, forces)
-        for i in range(6 * LANES):
-            block[i] = stage[i]
+
+@inlined
+def _interpolate(last: int, weights: Array, kept: Array, between: Array) -> None:
+    """Compute deviations and rates at a time, with the weights of the three nodes of which the last has a number."""
+    for i in range(6 * LANES):
+        between[i] = 0.0
+    for node in range(3):
+        at = ((last + 1 + node) % 3) * 9 * LANES
+        for part in range(2):
+            d, v, a = weights[part, 3 * node], weights[part, 3 * node + 1], weights[part, 3 * node + 2]
+            for i in range(3 * LANES):
+                x = d * kept[at + i] + v * kept[at + 3 * LANES + i] + a * kept[at + 6 * LANES + i]
+                between[3 * part * LANES + i] += x
+
+
+@inlined
+def _read_out(
+    sine: float, cosine: float, constants: Array, arc: float, slaved: bool, between: Array, errors: Array
+) -> None:  # fmt: skip
+    """Compute the navigation errors from deviations at a time, formed without cancellation."""
+    radius, rate = constants[0], constants[1]
+    for i in range(LANES):
+        x, cross, u = between[i], between[LANES + i], between[2 * LANES + i]
+        vx, vy, vu = between[3 * LANES + i], between[4 * LANES + i], between[5 * LANES + i]
+        # along the track and upwards at the actual position
+        east, up = x * cosine - u * sine, x * sine + u * cosine
+        faster_east, faster_up = vx * cosine - vu * sine, vx * sine + vu * cosine
+        # the indicated position: its distance, and the angles to it along and across the track
+        ahead = radius + up
+        flat = np.sqrt(ahead * ahead + east * east)
+        whole = np.sqrt(flat * flat + cross * cross)
+        per_flat, per_whole = 1.0 / flat, 1.0 / whole
+        s, c, s_lifted, c_lifted = east * per_flat, ahead * per_flat, cross * per_whole, flat * per_whole
+        outwards = (radius * rate + faster_east) * s + faster_up * c
+        errors[LANES + i] = arc * angle_of_half(east / (flat + ahead))
+        errors[2 * LANES + i] = arc * angle_of_half(cross / (whole + flat))
+        errors[4 * LANES + i] = arc * (((faster_east - rate * up) * c - (faster_up + rate * east) * s) * per_flat)
+        errors[5 * LANES + i] = arc * ((vy * c_lifted - outwards * s_lifted) * per_whole)
+        if slaved:  # what is left of them is the scheme's error, and the navigator has them from its altimeter
+            errors[i], errors[3 * LANES + i] = 0.0, 0.0
+        else:
+            errors[i] = (2.0 * radius * up + up * up + east * east + cross * cross) / (radius + whole)
+            errors[3 * LANES + i] = outwards * c_lifted + vy * s_lifted
 
 
 @compiled
 def _simulate(
-    deviations: Array, equipment: Array, nodes: Array, first: int, step: float, constants: Array, slaved: bool,
-    level: bool, component: Array,
+    start: Array, equipment: Array, nodes: Array, step: float, constants: Array, arc: float, slaved: bool, level: bool,
+    component: Array, last: IndexArray, weights: Array, directions: Array, outputs: IndexArray, histories: Array,
 ) -> None:  # fmt: skip
-    """Carry samples through the steps, LANES at a time; deviations and components are those at the end, then."""
+    """Carry samples through the steps, LANES at a time, and read out their errors; components are updated.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (steps + 1, stages, 4)
+        Sine and cosine of the range angle, and the two times of `SteadyFlight.drifted`.
+    last : ndarray of int, shape (m,)
+        Node with which each time can be interpolated, rising.
+    weights : ndarray, shape (m, 2, 9)
+        Of `interpolation_weights`.
+    directions : ndarray, shape (m, 2)
+        Sine and cosine of the range angle at each time.
+    outputs : ndarray of int, shape (k,)
+    histories : ndarray, shape (n, m, k)
+        Where the errors are put.
+    """
     block, stage, forces = np.empty(_ROWS * LANES), np.empty(6 * LANES), np.empty(3 * STAGES * LANES)
-    for begin in range(0, deviations.shape[0], LANES):
-        count = min(LANES, deviations.shape[0] - begin)
+    kept, between, errors = np.empty(27 * LANES), np.empty(6 * LANES), np.empty(6 * LANES)
+    steps = nodes.shape[0] - 1
+    for begin in range(0, start.shape[0], LANES):
+        count, time = min(LANES, start.shape[0] - begin), 0
         block[:] = 0.0
         for lane in range(count):
             for row in range(6):
-                block[row * LANES + lane] = deviations[begin + lane, row]
+                block[row * LANES + lane] = start[begin + lane, row]
             for row in range(12):
                 block[(6 + row) * LANES + lane] = equipment[begin + lane, row]
             block[18 * LANES + lane] = component[begin + lane]
-        _advance(block, stage, forces, nodes, first, step, constants, slaved, level)
+        for number in range(steps + 1):
+            for s in range(STAGES):
+                _reach_stage(s, step, block, stage, forces)
+                node = (nodes[number, s, 0], nodes[number, s, 1], nodes[number, s, 2], nodes[number, s, 3])
+                _accelerate(
+                    s, (number + TIMES[s]) * step, node, constants, slaved, level, block, stage, forces
+                )  # fmt: skip
+                if number == steps:  # the last node needs no more than its own acceleration
+                    break
+            _keep_node(number, block, forces, kept)
+            while time < last.shape[0] and last[time] == number:
+                _interpolate(number, weights[time], kept, between)
+                _read_out(directions[time, 0], directions[time, 1], constants, arc, slaved, between, errors)
+                for lane in range(count):
+                    for column in range(outputs.shape[0]):
+                        histories[begin + lane, time, column] = errors[outputs[column] * LANES + lane]
+                time += 1
+            if number < steps:
+                _reach_stage(STAGES, step, block, stage, forces)
+                for i in range(6 * LANES):
+                    block[i] = stage[i]
         for lane in range(count):
-            for row in range(6):
-                deviations[begin + lane, row] = block[row * LANES + lane]
             component[begin + lane] = block[18 * LANES + lane]
 
 
@@ -257,97 +330,74 @@ def _start(flight: SteadyFlight, errors: Array) -> Array:
     )
 
 
-def _errors_at(flight: SteadyFlight, time: float, deviations: Array, errors: Array) -> None:
-    """Compute the navigation errors from deviations at a time, formed without cancellation.
+def highest_rate(flight: SteadyFlight) -> float:
+    """Compute a bound of the rates at which small deviations swing or grow, rad/s.
 
-    Parameters
-    ----------
-    deviations : ndarray, shape (n, 6)
-    errors : ndarray, shape (n, 6)
-        Where they are put.
+    Those of the equations of variation (`mcnav.systems.steady.linearized`), at most ``sqrt(mu / r^3)`` with an altitude
+    that is slaved and ``sqrt(rate^2 + 2 mu / r^3)`` without, and ``rate`` by which their axes turn.
     """
-    radius, rate, arc = flight.radius, flight.rate, flight.earth.radius
-    sine, cosine = np.sin(rate * time), np.cos(rate * time)
-    x, cross, u, vx, vy, vu = np.ascontiguousarray(deviations.T)  # side by side, as numpy's vectors need them
-    east, up = x * cosine - u * sine, x * sine + u * cosine
-    faster_east, faster_up = vx * cosine - vu * sine, vx * sine + vu * cosine
-    ahead = radius + up
-    flat = np.hypot(ahead, east)
-    whole = np.hypot(flat, cross)
-    shift, lifted = np.arctan2(east, ahead), np.arctan2(cross, flat)
-    s, c, s_lifted, c_lifted = np.sin(shift), np.cos(shift), np.sin(lifted), np.cos(lifted)
-    outwards = (radius * rate + faster_east) * s + faster_up * c
-    if flight.slaved:  # what is left of them is the scheme's error, and the navigator has them from its altimeter
-        errors[:, 0], errors[:, 3] = 0.0, 0.0
-    else:
-        errors[:, 0] = (2.0 * radius * up + up * up + east * east + cross * cross) / (radius + whole)
-        errors[:, 3] = outwards * c_lifted + vy * s_lifted
-    errors[:, 1], errors[:, 2] = arc * shift, arc * lifted
-    errors[:, 4] = arc * (((faster_east - rate * up) * c - (faster_up + rate * east) * s) / flat)
-    errors[:, 5] = arc * ((vy * c_lifted - outwards * s_lifted) / whole)
+    stiffness = flight.earth.gravitational_parameter / flight.radius**3
+    return float(flight.rate + np.sqrt(stiffness if flight.slaved else flight.rate**2 + 2.0 * stiffness))
 
 
 def simulate_ensemble(flight: SteadyFlight, errors: Array, steps: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Simulate many samples: their final navigation errors.
+    """Simulate many samples: their final navigation errors, shape (n, 6).
+
+    For the rest see `simulate_histories`, of which they are the last.
+    """
+    histories, valid = simulate_histories(flight, errors, steps, np.ones(1))
+    return histories[:, 0], valid
+
+
+def simulate_histories(
+    flight: SteadyFlight, errors: Array, steps: int, shares: Array, outputs: Sequence[int] = range(6)
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Simulate many samples: their navigation errors at some times.
 
     Parameters
     ----------
     errors : ndarray, shape (n, 18)
         In the order of `mcnav.systems.steady.truth.Error`: m, m/s, rad, rad/s, m/s^2, dimensionless.
     steps : int
-        Equal steps of the scheme.
+        Equal steps of the scheme, at least 2.
+    shares : ndarray, shape (m,)
+        Times as shares of the flight, rising, from 0 to 1. Between the steps errors are interpolated.
+    outputs : sequence of int, length k
+        Among altitude, range, cross range and their rates.
 
     Returns
     -------
-    outcome : ndarray, shape (n, 6)
-        Altitude, range, cross range and their rates: m, m/s.
+    histories : ndarray, shape (n, m, k)
+        m, m/s.
     valid : ndarray of bool, shape (n,)
         False for a sample that came within `mcnav.compiled.lanes.SMALLEST_COMPONENT` of where the
         shared grid is too coarse and angles could wrap, or that is not finite: fly it on the reference path.
     """
-    histories, valid = simulate_histories(flight, errors, steps, np.array([steps]))
-    return histories[:, 0], valid
-
-
-def simulate_histories(
-    flight: SteadyFlight, errors: Array, steps: int, stops: IndexArray
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Simulate many samples: their navigation errors at some of the steps.
-
-    Parameters
-    ----------
-    errors : ndarray, shape (n, 18)
-    steps : int
-        As for `simulate_ensemble`.
-    stops : ndarray of int, shape (m,)
-        Rising, from 0 (the start) to ``steps`` (the end).
-
-    Returns
-    -------
-    histories : ndarray, shape (n, m, 6)
-    valid : ndarray of bool, shape (n,)
-        As for `simulate_ensemble`, until the last stop.
-    """
-    errors = np.asarray(errors, dtype=float)
+    errors, chosen = np.asarray(errors, dtype=float), np.asarray(outputs, dtype=np.int64)
     check_shape("errors", errors, (None, len(Error)))
-    check_numbers("stops", stops, steps + 1)
+    check_numbers("outputs", chosen, 6)
+    if steps < 2 or np.any(np.diff(shares, prepend=0.0, append=1.0) < 0.0):
+        raise ValueError("expected at least 2 steps, and shares that rise from 0 to 1")
     step = flight.duration / steps
-    times = step * (np.arange(steps)[:, None] + TIMES[:STAGES])
+    times = step * (np.arange(steps + 1)[:, None] + TIMES[:STAGES])
     angles = times * flight.rate
     nodes = np.stack([np.sin(angles), np.cos(angles), *flight.drifted(times)], axis=2)
     turns = [Error.ROLL_MISALIGNMENT, Error.MISALIGNMENT, Error.AZIMUTH_MISALIGNMENT]
     drifts = [Error.ROLL_DRIFT, Error.GYRO_DRIFT, Error.AZIMUTH_DRIFT]
     equipment = np.ascontiguousarray(np.hstack([errors[:, turns], errors[:, drifts], errors[:, Error.BIAS_X :]]))
     equipment[:, [0, 3]] *= -1.0
-    deviations = np.ascontiguousarray(_start(flight, errors))
+    start = np.ascontiguousarray(_start(flight, errors))
     shifts = errors[:, [Error.RANGE, Error.CROSS_RANGE]] / flight.radius
     within = (np.abs(shifts) < 0.5 * np.pi).all(axis=1)  # a start farther round would come out wrapped
-    component = np.where(within, 1.0 + deviations[:, 2] / flight.radius, -1.0)
+    component = np.where(within, 1.0 + start[:, 2] / flight.radius, -1.0)
     constants = np.array([flight.radius, flight.rate, flight.effective_gravity, flight.earth.gravitational_parameter])
-    histories, reached = np.empty((len(errors), len(stops), 6)), 0
-    for number, stop in enumerate(stops):
-        ahead = nodes[reached:stop]
-        _simulate(deviations, equipment, ahead, reached, step, constants, flight.slaved, flight.level, component)
-        _errors_at(flight, flight.duration * stop / steps, deviations, histories[:, number])
-        reached = int(stop)
+    last = np.clip(np.ceil(shares * steps), 2, steps).astype(np.int64)
+    weights = interpolation_weights(shares * steps - (last - 1), step)
+    actual = flight.rate * flight.duration * shares
+    directions = np.column_stack([np.sin(actual), np.cos(actual)])
+    histories = np.empty((len(errors), len(shares), len(chosen)))
+    _simulate(
+        start, equipment, nodes, step, constants, flight.earth.radius, flight.slaved, flight.level, component, last,
+        weights, directions, chosen, histories,
+    )  # fmt: skip
     return histories, (component >= SMALLEST_COMPONENT) & np.isfinite(histories).all(axis=(1, 2))

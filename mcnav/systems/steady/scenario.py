@@ -26,16 +26,14 @@ from mcnav.contract.failure import Failure
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs, History, Panel
 from mcnav.contract.linear import LinearSystem
-from mcnav.contract.power_sums import PowerSums, sums_of
 from mcnav.contract.quantities import Output, Source, source_labels
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.numerics.integration import Diverged
-from mcnav.numerics.power_sums import sum_powers
 from mcnav.numerics.refinement import refined_steps
 from mcnav.systems.histories import with_errors
 from mcnav.systems.sample_loop import simulate_each
-from mcnav.systems.steady.ensemble import ORDER, simulate_ensemble, simulate_histories
+from mcnav.systems.steady.ensemble import ORDER, simulate_histories
 from mcnav.systems.steady.linearized import linearize
 from mcnav.systems.steady.navigator import simulate_indicated
 from mcnav.systems.steady.truth import SteadyFlight, navigation_error
@@ -85,11 +83,8 @@ HISTORY_TIME: Final = "time [min]"
 RESPONSES: Final = "Errors left by one error alone"
 """Title of the diagrams: the flight itself is steady, and shows nothing."""
 
-EPOCHS: Final = 60
-"""Instants at which the errors of all samples are read out."""
-
-HISTORY_SLICE: Final = 1_024
-"""Samples whose time histories are reduced to sums at a time: few enough for the processor's cache."""
+SHARES: Final = np.linspace(0.0, 1.0, 60)
+"""Instants at which the errors of all samples are read out, as shares of the flight."""
 
 TOLERANCE: Final = 1e-7
 """Largest numerical error of any probe, as a share of the probes' standard deviation in that output."""
@@ -100,8 +95,9 @@ MOST_STEPS: Final = 4_096
 LONGEST_STEP: Final = 400.0
 """Longest step of the time history of each error alone, s: a thirteenth of the natural period near the ground."""
 
-REVISION: Final = 3
-"""Counts the changes of the samples' last digits: 1 was a scheme of fourth order, 2 had scipy's integrator."""
+REVISION: Final = 4
+"""Counts the changes of the samples' last digits: 1 was a scheme of fourth order, 2 had scipy's integrator, 3 took
+steps from epoch to epoch."""
 
 HAND_OVER_SHARE: Final = 0.01
 """Share of probes beyond the kernel's validity above which the reference path does the work, in processes."""
@@ -132,8 +128,12 @@ class Navigation:
 
     def by_ensemble(self, errors: Array, steps: int) -> tuple[Array, NDArray[np.bool_]]:
         """Simulate by the kernel; outcomes and whether they are valid."""
-        values, valid = simulate_ensemble(self.flight, self.whole(errors), steps)
-        return values[:, self.outputs], valid
+        histories, valid = self.histories(errors, steps, np.ones(1))
+        return histories[:, 0], valid
+
+    def histories(self, errors: Array, steps: int, shares: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Simulate by the kernel; errors at shares of the flight, shape (n, m, outputs), and whether they are valid."""
+        return simulate_histories(self.flight, self.whole(errors), steps, shares, self.outputs)
 
     def simulate_reference(self, errors: Array, rows: Iterable[int], values: Array) -> dict[int, Failure]:
         """Simulate some rows of errors by the reference engine; see `simulate_each`."""
@@ -173,36 +173,19 @@ class EnsembleEngine:
     filter: FilterSchema | None = None
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
-        """Simulate samples."""
+        """Simulate samples; where those with noise are asked for, their errors at every epoch as well."""
         errors = batch.errors
-        values, valid = self.navigation.by_ensemble(errors, self.steps)
+        histories, valid = self.navigation.histories(errors, self.steps, SHARES if noise else SHARES[-1:])
+        values = histories[:, -1].copy()
         beyond = np.flatnonzero(~valid).tolist()
-        return SimulationResult(values, self.navigation.simulate_reference(errors, beyond, values), len(beyond))
+        histories[beyond] = np.nan
+        failures = self.navigation.simulate_reference(errors, beyond, values)
+        return SimulationResult(values, failures, len(beyond), history=histories if noise else None)
 
     @property
     def epochs(self) -> Epochs:
         """Evenly spaced."""
-        return Epochs(HISTORY_TIME, np.linspace(0.0, self.navigation.flight.duration / 60.0, EPOCHS))
-
-    def histories(self, errors: Array) -> Array:
-        """Simulate samples, shape (n, sources): their errors at every epoch, shape (n, m, outputs).
-
-        The steps are at least as many as those for final errors, and the same number between all epochs.
-        """
-        flight, whole = self.navigation.flight, self.navigation.whole(errors)
-        each = -(-self.steps // (EPOCHS - 1))
-        histories, valid = simulate_histories(flight, whole, each * (EPOCHS - 1), each * np.arange(EPOCHS))
-        histories[~valid] = np.nan
-        return histories[:, :, self.navigation.outputs]
-
-    def history_sums(self, errors: Array) -> PowerSums:
-        """Add up power sums of samples' errors, shape (n, sources), at every epoch."""
-        count = len(self.navigation.outputs)
-        sums = PowerSums(0, np.zeros((EPOCHS, count)), np.zeros((EPOCHS, sums_of(count))))
-        for begin in range(0, len(errors), HISTORY_SLICE):
-            histories = self.histories(errors[begin : begin + HISTORY_SLICE])
-            sums += sum_powers(histories[np.isfinite(histories).all(axis=(1, 2))], sums.pivot)
-        return sums
+        return Epochs(HISTORY_TIME, SHARES * self.navigation.flight.duration / 60.0)
 
 
 class Cruise:
@@ -285,13 +268,11 @@ class Cruise:
         """Simulate the usual size of each error alone: its effect on the indicated position over the flight."""
         flight, names = self.flight, [output.name for output in self.outputs]
         labels = source_labels([source.name for source in self.sources], names)
-        sizes = np.array([source.nominal for source in self.sources])
-        times = np.linspace(0.0, flight.duration, HISTORY_POINTS)
-        intervals = HISTORY_POINTS - 1
+        sizes = np.diag([source.nominal for source in self.sources])
+        shares, intervals = np.linspace(0.0, 1.0, HISTORY_POINTS), HISTORY_POINTS - 1
         each = int(np.ceil(flight.duration / (intervals * LONGEST_STEP)))
-        of_sizes = self.navigation.whole(np.diag(sizes))
-        histories, _ = simulate_histories(flight, of_sizes, each * intervals, each * np.arange(HISTORY_POINTS))
-        flown = histories[:, :, self.navigation.outputs].swapaxes(0, 1)
+        histories, _ = self.navigation.histories(sizes, each * intervals, shares)
+        times, flown = shares * flight.duration, histories.swapaxes(0, 1)
         columns = {HISTORY_TIME: times / 60.0, "range flown [km]": flight.speed * times / 1e3}
         panels = []
         for name in (name for name in names if not name.endswith("_rate")):

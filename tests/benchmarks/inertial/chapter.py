@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from tests.benchmarks import machine
 from tests.benchmarks.compare import installation_notes
-from tests.benchmarks.inertial import bounds, earlier, engines, growth, whole_runs
+from tests.benchmarks.inertial import bounds, engines, growth, whole_runs
 from tests.benchmarks.inertial.build import case_of, own_sigma, reference_of
 from tests.benchmarks.inertial.compare import Effort
 from tests.benchmarks.inertial.compare import measure as measure_peers
@@ -84,8 +84,7 @@ def measure(plan: Plan, report: Callable[[str], None]) -> dict[str, Any]:
         record["hour"] = plan.aided.end - plan.aided.start
         report("engines measured")
         record["bounds"] = bounds.measure(places[1], plan.aided, plan.free)
-        record["earlier"] = earlier.measure()
-        report("bounds and earlier kernels measured")
+        report("bounds measured")
         record["growth"], record["commands"], record["truth"] = [], [], {}
         if plan.sizes:
             record["growth"] = growth.measure(places[1], plan.aided, report)

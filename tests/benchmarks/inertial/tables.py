@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from tests.benchmarks import machine
 from tests.benchmarks.inertial.peers import LOOP, OWN, PYINS
 from tests.benchmarks.inertial.targets import Target, targets
 from tests.benchmarks.markdown import number, table
@@ -32,11 +33,10 @@ sample, as do filterpy's filter with the same compiled strapdown, and python-ins
 
 def chapter(record: Mapping[str, Any]) -> list[str]:
     """Return the parts of the chapter."""
-    machine = record["machine"]
     return [
         "## Inertial navigation in three dimensions",
         METHOD,
-        f"Measured on {machine['date']}, load of the machine before the first run {machine['load']}.",
+        machine.sentence(record["machine"]),
         "### What must hold",
         targets_table(list(targets(record))),
         f"### {record['case']['seconds'] / 60.0:.0f} minutes with GNSS",

@@ -22,8 +22,6 @@ RATES: Final = {
 TIMES_PYINS, TIMES_LOOP = 1_000.0, 20.0
 RUN_SECONDS, LINCOV_SECONDS, TRUTH_SECONDS = 5.0, 2.0, 1.0
 SPEED_UP: Final = 1.8
-SLOWER: Final = 1.5
-"""Factor by which the machine's own speed varies, within which an earlier kernel is as fast as before."""
 
 
 @dataclass(frozen=True)
@@ -91,5 +89,3 @@ def targets(record: Mapping[str, Any]) -> Iterator[Target]:
         yield Target(
             f"tables of an hour at 100 rows a second, {name}", TRUTH_SECONDS, truth.get(key, nothing), "s", False
         )
-    for row in record["earlier"]:
-        yield Target(f"{row['name']}, a sample", SLOWER * row["before"], row["microseconds"], "µs", False)

@@ -105,7 +105,7 @@ def test_errors_of_other_sources_are_refused_by_each_ensemble(count: int) -> Non
         lambda: simulate_given(tables, errors, np.zeros((2, 1, 9))),
         lambda: reentry_ensemble(None, errors),
         lambda: reentry_histories(None, errors),
-        lambda: steady_histories(None, errors, 24, np.array([24])),
+        lambda: steady_histories(None, errors, 24, np.ones(1)),
     ):
         with pytest.raises(ValueError, match=rf"^errors: got an array of shape \(2, {count}\)"):
             run()

@@ -127,7 +127,8 @@ def test_answers_at_the_end_and_where_the_sigma_is_largest() -> None:
         time=TIMES[place], when="24 min", linear=output.true[place], flown=output.true[place],
         filter=output.filter[place],
     )  # fmt: skip
-    assert row.sigmas(2.0, "flown") == Cell("2.000", below=number(output.true[place]))
+    largest = output.true[place]
+    assert row.sigmas(2.0, "flown") == Cell("2.000", below=number(largest), value=2.0, value_below=largest)
     tilt = rows(found)[list(OUTPUTS).index("tilt_north")]
     assert tilt.sigma == pytest.approx(1e3 * found.outputs[6].filter[-1], rel=1e-15)  # mrad
 

@@ -1,0 +1,44 @@
+"""The live page: what its reader does, and the server's answers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mcnav.studies.live import LiveCampaign
+from tests.browser.accessibility import violations
+from tests.browser.conftest import Browser
+from tests.campaigns.test_live import FILTERED, filtered, served
+from tests.processes import LONG
+
+__all__ = ["filtered"]
+
+
+def test_a_reader_tunes_confirms_and_changes_the_file(browser: Browser, filtered: Path, tmp_path: Path) -> None:
+    """A slider is moved, the filter tuned anew, the setting run; then the file is damaged and mended."""
+    with served(LiveCampaign(filtered, tmp_path / "runs", 1)) as server, browser.visited(server.address) as page:
+        assert page.get_by_role("button", name="Tune anew").is_disabled()
+        box = page.get_by_label("aiding.gnss.position in m", exact=True)
+        box.fill("9")
+        box.press("Tab")
+        page.get_by_role("button", name="Tune anew").click()
+        column = page.locator(".live thead th").nth(1)
+        column.wait_for()
+        assert "The requirement is not met" in page.locator(".told").inner_text()
+        page.get_by_role("button", name="Confirm Setting 1 by Monte Carlo").click()
+        page.locator(".live .said", has_text="Setting 1 by Monte Carlo: ").wait_for(timeout=1e3 * LONG)
+        with page.expect_popup() as popup:
+            page.get_by_role("link", name="Report").click()
+        assert "a filter" in popup.value.locator("h1").inner_text()
+        popup.value.close()
+        page.get_by_role("button", name="Reset").click()
+        page.get_by_role("button", name="Set the sliders").nth(1).click()
+        assert box.input_value() == "9"
+        filtered.write_text(FILTERED.replace('position = "10 m', 'position = "10 kg'), encoding="utf-8")
+        page.locator(".alarm").wait_for()
+        assert page.locator(".alarm").inner_text().startswith(f"{filtered}: errors.position: ")
+        assert column.inner_text().startswith("Setting 1")
+        assert violations(page, {}, ".live") == []
+        filtered.write_text(FILTERED.replace('below = "10 m"', 'below = "5 m"'), encoding="utf-8")
+        page.get_by_text("The requirement is not met").first.wait_for()
+        page.locator(".live", has_text="of an earlier file").wait_for()
+        page.locator(".alarm").wait_for(state="hidden")
