@@ -9,12 +9,14 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import copy
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, ParamSpec, TypeVar
 
 import typer
 from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command_name
 
 from mcnav import next_command
 from mcnav import shell_completion as completion
@@ -42,7 +44,7 @@ GARBAGE_THRESHOLD = 50_000
 GROUPS: Final = {
     "Start": ("demo", "new", "check", "run", "docs"),
     "Analyse": ("lincov", "sweep", "allocate", "linearity", "start-times", "identify", "judge"),
-    "Look": ("show", "live", "report", "compare", "index", "figure", "export", "replay", "trajectory", "imu"),
+    "Look": ("show", "live", "report", "brief", "compare", "index", "figure", "export", "replay", "trajectory", "imu"),
     "Advanced": ("partials", "record", "schema", "compile", "reproduce", "calibrate"),
 }
 """Commands in the order and under the headings of ``mcnav --help``."""
@@ -493,6 +495,31 @@ def figure(
     _print_notes(draw_figure(folder, name, file, wide, high, font_scale, panel or (), columns))
     _print_written([file])
     _print_next(next_command.written("export", folder))
+
+
+@_command()
+def brief(
+    folder: Folder,
+    campaign: Annotated[
+        Path | None, typer.Option("--campaign", help="The run's campaign file; needed for advice on code of your own.")
+    ] = None,
+    into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: RUN_brief].")] = None,
+) -> None:
+    """Write a run on one sheet for a review board.
+
+    A page and a PDF: verdicts, requirements with margins, the worst case, its causes, and what would help by linear
+    analysis.
+
+    Example: mcnav brief reports/mine
+    """
+    from mcnav.report import progress
+    from mcnav.studies.brief import default_folder, write_brief
+
+    target = output_folder(into, default_folder(folder))
+    with progress.shown(err) as shown:
+        written = write_brief(folder, target, campaign, shown)
+    _print_written(written)
+    _print_next(next_command.written("report", folder, "--open"))
 
 
 @_command()
@@ -1412,6 +1439,10 @@ def calibrate(
     trials: Annotated[int, typer.Option(min=2, help="Synthetic campaigns of each kind.")] = 100,
     jobs: Annotated[int, typer.Option(min=1, help="Parallel processes.")] = 2,
     folder: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("reports/calibration"),
+    rare: Annotated[
+        bool,
+        typer.Option("--rare", help="Measure rare events alone; other rates are those of the CSV file there."),
+    ] = False,
 ) -> None:
     """Measure error rates of intervals, tests and verdicts.
 
@@ -1422,7 +1453,10 @@ def calibrate(
     """
     from mcnav.validation.calibration import page
 
-    table, files = page.write_calibration(output_folder(folder, folder), trials, jobs)
+    into = output_folder(folder, folder)
+    if rare and not (into / page.CSV).is_file():
+        raise _fail(f"{into / page.CSV}: no such file; --rare needs the other rates, which mcnav calibrate measures")
+    table, files = page.write_calibration(into, trials, jobs, rare)
     for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
         out.print(f"{count:6} rates {finding}")
     out.print()
@@ -1443,8 +1477,25 @@ def _prepare_process() -> None:
     atexit.register(gc.freeze)
 
 
+def _with_the_command(name: str) -> typer.Typer:
+    """Return the command line with this one of its commands: building all of them takes as long as showing a run.
+
+    It is whole where no command has that name.
+    """
+    named = [
+        each
+        for each in app.registered_commands
+        if name == (each.name or get_command_name(getattr(each.callback, "__name__", "")))
+    ]
+    if not named:
+        return app
+    alone = copy(app)
+    alone.registered_commands = named
+    return alone
+
+
 def main() -> None:
     """Run the command line."""
     _prepare_process()
     with interruptible():
-        app(prog_name="mcnav")
+        _with_the_command("".join(sys.argv[1:2]))(prog_name="mcnav")

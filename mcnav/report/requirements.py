@@ -61,14 +61,14 @@ def stated(entry: NamedRequirement | RequirementEntry, shown_in: Mapping[str, tu
 
 def requirement_causes(summary: Summary, entry: RequirementEntry) -> list[tuple[str, float]]:
     """List the largest causes of the errors that a requirement of a summary limits, for people, with their shares."""
-    sources = [source.name for source in summary.sources]
-    labels = dict(zip(sources, labels_in(summary), strict=True))
-    causes = []
-    for cause in entry.causes[:NAMED]:
-        name = cause.name.removeprefix(MEAN)
-        of_mean = "mean of " if name != cause.name else ""
-        causes.append((f"{of_mean}{labels.get(name, humanize(name))}", cause.share))
-    return causes
+    return [(cause_label(summary, cause.name), cause.share) for cause in entry.causes[:NAMED]]
+
+
+def cause_label(summary: Summary, cause: str) -> str:
+    """Name a cause of a summary for people."""
+    labels = dict(zip((source.name for source in summary.sources), labels_in(summary), strict=True))
+    name = cause.removeprefix(MEAN)
+    return f"{'mean of ' if name != cause else ''}{labels.get(name, humanize(name))}"
 
 
 def way_to_fail(summary: Summary, way: Mapping[str, float]) -> str:

@@ -47,8 +47,8 @@ from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 from mcnav.systems.histories import with_errors
 from mcnav.units import conversion
 from mcnav.workflow.analyse import linear_model
-from mcnav.workflow.exceedance import fly_way_to_fail
-from mcnav.workflow.prepare import exact_part, linear_history
+from mcnav.workflow.exceedance import fly_way_to_fail, linear_at_epochs
+from mcnav.workflow.prepare import exact_part
 
 STORED: Final = "stored"
 
@@ -73,7 +73,7 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
     """
     folder = RunFolder(path)
     manifest = folder.existing_manifest()
-    campaign, engine_name = _campaign_of(folder, manifest, campaign_file)
+    campaign, engine_name = campaign_of(folder, manifest, campaign_file)
     if not 0 <= index < campaign.samples:
         raise RunFolderError(f"{path}: has no sample {index}; they run from 0 to {campaign.samples - 1}")
     scenario, errors = campaign.scenario, campaign.errors
@@ -127,7 +127,7 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
     folder = RunFolder(path)
     manifest = folder.existing_manifest()
     record = _way_to_fail(path, manifest, number)
-    campaign, engine_name = _campaign_of(folder, manifest, campaign_file)
+    campaign, engine_name = campaign_of(folder, manifest, campaign_file)
     scenario, draws = campaign.scenario, DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
     outputs = [output.model_dump() for output in manifest.model.outputs]
     requirement = requirements_from([each.model_dump() for each in campaign.requirements], outputs)[number - 1]
@@ -136,7 +136,7 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
             engines = _engines(scenario, engine_name, draws)
             own = isolated(scenario, exact_part(engines[engine_name]), campaign.sample_timeout)
             model = linear_model(manifest.model)
-            throughout = linear_history(scenario, engines[engine_name]) if requirement.epochs else None
+            throughout = linear_at_epochs(scenario, engines[engine_name]) if requirement.epochs else None
             flight = fly_way_to_fail(own, campaign.errors, campaign.seed, model, requirement, record, throughout)
             others = [
                 _outcome(name, without_noise(engine)(flight.errors[None]))
@@ -249,7 +249,7 @@ def as_stored(result: Replay) -> bool:
     return stored.status == again.status and np.allclose(stored.values, again.values, 1e-9, 0.0, equal_nan=True)
 
 
-def _campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tuple[Campaign, str]:
+def campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tuple[Campaign, str]:
     """Read the campaign of a run and its engine's name; refuse a campaign that is not the run's."""
     then = manifest.identity
     with reading_file(folder.path / MANIFEST):

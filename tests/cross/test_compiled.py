@@ -53,17 +53,23 @@ from mcnav.config.read import read_campaign
 from mcnav.contract.engine import has_histories, without_noise
 from mcnav.contract.samples import Batch
 from mcnav.execution.chunks import DrawPlan
+from mcnav.numerics.power_sums import sum_powers_about_zero
 
 def final(name, engine, samples):
     printed(f"{name}, final errors", without_noise(engine)(samples).values)
 
+def histories_of(engine, samples):
+    if has_histories(engine):
+        return engine.histories(samples)
+    return engine.simulate(Batch(np.arange(len(samples)), samples, 1)).history
+
 def history(name, engine, samples):
-    histories = engine.histories(samples) if has_histories(engine) else engine.simulate(Batch(None, samples, 1)).history
-    printed(f"{name}, histories", histories)
+    printed(f"{name}, histories", histories_of(engine, samples))
 
 def moments(name, engine, samples):
-    if has_histories(engine):
-        printed(f"{name}, sums", engine.history_sums(samples).sums)
+    apart = has_histories(engine)
+    sums = engine.history_sums(samples) if apart else sum_powers_about_zero(histories_of(engine, samples))
+    printed(f"{name}, sums", sums.sums)
 
 for file in ("01_tn_d1772_trajectory_4", "11_cruise", "12_hover"):
     campaign = read_campaign(Path("campaigns") / f"{file}.toml")

@@ -1,0 +1,71 @@
+"""The way from the limit of a requirement to the causes of the errors that it limits, as a waterfall."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from mcnav.report.figures.figure import HALF, Figure
+from mcnav.report.figures.marks import Axis, Bars, Mark, Panel, Rule, Series
+from mcnav.report.figures.palette import FLOWN, INK, LINEAR
+from mcnav.report.requirements import RequirementRow, cause_label
+
+LISTED: Final = 7
+"""Causes that are named; the others stand together."""
+
+NEGLIGIBLE: Final = 5e-3
+"""Share below which a cause is one of the others."""
+
+NOTHING: Final = 1e-9
+"""Share of all others below which they are not drawn."""
+
+TOTAL, PART = Series("total", "all causes", LINEAR, "area"), Series("part", "one cause", FLOWN, "area")
+
+
+def limit_to_causes(row: RequirementRow) -> Figure | None:
+    """Draw what each cause adds to the mean square of the errors that a requirement limits, and what the limit allows.
+
+    Where errors are normal, their quantiles are in proportion to the root of their mean square. None where the causes
+    or the estimate are not known, or the requirement is on no size of errors.
+    """
+    entry = row.entry
+    value = entry.linear if entry.linear else entry.estimate
+    if not entry.causes or value is None or entry.kind in ("box", "sigma_ratio") or not entry.limits:
+        return None
+    allowed = 100.0 * (entry.limits[0] / value) ** 2
+    named = [(cause_label(row.summary, each.name), each.share) for each in entry.causes if each.share > NEGLIGIBLE]
+    named = named[:LISTED]
+    rest = 1.0 - sum(share for _, share in named)
+    shares = [*named, *([("all others", rest)] if rest > NOTHING else [])]
+    ends = 100.0 * (1.0 - np.cumsum([0.0, *(share for _, share in shares)]))
+    rows = ["all causes", *(name for name, _ in shares)]
+    texts = [f"{name}: {100.0 * share:.3g} %" for name, share in shares]
+    written = [f"{100.0 * share:.0f}" if share > 0.06 else "" for _, share in shares]
+    high = 1.05 * max(100.0, min(allowed, 200.0))
+    marks: list[Mark] = [
+        Bars(TOTAL, [0], [0.0], [100.0], ["all causes: 100 %"]),
+        Bars(PART, np.arange(1, len(rows)), ends[1:], ends[:-1], texts, written),
+        *([Rule(allowed, name="the limit", colour=INK, width=1.6)] if allowed <= high else []),
+    ]
+    across = Axis("mean square by linear analysis, of all causes", "%", low=0.0, high=high)
+    enough = 0
+    while allowed < 100.0 and enough < len(shares) and ends[enough] > allowed:
+        enough += 1
+    words = f"Of errors in the same proportions, the limit allows {allowed:.3g} % of the present mean square"
+    if enough:
+        names = [name for name, _ in shares[:enough]]
+        last = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
+        words += f"; {last} make up {100.0 - ends[enough]:.3g} %"
+    return Figure(
+        name="waterfall",
+        title="From the requirement to its causes",
+        description="What each cause adds to the mean square of the errors that the requirement limits, the largest "
+        "first, and the share of it that the limit allows.",
+        panels=[Panel("", across, Axis(names=rows), marks)],
+        key=(),
+        columns={"cause": [name for name, _ in shares], "share, %": [100.0 * share for _, share in shares]},
+        size=(HALF[0], 90.0 + 24.0 * len(rows)),
+        caption="Mean squares of independent causes add up, sigmas do not.",
+        shows=f"{words}.",
+    )
