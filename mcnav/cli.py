@@ -1439,6 +1439,10 @@ def calibrate(
     trials: Annotated[int, typer.Option(min=2, help="Synthetic campaigns of each kind.")] = 100,
     jobs: Annotated[int, typer.Option(min=1, help="Parallel processes.")] = 2,
     folder: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("reports/calibration"),
+    rare: Annotated[
+        bool,
+        typer.Option("--rare", help="Measure rare events alone; other rates are those of the CSV file there."),
+    ] = False,
 ) -> None:
     """Measure error rates of intervals, tests and verdicts.
 
@@ -1449,7 +1453,10 @@ def calibrate(
     """
     from mcnav.validation.calibration import page
 
-    table, files = page.write_calibration(output_folder(folder, folder), trials, jobs)
+    into = output_folder(folder, folder)
+    if rare and not (into / page.CSV).is_file():
+        raise _fail(f"{into / page.CSV}: no such file; --rare needs the other rates, which mcnav calibrate measures")
+    table, files = page.write_calibration(into, trials, jobs, rare)
     for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
         out.print(f"{count:6} rates {finding}")
     out.print()

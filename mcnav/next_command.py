@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -94,7 +95,9 @@ def after_sweep(campaign: Path, folder: Path, vary: Sequence[str], against: Sequ
     for option, values in (("--vary", vary), ("--against", against)):
         for value in values:
             words += [option, value]
-    return written(*words, "--confirm", 3, *_into(folder, Path("reports") / f"{campaign.stem}_sweep"))
+    sizes = [10_000 if ".." in each else each.count(",") + 1 for each in vary]
+    count = min(max(3, 2 ** len(sizes)), prod(sizes))
+    return written(*words, "--confirm", count, *_into(folder, Path("reports") / f"{campaign.stem}_sweep"))
 
 
 def after_recording(campaign: Path, files: Sequence[Path]) -> str:

@@ -52,6 +52,15 @@ def find_crossings(
     return JustMet(measure, fixed, tuple(values), tuple(spans), len(signs), closest, curve.whole)
 
 
+def words_that_meet(margins: Array, measure: int, fixed: float | None = None) -> JustMet:
+    """Find which values that are no numbers meet a limit, by their margins, shape (n,)."""
+    met = tuple((float(place), float(place)) for place in np.flatnonzero(margins <= 0.0))
+    known = [(float(place), float(margins[place])) for place in np.flatnonzero(np.isfinite(margins))]
+    closest = min(known, key=lambda each: abs(each[1]), default=None)
+    whole: tuple[Span, ...] = ((None, None),)
+    return JustMet(measure, fixed, (), whole if len(met) == len(margins) else met, len(margins), closest)
+
+
 def _root(
     variable: Variable, margin_at: Callable[[float], float], low: tuple[float, float], high: tuple[float, float]
 ) -> float:

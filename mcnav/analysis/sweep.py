@@ -34,12 +34,15 @@ class Variable:
         As written; empty for pure numbers.
     log : bool
         Whether the axis is logarithmic.
+    words : tuple of str
+        Values that are no numbers, such as grades: ``values`` are then their numbers from zero on.
     """
 
     path: str
     values: Array
     unit: str
     log: bool
+    words: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
@@ -48,6 +51,8 @@ class Variable:
 
     def written(self, value: float) -> str | int | float:
         """Return a value as a campaign file has it; a whole number without a unit is an integer."""
+        if self.words:
+            return self.words[int(value)]
         if self.unit:
             return f"{float(value)!r} {self.unit}"
         return int(value) if float(value).is_integer() and abs(value) < 1e15 else float(value)

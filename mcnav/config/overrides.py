@@ -3,12 +3,16 @@
 A path has the names of tables and of a key. Besides, it may have
 
 - the name of a sensor, ``aiding.gnss.position``, or the number of an entry from one on, ``accept.r95.1.below``, also of
-  a list in a list: ``aiding.gnss.outages.1.2`` is the end of the first outage;
+  a list in a list: ``aiding.gnss.outages.1.2`` is the end of the first outage. ``length`` of an outage moves its end,
+  ``begin`` moves both;
 - an axis, ``imu.gyro.bias.x``: the others keep their values.
 
 A quantity for a key that holds a table sets what gives the table its size: ``sigma``, ``half_width``, ``value`` … of a
 distribution, ``sigma`` of a process. For a list or a table of axes it sets each axis that is there. Values of the
 catalogue that ``grade`` names count as values of the file.
+
+``absent`` takes a sensor away, ``aiding.gnss``, with its faults and with what the filter believes of it, or a state of
+the filter, ``filter.estimates.gyro_bias``; ``present`` leaves it, or puts a state there.
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
 from mcnav.systems.ins.sensors.quantity import LEVEL_AXES
 from mcnav.systems.ins.tables.imu_catalogue import KINDS, catalogue
 from mcnav.systems.ins.tables.instrument_tables import NEGLECTED
+from mcnav.units import UnitError, quantity
 
 Value = str | int | float | bool | list[Any] | Content
 """A value as a campaign file has it: a quantity is text with its unit."""
@@ -36,6 +41,10 @@ SIZES: Final = ("sigma", "allan_minimum", "step", "half_width", "value", "scale"
 """Keys that give a table its size, of which it has one."""
 
 ALL_AXES: Final = (AXES, CROSS_AXES, LEVEL_AXES)
+
+PRESENT: Final = "present"
+PRESENCE: Final = (PRESENT, "absent")
+"""Values of a sensor or a state."""
 
 PROCESSES: Final = (
     "bias_instability", "quantization", "correlated", "position_correlated", "velocity_correlated", "deflection",
@@ -145,6 +154,8 @@ def document_of(campaign: str | Path | Campaign | Mapping[str, Any]) -> tuple[Co
 def _set(table: Content, names: list[str], value: Value, above: tuple[str, ...]) -> None:
     """Set a key in a table that itself is at ``above``."""
     name, rest, here = names[0], names[1:], (*above, names[0])
+    if value in PRESENCE and _set_presence(table, names, value == PRESENT, above):
+        return
     if above[-1:] == ("imu",) and name in KINDS:
         table[name] = _with_grade(table, name, above)
     if not rest:
@@ -166,8 +177,49 @@ def _set(table: Content, names: list[str], value: Value, above: tuple[str, ...])
         raise _Mistake(f"{'.'.join(here)} is no table")
 
 
+def _set_presence(table: Content, names: list[str], present: bool, above: tuple[str, ...]) -> bool:
+    """Take a sensor or a state of the filter away, or put a state there; return whether the path leads to one."""
+    inside = table.get(names[0])
+    if (*above, *names[:-1]) == ("aiding",) and isinstance(inside, list):
+        place = _place(inside, names[1], ("aiding",))
+        if not present:
+            taken = _sensor_name(inside.pop(place))
+            if not inside:
+                del table["aiding"]
+            faults = [each for each in table.get("faults", []) if each.get("sensor") != taken]
+            table.pop("faults", None)
+            table.update({"faults": faults} if faults else {})
+            table.get("filter", {}).get("believes", {}).get("aiding", {}).pop(taken, None)
+        return True
+    if above == ("filter",) and len(names) == 2 and isinstance(inside, list):
+        kept = [each for each in inside if each != names[1]]
+        table[names[0]] = inside if present and names[1] in inside else [*kept, names[1]] if present else kept
+        return True
+    return False
+
+
+def _sensor_name(entry: Mapping[str, Any]) -> str:
+    """Return the name of a sensor by its entry."""
+    return str(entry.get("name", str(entry.get("type", "")).replace("-", "_")))
+
+
+def _set_outage(outage: list[Any], name: str, value: Value) -> bool:
+    """Set the length of an outage, which moves its end, or its begin, which moves both; return whether it is one."""
+    if name not in ("length", "begin") or len(outage) != 2:
+        return False
+    try:
+        begin, end, given = (quantity(each, "s") for each in (*outage, value))
+    except UnitError as wrong:
+        raise _Mistake(str(wrong)) from None
+    moved = (begin, begin + given) if name == "length" else (given, given + end - begin)
+    outage[:] = [f"{each!r} s" for each in moved]
+    return True
+
+
 def _set_entry(entries: list[Any], names: list[str], value: Value, above: tuple[str, ...]) -> None:
     """Set an entry of a list, or a key or an entry in it."""
+    if above[-2:-1] == ("outages",) and len(names) == 1 and _set_outage(entries, names[0], value):
+        return
     place, rest, here = _place(entries, names[0], above), names[1:], (*above, names[0])
     inside = entries[place]
     if isinstance(inside, dict) and rest:
@@ -209,7 +261,7 @@ def _place(entries: list[Any], name: str, above: tuple[str, ...]) -> int:
     if name.isdecimal() and 1 <= int(name) <= len(entries):
         return int(name) - 1
     if above[-1:] == ("aiding",):
-        named = [str(each.get("name", str(each.get("type", "")).replace("-", "_"))) for each in entries]
+        named = [_sensor_name(each) for each in entries]
         if name in named:
             return named.index(name)
         raise _Mistake(f"no sensor of [[aiding]] is named {name!r}{suggestion(name, named)}")

@@ -1,4 +1,4 @@
-"""Values of a key that a sweep varies: a range such as ``0.001..1 deg/h``, or a list such as ``1, 2, 5 deg/h``."""
+"""Values of a key that a sweep varies: a range such as ``0.001..1 deg/h``, a list of numbers, or one of words."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ POINTS: Final = 20
 
 MOST_POINTS: Final = 10_000
 """Points of a grid."""
+
+MOST_WORDS: Final = 12
+"""Values that are no numbers."""
 
 DECADE: Final = 10.0
 """Ratio of the ends from which the values of a range are evenly spaced by their logarithm."""
@@ -59,6 +62,7 @@ def read_variables(varied: Mapping[str, str | Sequence[object]], points: int = P
             variables.append(_read_variable(path, text, points))
         except UnitError as wrong:
             raise CampaignError([Problem("--vary", path, str(wrong))]) from None
+    variables.sort(key=lambda each: not each.words)  # words first: numbers are solved for at each of them
     count = math.prod(len(each.values) for each in variables)
     if count > MOST_POINTS:
         sizes = " x ".join(str(len(each.values)) for each in variables)
@@ -95,6 +99,8 @@ def _read_variable(path: str, text: str, points: int) -> Variable:
         rounded = np.array([float(f"{value:.12g}") for value in values])
         rounded[[0, -1]] = low, high
         return Variable(path, rounded, unit, log)
+    if not any(_ITEM.fullmatch(each) for each in text.split(",")):
+        return _read_words(path, text)
     given, unit = _read_items(text.split(","), text)
     values = np.unique(given)
     if len(values) < 2:
@@ -103,6 +109,16 @@ def _read_variable(path: str, text: str, points: int) -> Variable:
         raise UnitError(f"got {text!r}; a value is there twice")
     log = bool(values[0] > 0.0 and values[-1] / values[0] >= DECADE * (1.0 - 1e-12))
     return Variable(path, values, unit, log)
+
+
+def _read_words(path: str, text: str) -> Variable:
+    """Read values that are no numbers, such as grades of the catalogue."""
+    words = tuple(each.strip() for each in text.split(","))
+    if not all(words) or len(words) < 2 or len(words) > MOST_WORDS:
+        raise UnitError(f"got {text!r}; {EXPECTED}, or two to {MOST_WORDS} words such as navigation, tactical")
+    if len(set(words)) < len(words):
+        raise UnitError(f"got {text!r}; a value is there twice")
+    return Variable(path, np.arange(float(len(words))), "", False, words)
 
 
 def _read_items(items: Sequence[str], text: str) -> tuple[Array, str]:

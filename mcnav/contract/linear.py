@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,10 @@ from mcnav._types import Array
 
 Update = Literal["before", "after"] | None
 """Whether a reading is before or after an update of aiding that falls on its time; none without one."""
+
+
+TRAJECTORY_TIME: Final = "time of the trajectory [s]"
+"""Label of the times of a trajectory, in which campaigns state outages and requirements."""
 
 
 @dataclass(frozen=True)

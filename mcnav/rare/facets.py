@@ -35,6 +35,9 @@ OFF: Final = 4.0
 
 MOST_STEPS: Final = 100
 
+DIGITS: Final = 9
+"""Digits after the point of distances that are compared with each other."""
+
 BEHIND: Final = 3.5
 """Distance beyond the nearest half-space from which others are left out: 1e-6 of its probability and less."""
 
@@ -115,7 +118,8 @@ def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:
               if (point := nearest_point(linear, n, float(c), start)) is not None]  # fmt: skip
     directions, distances = np.zeros((0, dimensions)), np.zeros(0)
     nearest = min((beta for _, beta in points), default=np.inf)
-    for alpha, beta in sorted(points, key=lambda each: each[1]):
+    # two sides of one output are equally far, but for rounding: they keep the order of the limit on every machine
+    for alpha, beta in sorted(points, key=lambda each: round(each[1], DIGITS)):
         if beta < nearest + BEHIND and not np.any(directions @ alpha > SAME):
             directions, distances = np.vstack([directions, alpha]), np.append(distances, beta)
     foreseen = len(distances)

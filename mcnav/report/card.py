@@ -1,4 +1,4 @@
-"""A run as a notebook shows it: verdicts, sigmas with their largest sources, error budget, and errors over time."""
+"""A run as a notebook shows it: verdicts, sigmas with their largest causes, error budget, and errors over time."""
 
 from __future__ import annotations
 

@@ -21,8 +21,7 @@ class GateRow:
 
     ``spike`` and ``ramp`` (a second) are the smallest that are stopped with ``probability``, none where the gate stops
     none; ``spike_error`` and ``ramp_error`` are what they add to ``output`` and to ``ramp_output`` where they pass.
-    ``worst`` is the spike of
-    the largest probability ``risk`` to pass and leave the output beyond its ``limit``.
+    ``worst`` is the spike of the largest probability ``risk`` to pass and leave ``output`` beyond its ``limit``.
     """
 
     sensor: str
@@ -70,26 +69,38 @@ def gate_table(answer: LinearAnswer) -> Table[GateRow] | None:
     shown_in = {output.name: output.shown_in for output in answer.outputs}
     scales = {(each.sensor, each.component): (each.unit, each.shown_in) for each in answer.gates}
 
-    def of_component(row: GateRow, value: float | None, second: str = "") -> Cell:
+    def of_component(row: GateRow, value: float | None, rate: bool = False) -> str:
         if value is None:
-            return Cell("none")
+            return "none"
         scale, unit = in_units(*scales[row.sensor, row.component], "shown")
-        return Cell(f"{number(value * scale, 3)} {unit}{second}")
+        shown = unit if not rate else unit.replace("/s", "/s²") if unit.endswith("/s") else f"{unit}/s"
+        return f"{number(value * scale, 3)} {shown}"
 
-    def of_output(name: str, unit: str, value: float | None, named: bool = True) -> str:
+    def of_output(name: str, unit: str, value: float | None) -> Cell:
         if value is None:
-            return "–"
+            return Cell("–")
         scale, shown = in_units(unit, shown_in[name], "shown")
-        return f"{number(value * scale, 3)} {shown}{f' in {humanize(name)}' if named else ''}"
+        return Cell(f"{number(value * scale, 3)} {shown}", below=humanize(name))
+
+    def by_spike(row: GateRow) -> Cell:
+        return of_output(row.output, row.output_unit, row.spike_error)
+
+    def by_ramp(row: GateRow) -> Cell:
+        return of_output(row.ramp_output, row.ramp_output_unit, row.ramp_error)
+
+    def behind(cell: Cell) -> str:
+        return f"{cell.text} in {cell.below}" if cell.below else cell.text
 
     stated, duration = probability(rows[0].probability), f"{rows[0].duration:g} s"
     columns: list[Column[GateRow]] = [
         Column("Sensor", lambda row: f"{humanize(row.sensor)}: {humanize(row.component)}", "sensor", "label"),
         Column("Spike stopped", lambda row: of_component(row, row.spike), "spike stopped"),
-        Column("Its error", lambda row: of_output(row.output, row.output_unit, row.spike_error), "its error"),
-        Column(f"Ramp of {duration} stopped", lambda row: of_component(row, row.ramp, "/s"), "ramp stopped"),
-        Column("Its error", lambda row: of_output(row.ramp_output, row.ramp_output_unit, row.ramp_error), "its error "),
-        Column("Limit", lambda row: of_output(row.output, row.output_unit, row.limit, False), "limit"),
+        Column("Its error", by_spike, place="page"),
+        Column("", lambda row: behind(by_spike(row)), "its error", place="terminal"),
+        Column("Ramp stopped", lambda row: of_component(row, row.ramp, rate=True), "ramp stopped"),
+        Column("Its error", by_ramp, place="page"),
+        Column("", lambda row: behind(by_ramp(row)), "its error at the end", place="terminal"),
+        Column("Limit", lambda row: of_output(row.output, row.output_unit, row.limit), "limit"),
         Column("Worst spike", lambda row: of_component(row, row.worst), "worst spike"),
         Column("Unnoticed and beyond", lambda row: number(row.risk, 3), "unnoticed and beyond"),
     ]

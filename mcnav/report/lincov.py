@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from mcnav.analysis.answer_times import in_minutes
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, causes_at
 from mcnav.contract.quantities import KINDS, Output, end_words, kinds_of
 from mcnav.report.figures.axis_groups import stem
@@ -72,6 +73,7 @@ def headline(answer: LinearAnswer) -> tuple[str, str]:
 
 def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
     """List what linear analysis says, in sentences with their tones, the worst first."""
+    answer = in_minutes(answer)
     said = [*range_words(answer), *filter_words(answer)]
     if answer.beyond is None or any(each.judged for each in answer.requirements):
         said.append(headline(answer))

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.analysis.answer_times import MINUTE, in_minutes, is_of_trajectory
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.analysis.what_if import WhatIf
@@ -71,6 +72,7 @@ CAUSES: Final = "largest causes, share of the variance"
 
 def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = None) -> Page:
     """Return the page; outages are those of the aiding sensors."""
+    answer, outages = _as_read(answer, outages)
     (words, tone), *others = statements(answer)
     left_out, largest = not_modelled(answer.kind, answer.causes), largest_table(answer)
     verdict = Verdict(
@@ -101,6 +103,7 @@ def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = 
 
 def terminal(answer: LinearAnswer) -> list[Part]:
     """List what the terminal shows: sentences, requirements, sigmas at times that were asked for, outputs."""
+    answer = in_minutes(answer)
     (words, tone), *others = statements(answer)
     tables = [
         requirement_table(answer) if answer.requirements else None,
@@ -116,12 +119,21 @@ def terminal(answer: LinearAnswer) -> list[Part]:
 
 def card(answer: LinearAnswer, outages: drawn.Outages) -> str:
     """Write the answer as HTML for a notebook: verdict, requirements, sigmas with their causes, budget, over time."""
+    answer, outages = _as_read(answer, outages)
     (words, tone), *others = statements(answer)
     verdict = Verdict(f"{words}.", tone, [f"{sentence}." for sentence, _ in others], noticed(answer.remarks))
     asked = requirement_table(answer) if answer.requirements else None
     parts = joined(Sentence(STRONG(answer.campaign)), verdict, asked, final_table(answer))
     figures = [] if answer.beyond is not None else joined(drawn.budget(answer), drawn.sigmas(answer, outages))
     return card_html([*parts, *(bare(each) for each in figures if isinstance(each, Figure))])
+
+
+def _as_read(answer: LinearAnswer, outages: drawn.Outages) -> tuple[LinearAnswer, drawn.Outages]:
+    """Return the answer, and the outages, with the times that people read."""
+    if not is_of_trajectory(answer):
+        return answer, outages
+    spans = {name: [(a / MINUTE, b / MINUTE) for a, b in each] for name, each in outages.items()}
+    return in_minutes(answer), spans
 
 
 def _causes(causes: Sequence[tuple[str, float]]) -> str:

@@ -34,7 +34,7 @@ SUBJECTS: Final[tuple[Subject, ...]] = ("linear", "requirements", "filter", "smo
 WORST: Final = ("differs", "partly", "undecided", "agrees")
 """Tones of verdicts, the worst first."""
 
-NOT_DISTURBED: Final = "not disturbed by any source"
+NOT_DISTURBED: Final = "not disturbed by any cause"
 """Finding for an output without dispersion, linear or Monte Carlo."""
 
 
@@ -128,7 +128,7 @@ def output_words(sigma_linear: float, verdict: str) -> str:
     """Return the verdict on an output as shown.
 
     >>> output_words(1.0, "agrees"), output_words(0.0, "agrees"), output_words(0.0, "differs")
-    ('agrees', 'not disturbed by any source', 'differs')
+    ('agrees', 'not disturbed by any cause', 'differs')
     """
     return NOT_DISTURBED if sigma_linear == 0.0 and verdict == "agrees" else str(verdict)
 

@@ -52,7 +52,7 @@ def write_pdf(page: Page, path: Path) -> Path:
             sheets.part(part)
         for section in page.sections:
             sheets.section(section)
-        with PdfPages(path, metadata={"CreationDate": None, "Title": page.title}) as file:  # type: ignore[dict-item]
+        with PdfPages(path, metadata={"CreationDate": None, "Title": page.title}) as file:
             for figure in sheets.figures:
                 file.savefig(figure)
     return path

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import DRMS, SIGMA
-from mcnav.analysis.sweep import Sweep
+from mcnav.analysis.sweep import Point, Sweep, Variable
 from mcnav.files import to_json
 from mcnav.report.figures import sweep as drawn
 from mcnav.report.sweep_words import met_words, verdict_at
@@ -22,10 +23,12 @@ def frame(sweep: Sweep) -> pd.DataFrame:
 
     ``attrs`` has ``units`` by column, and ``just_met``: the values at which each limit is just met.
     """
-    shape, columns, units = sweep.shape, dict[str, Array | NDArray[np.bool_]](), dict[str, str]()
+    shape, columns, units = sweep.shape, dict[str, NDArray[Any]](), dict[str, str]()
     points = np.array(list(product(*(variable.values for variable in sweep.variables))))
     for number_of, variable in enumerate(sweep.variables):
-        columns[variable.label], units[variable.label] = points[:, number_of], variable.unit
+        values = points[:, number_of]
+        columns[variable.label] = np.array(variable.words)[values.astype(int)] if variable.words else values
+        units[variable.label] = variable.unit
     for index, (measure, scale) in enumerate(zip(sweep.measures, drawn.scales(sweep), strict=True)):
         for suffix, values in (("", sweep.values), (", filter", sweep.own), (", Monte Carlo", _checked(sweep))):
             result = values[..., index].reshape(-1) * scale
@@ -58,15 +61,24 @@ def just_met_rows(sweep: Sweep) -> list[Mapping[str, object]]:
             "measure": sweep.measures[each.measure].name,
             "variable": last.path,
             "unit": last.unit,
-            **({first[0].path: each.fixed} if first else {}),
+            **({first[0].path: _plain(first[0], each.fixed)} if first else {}),
             "just_met": list(each.values),
-            "met": [list(span) for span in each.met],
+            "met": [[_plain(last, end) for end in span] for span in each.met],
             "looked_at": each.looked_at,
-            "closest": None if each.closest is None else each.closest[0],
+            "closest": None if each.closest is None else _plain(last, each.closest[0]),
             "finding": met_words(each, last),
         }
         for each in sweep.just_met
     ]
+
+
+def _plain(variable: Variable, value: float | None) -> float | str | None:
+    """Return a value of a variable as files have it: a word where it is no number."""
+    return variable.words[int(value)] if variable.words and value is not None else value
+
+
+def _plain_point(sweep: Sweep, point: Point) -> list[float | str | None]:
+    return [_plain(variable, value) for variable, value in zip(sweep.variables, point, strict=True)]
 
 
 def table(sweep: Sweep) -> Mapping[str, object]:
@@ -74,7 +86,7 @@ def table(sweep: Sweep) -> Mapping[str, object]:
     result = {
         "campaign": sweep.campaign,
         "variables": [
-            {"path": each.path, "unit": each.unit, "values": each.values, "logarithmic": each.log}
+            {"path": each.path, "unit": each.unit, "values": each.words or each.values, "logarithmic": each.log}
             for each in sweep.variables
         ],
         "measures": [
@@ -94,11 +106,11 @@ def table(sweep: Sweep) -> Mapping[str, object]:
         "values": sweep.values,
         "filter": sweep.own if np.isfinite(sweep.own).any() else None,
         **({"exceedance": sweep.exceedances} if any(map(sweep.rare, range(len(sweep.measures)))) else {}),
-        "added": [{"point": list(point), "values": values} for point, values in sweep.added],
+        "added": [{"point": _plain_point(sweep, point), "values": values} for point, values in sweep.added],
         "just_met": just_met_rows(sweep),
         "monte_carlo": [
             {
-                "point": dict(zip((v.path for v in sweep.variables), each.point, strict=True)),
+                "point": dict(zip((v.path for v in sweep.variables), _plain_point(sweep, each.point), strict=True)),
                 "folder": str(each.folder),
                 "verdict": verdict_at(sweep, each),
                 "samples": each.summary.samples,

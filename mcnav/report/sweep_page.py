@@ -70,13 +70,14 @@ def terminal(sweep: Sweep) -> list[Part]:
 
 def page(sweep: Sweep) -> Page:
     """Return the page."""
-    contours = len(sweep.variables) > 1
+    contours = len(sweep.variables) > 1 and not sweep.variables[0].words
     words, tone = headline(sweep)
     confirmed = [Verdict(*confirmed_words(sweep))] if sweep.confirmations else []
     stated: Part = Verdicts([Verdict(words, tone), *confirmed]) if tone else Sentence(words)
     others: list[Part] = [] if tone or not confirmed else [Verdicts(confirmed)]
     facts = Facts([
-        (each.path, f"{shown(each, each.values[0])} to {shown(each, each.values[-1])}, {len(each.values)} values")
+        (each.path, ", ".join(each.words) or
+         f"{shown(each, each.values[0])} to {shown(each, each.values[-1])}, {len(each.values)} values")
         for each in sweep.variables
     ])  # fmt: skip
     sections = [Section("accuracy", "Lines of equal accuracy" if contours else "Accuracy", _accuracy(sweep))]
@@ -94,7 +95,7 @@ def _accuracy(sweep: Sweep) -> list[Part]:
     titles = [title_of(each, sweep) for each in sweep.measures]
     figure = drawn.figure(sweep, titles, {name: data[name].to_numpy() for name in data})
     note = ["Every point is a linear covariance of its own, with the other keys as in the campaign."]
-    if len(sweep.variables) > 1:
+    if len(sweep.variables) > 1 and not sweep.variables[0].words:
         note.append("Lines are interpolated between the points of the grid; the points on a limit are solved for.")
     if np.isfinite(sweep.own).any():
         note.append("Linear analysis accepts every measurement; values are after the update of their time.")
@@ -136,14 +137,16 @@ def limit_table(sweep: Sweep) -> Table[_Limit]:
         *map(fixed, first),
         Column(last.path, lambda row: Cell(met_words(row.just_met, last), tone=tone_of(row.just_met)), "met", "text"),
     ]  # fmt: skip
-    at = f" At some values of {first[0].path}." if first else ""
+    at = f" At {'each value' if first[0].words else 'some values'} of {first[0].path}." if first else ""
     added = (
         f" Values were added, {len(sweep.added)} in all, where the points of the grid are more than a factor of two or "
         "a sixteenth of the range apart, and until the curve between neighbouring values bends by less than "
         f"{100.0 * BEND:g} %, or by less than half its distance from the limit."
     )
     caption = (
-        f"Values of {last.path} at which a limit is just met, solved by linear analyses between the points of the "
+        f"Values of {last.path} at which a limit is met.{at}"
+        if last.words
+        else f"Values of {last.path} at which a limit is just met, solved by linear analyses between the points of the "
         f"grid, to six digits.{at}{added if sweep.added else ''}"
     )
     return Table(caption, columns, rows, f"Limits along {last.path}")
@@ -157,6 +160,8 @@ def point_table(sweep: Sweep) -> Table[tuple[int, ...]]:
 
     def variable(axis: int) -> Column[tuple[int, ...]]:
         described = sweep.variables[axis]
+        if described.words:
+            return Column(described.label, lambda place: described.words[place[axis]], kind="label")
         return Column(described.label, lambda place: float(described.values[place[axis]]))
 
     def measure(index: int) -> Column[tuple[int, ...]]:

@@ -54,6 +54,8 @@ def limit_words(measure: Measure) -> str:
 
 def shown(variable: Variable, value: float) -> str:
     """Write a value of a variable with its unit."""
+    if variable.words:
+        return variable.words[int(value)]
     return f"{drawn.plain(value)} {variable.unit}".strip()
 
 
@@ -63,6 +65,8 @@ def met_words(just_met: JustMet, variable: Variable) -> str:
         return f"met at {looked_at_words(just_met)}{closest_words(just_met, variable)}"
     if not just_met.met:
         return f"not met at {looked_at_words(just_met, False)}{closest_words(just_met, variable)}"
+    if variable.words:
+        return f"met at {', '.join(shown(variable, place) for place, _ in just_met.met if place is not None)}"
     spans = []
     for begin, end in just_met.met:
         if begin is None and end is not None:
@@ -123,7 +127,7 @@ def common_spans(sweep: Sweep) -> tuple[Span, ...] | None:
     """Return the interval in which all limits along one variable are met; none if one has several intervals."""
     low, high = -np.inf, np.inf
     for each in sweep.just_met:
-        if len(each.met) > 1:
+        if len(each.met) > 1 or (each.met and sweep.variables[-1].words):
             return None
         if not each.met:
             return ()

@@ -10,6 +10,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
+import tomli_w
+
 from mcnav.config.data_sheet import DataSheetNumber, data_sheet_numbers
 from mcnav.config.overrides import Value, override
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
@@ -136,6 +138,10 @@ class LiveCampaign:
         """Return the page on the linear covariance of a setting as HTML."""
         chosen = self._numbered(number)
         return page_html(lincov_page(chosen.campaign, chosen.setting.answer))
+
+    def campaign_file(self, number: int) -> str:
+        """Return the campaign file of a setting, to be saved beside the one that is watched."""
+        return tomli_w.dumps(self._numbered(number).content)
 
     def report(self, number: int) -> str:
         """Return the report of a setting's run; `CampaignError` where it has none."""

@@ -163,10 +163,12 @@ ACTIONS: Final[dict[str, Callable[[dict[str, Any]], Call]]] = {
 }  # fmt: skip
 """What the page asks to be done."""
 
-SHOWN: Final[dict[str, Callable[[LiveCampaign, int], str]]] = {
-    "setting": LiveCampaign.setting_page, "report": LiveCampaign.report,
-}  # fmt: skip
-"""Further pages, each of a setting by its number."""
+SHOWN: Final[dict[str, tuple[str, Callable[[LiveCampaign, int], str]]]] = {
+    "setting": ("text/html", LiveCampaign.setting_page),
+    "report": ("text/html", LiveCampaign.report),
+    "campaign": ("text/plain", LiveCampaign.campaign_file),
+}
+"""What else there is, each of a setting by its number, with the type of its content."""
 
 
 class _Requests(BaseHTTPRequestHandler):
@@ -187,7 +189,8 @@ class _Requests(BaseHTTPRequestHandler):
         elif path == "state":
             self._answer("application/json", _state)
         elif kind in SHOWN and number.isdecimal():
-            self._answer("text/html", lambda live: SHOWN[kind](live, int(number)))
+            content, shown = SHOWN[kind]
+            self._answer(content, lambda live: shown(live, int(number)))
         else:
             self._send(HTTPStatus.NOT_FOUND, "text/plain", "404: there is nothing here")
 

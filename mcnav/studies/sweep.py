@@ -22,7 +22,7 @@ from mcnav.analysis.accuracy_measures import (
     requirement_measures,
     usual_measures,
 )
-from mcnav.analysis.crossings import find_crossings
+from mcnav.analysis.crossings import find_crossings, words_that_meet
 from mcnav.analysis.sweep import JustMet, Point, Sweep, Variable
 from mcnav.config.overrides import VariedCampaign
 from mcnav.config.read import Campaign
@@ -160,7 +160,8 @@ class _Study:
         *first, last = self.variables
         rows: list[tuple[float | None, Array]] = [(None, margins)]
         if first:
-            chosen = np.unique(np.linspace(0, len(first[0].values) - 1, ROWS).round().astype(int))
+            rows_of = len(first[0].words) or ROWS
+            chosen = np.unique(np.linspace(0, len(first[0].values) - 1, rows_of).round().astype(int))
             rows = [(float(first[0].values[number]), margins[number]) for number in chosen]
 
         limited = [number for number in range(len(self.measures)) if not np.isnan(margins[..., number]).all()]
@@ -172,6 +173,8 @@ class _Study:
                 point = (value,) if fixed is None else (fixed, value)
                 return float(self.points.answers([point], 1)[0].margins[number])
 
+            if last.words:
+                return words_that_meet(row[:, number], number, fixed)
             return find_crossings(last, row[:, number], margin_at, number, fixed)
 
         return tuple(in_threads(solve, list(product(limited, rows)), self._jobs))

@@ -24,6 +24,7 @@ from mcnav.contract.engine import (
     without_noise,
 )
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.scenario import Scenario, is_linear_over_time
 from mcnav.execution.soundness import isolated
 from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.facets import linear_facets
@@ -33,7 +34,7 @@ from mcnav.sampling.error_model import ErrorModel
 from mcnav.statistics.bisection import root_between
 from mcnav.store.manifest import ExceedanceRecord
 from mcnav.systems.timeouts import check_stopped
-from mcnav.workflow.prepare import LinearHistory, PreparedSystem, exact_part
+from mcnav.workflow.prepare import LinearHistory, PreparedSystem, exact_part, linear_history, same_times
 
 RAREST: Final = 12.0
 """Distance of the linear limit in sigmas beyond which a probability, of 1e-33, is not estimated."""
@@ -128,9 +129,7 @@ class _Normals:
         if not len(points):
             return np.zeros((0, len(self.linear(np.zeros((1, self.dimensions)))[0])))
         if self.event.epochs:
-            engine = self.engine
-            assert has_histories(engine)
-            return self.event.picked(engine.histories(self.errors_of(points)))
+            return self.event.picked(_histories(self.engine, self.errors_of(points)))
         flown = self.simulate(points, numbers)
         values = self.event.picked(flown.values).copy()
         values[list(flown.failures)] = math.nan
@@ -183,30 +182,52 @@ def estimate_exceedances(
     """
     records = []
     engine = isolated(system.scenario, exact_part(system.engine), system.timeout)
+    over_time = any(requirement.epochs for requirement in requirements)
+    throughout = linear_at_epochs(system.scenario, exact_part(system.engine)) if over_time else None
     for number, requirement in enumerate(requirements):
         if requirement.kind == "sigma_ratio":
             continue
-        if requirement.epochs and (reason := _refusal_over_time(system, engine)):
+        if requirement.epochs and (reason := _refusal_over_time(engine, throughout)):
             if is_rare(size_probability(requirement)):
                 records.append(_refused(number, reason))
             continue
         draws = system.draws
-        normals, event = _normals(engine, draws.errors, draws.seed, model, requirement, number, system.throughout)
+        normals, event = _normals(engine, draws.errors, draws.seed, model, requirement, number, throughout)
         if not _is_beyond_counting(normals, event, requirement, system, confidence):
             continue
-        reason = _refusal(system)
+        reason = _refusal(system, bool(requirement.epochs))
         refused = _refused(number, reason)
         records.append(refused if reason else _estimate(number, normals, event, system.draws.samples, confidence))
     return tuple(records)
 
 
-def _refusal_over_time(system: PreparedSystem, engine: Engine) -> str:
+def _histories(engine: Engine, errors: Array) -> Array:
+    """Simulate errors without noise: outputs at every epoch, shape (n, m, outputs); NaN for a sample that fails."""
+    if has_histories(engine):
+        return engine.histories(errors)
+    result = engine.simulate(Batch(np.arange(len(errors)), errors, 0))
+    assert result.history is not None
+    histories = result.history.copy()
+    histories[list(result.failures)] = math.nan
+    return histories
+
+
+def linear_at_epochs(scenario: Scenario, engine: Engine) -> LinearHistory | None:
+    """Return the linear model at the epochs of an engine; none where it is not known there, or has noise."""
+    known = linear_history(scenario, engine)
+    if known is not None or engine.epochs is None or not is_linear_over_time(scenario):
+        return known
+    system = scenario.linear_over_time(len(engine.epochs.times))
+    if not same_times(system.times, engine.epochs.times) or any(each.any() for each in system.processes.values()):
+        return None
+    nominal = np.zeros(system.partials.shape[:2]) if system.nominal is None else system.nominal
+    return LinearHistory(engine.epochs, system.partials, nominal)
+
+
+def _refusal_over_time(engine: Engine, throughout: LinearHistory | None) -> str:
     """Say why no flights are chosen for requirements over time; nothing where they are."""
-    if system.engine.noisy or system.engine.filter is not None:
-        return "over time flights are chosen without noise alone"
-    if system.throughout is None or not has_histories(engine):
-        return "over time flights are chosen where the engine has histories and their partial derivatives alone"
-    return ""
+    known = throughout is not None and engine.filter is None
+    return "" if known else "over time flights are chosen without noise and filters alone"
 
 
 def _refused(number: int, reason: str) -> ExceedanceRecord:
@@ -214,16 +235,16 @@ def _refused(number: int, reason: str) -> ExceedanceRecord:
     return ExceedanceRecord(requirement=number, estimate=nothing, low=nothing, high=nothing, flights=0, refusal=reason)
 
 
-def _refusal(system: PreparedSystem) -> str:
-    """Say why no flights are chosen; nothing where they are."""
+def _refusal(system: PreparedSystem, over_time: bool) -> str:
+    """Say why no flights are chosen; nothing where they are. ``over_time`` there is no noise."""
     engine, draws = system.engine, system.draws
-    if (engine.noisy or engine.filter is not None) and not conditions_noise(exact_part(engine)):
+    if not over_time and (engine.noisy or engine.filter is not None) and not conditions_noise(exact_part(engine)):
         return (
             "flights are chosen with the noise of type ins, of engines ensemble and shared-gains, and of closed loops"
         )
     if system.unsettled is not None:
         return "there is no linear model to choose flights with"
-    flights = NOISY_FLIGHTS if engine.noisy else FLIGHTS
+    flights = NOISY_FLIGHTS if engine.noisy and not over_time else FLIGHTS
     if draws.samples < flights:
         return f"it takes about {flights:,} flights, more than the campaign has samples ({draws.samples:,})"
     return ""
@@ -318,6 +339,8 @@ def _normals(
 ) -> tuple[_Normals, Event]:  # fmt: skip
     """Return flights as functions of standard normals for a requirement by number, and what failing is."""
     event = Event.of(requirement, model.sizes)
-    noise = _Noise.of(engine, model, event.outputs) if conditions_noise(engine) else None
+    noise = None
+    if conditions_noise(engine) and not event.epochs:
+        noise = _Noise.of(engine, model, event.outputs)
     over_time = throughout if event.epochs else None
     return _Normals(engine, errors, model, event, seed * STREAM + number, noise, over_time), event

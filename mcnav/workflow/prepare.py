@@ -268,10 +268,11 @@ def exact_part(engine: Engine) -> Engine:
 def filter_prediction(scenario: Scenario, epochs: Epochs) -> FilterPrediction | None:
     """Return what linear analysis says of the filter at the epochs; none where it says nothing of them."""
     prediction = scenario.filter_prediction() if can_have_filter(scenario) else None
-    return prediction if prediction is not None and _same_times(prediction.times, epochs.times) else None
+    return prediction if prediction is not None and same_times(prediction.times, epochs.times) else None
 
 
-def _same_times(one: Array, other: Array) -> bool:
+def same_times(one: Array, other: Array) -> bool:
+    """Return whether the times of epochs are the same but for rounding."""
     return one.shape == other.shape and bool(np.allclose(one, other, rtol=1e-9))
 
 

@@ -47,8 +47,8 @@ from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 from mcnav.systems.histories import with_errors
 from mcnav.units import conversion
 from mcnav.workflow.analyse import linear_model
-from mcnav.workflow.exceedance import fly_way_to_fail
-from mcnav.workflow.prepare import exact_part, linear_history
+from mcnav.workflow.exceedance import fly_way_to_fail, linear_at_epochs
+from mcnav.workflow.prepare import exact_part
 
 STORED: Final = "stored"
 
@@ -136,7 +136,7 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
             engines = _engines(scenario, engine_name, draws)
             own = isolated(scenario, exact_part(engines[engine_name]), campaign.sample_timeout)
             model = linear_model(manifest.model)
-            throughout = linear_history(scenario, engines[engine_name]) if requirement.epochs else None
+            throughout = linear_at_epochs(scenario, engines[engine_name]) if requirement.epochs else None
             flight = fly_way_to_fail(own, campaign.errors, campaign.seed, model, requirement, record, throughout)
             others = [
                 _outcome(name, without_noise(engine)(flight.errors[None]))

@@ -19,7 +19,7 @@ def report(page_of: Callable[[str], Path]) -> Path:
 
 
 def test_the_answers_are_on_the_first_screen(browser: Browser, report: Path) -> None:
-    """All verdicts, the worst first, and every output's sigmas by three methods with its largest sources.
+    """All verdicts, the worst first, and every output's sigmas by three methods with its largest causes.
 
     A verdict has its worst number in three digits, and leads to its section; the worst one is the window's title.
     """

@@ -185,7 +185,7 @@ def test_one_faint_text_is_found(browser: Browser, page_of: Callable[[str], Path
 
 @pytest.mark.parametrize("kind", ["report", "many"])
 def test_answers_stand_on_the_first_screen(browser: Browser, page_of: Callable[[str], Path], kind: str) -> None:
-    """Verdict, requirements, sigmas by every method and largest sources: whole at a desk, not wider than a phone."""
+    """Verdict, requirements, sigmas by every method and largest causes: whole at a desk, not wider than a phone."""
     with browser.opened(page_of(kind), 1280, height=800) as page:
         for part in (".tile", *([".asked"] if kind == "many" else []), ".answers"):
             box = page.locator(part).last.bounding_box()

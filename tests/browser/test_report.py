@@ -40,7 +40,7 @@ def test_every_figure_has_its_plots(browser: Browser, report: Path) -> None:
 def test_tables_sort_series_toggle_and_data_is_copied(browser: Browser, report: Path) -> None:
     with browser.opened(report) as page:
         page.context.grant_permissions(["clipboard-read", "clipboard-write"])
-        page.locator("#budget summary", has_text="All 10 sources").click()
+        page.locator("#budget summary", has_text="All 10 causes").click()
         table = page.locator("#budget table", has_text="Linear error budget:")
         shares = table.locator("tbody tr td:nth-child(3)")
         table.locator("thead th:nth-child(3) button").press("Enter")

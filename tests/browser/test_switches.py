@@ -37,7 +37,8 @@ def test_tables(browser: Browser, page_of: Callable[[str], Path]) -> None:
     with browser.opened(page_of("aided")) as page:
         as_computed = page.evaluate(NUMBERS)
         caption = page.locator("table caption").first
-        for sigma, multiple, words in (("3σ", 3.0, "Three sigma at"), ("95 %", 1.959963985, "1.96 sigma, 95 % of a")):
+        multiples = {"3σ": (3.0, "Three sigma at"), "95 %": (1.959963985, "1.96 sigma (95 % of normal errors) at")}
+        for sigma, (multiple, words) in multiples.items():
             for system, expected in (("SI", {"m", "m/s", "rad"}), ("aviation", {"ft", "kt", "deg"})):
                 page.get_by_label(sigma, exact=True).check()
                 page.get_by_label(system, exact=True).check()

@@ -12,6 +12,7 @@ from scipy import stats
 
 from mcnav.analysis.exceedance import Event, weigh
 from mcnav.analysis.requirements import Exceedance, Finding, Requirement, RequirementResult
+from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
 from mcnav.errors import RunFolderError
 from mcnav.execution.chunks import DrawPlan
@@ -26,10 +27,11 @@ from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.workflow.analyse import analyse, linear_model, report_run
 from mcnav.workflow.check import by_counting
 from mcnav.workflow.exceedance import estimate_exceedances
-from mcnav.workflow.prepare import prepare_system
+from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from mcnav.workflow.replay import replay_failure
 from mcnav.workflow.run import run_campaign
 from tests.campaigns.test_ins import described
+from tests.closed_loops import campaign as loop
 
 OF, BEYOND = 475_103_232, {140: 8_108, 150: 1_933, 159: 487, 160: 409}
 """Samples of trajectory 4 beyond so many km of altitude, counted once (`counted_draws`), in 9 minutes of a core."""
@@ -37,7 +39,10 @@ OF, BEYOND = 475_103_232, {140: 8_108, 150: 1_933, 159: 487, 160: 409}
 FIRST, BEYOND_135_KM = 409_600, 18
 """The first of them, and how many lie beyond 135 km."""
 
-HEADING = "6.640318 mrad"
+PASSED = 215, 20_480_000
+"""Flights of trajectory 4 whose range rate passes 4.4 of its largest linear sigma at any epoch, counted once."""
+
+HEADING = 6.640318e-3
 TURNED, AIDED = 103, 593_920
 """Samples of the aided flight whose heading is beyond, counted once with another seed."""
 
@@ -65,6 +70,12 @@ def run(folder: Path, jobs: int = 1, **changes: Any) -> dict[str, Any]:
     return dict(run_campaign(parse_campaign(capsule(**changes), "test.toml", "test"), folder, None, jobs).summary)
 
 
+def prepared(described: Campaign, seed: int = 1772) -> PreparedSystem:
+    """Prepare a campaign with its first engine, without a folder."""
+    draws = DrawPlan(described.errors, "random", seed, described.samples)
+    return prepare_system(described.scenario, draws, described.scenario.engines[0], 0.05, None, described.file)
+
+
 def around(count: int, of: int) -> tuple[float, float]:
     """Return the interval of a small probability from a count, which holds with a probability of 99.99 %."""
     return stats.chi2.ppf(0.5e-4, 2 * count) / 2 / of, stats.chi2.isf(0.5e-4, 2 * count + 2) / 2 / of
@@ -72,9 +83,7 @@ def around(count: int, of: int) -> tuple[float, float]:
 
 def test_limits_agree_with_a_count_of_475_million() -> None:
     """At 1.7e-5, 4e-6 and 1e-6 the counts are known to 4, 9 and 18 %; each interval lies within that of the count."""
-    described = parse_campaign(capsule(), "test.toml", "test")
-    draws = DrawPlan(described.errors, "random", 1772, 2_000)
-    system = prepare_system(described.scenario, draws, "ensemble", 0.05, None, described.file)
+    system = prepared(parse_campaign(capsule(), "test.toml", "test"))
     altitudes = system.engine.simulate(counted_draws().batch(0, FIRST)).values[:, 0]
     assert np.count_nonzero(np.abs(altitudes) > 135e3) == BEYOND_135_KM
     asked = [Requirement("quantile", (0,), (1e3 * limit,), 1.0 - 1e-8) for limit in BEYOND]
@@ -82,6 +91,54 @@ def test_limits_agree_with_a_count_of_475_million() -> None:
     for (limit, count), record in zip(BEYOND.items(), records, strict=True):
         low, high = around(count, OF)
         assert low < record.low < record.high < high, limit
+
+
+def test_any_epoch_agrees_with_a_count() -> None:
+    """28 half-spaces of the range's rate, over a whole flight."""
+    system = prepared(parse_campaign(capsule(), "test.toml", "test"))
+    assert system.engine.epochs is not None
+    model, last = linear_model(system.model), len(system.engine.epochs.times)
+    asked = Requirement("quantile", (3,), (142.27527536924075,), 1.0 - 1e-7, "throughout", tuple(range(1, last)))
+    (record,) = estimate_exceedances(system, model, [asked], 0.95)
+    low, high = around(*PASSED)
+    assert low < record.low < record.high < high
+
+
+def test_a_requirement_over_time_is_met_by_flights_from_file_to_replay(tmp_path: Path) -> None:
+    """A free navigator without noise, whose errors grow until the end: nearly all failures are at the last epoch."""
+    limit = {"output": "position_north", "probability": 0.999_99, "below": "900 m", "after": "200 s"}
+    free = described(1_000, imu={}, errors={"velocity": "0.3 m/s", "tilt": "0.2 mrad"}, accept={"quantile": [limit]})
+    campaign = parse_campaign(free, "test.toml", "test")
+    (required,) = run_campaign(campaign, tmp_path / "run", None, 1).summary["requirements"]
+    assert required["finding"] == "met"
+    assert required["exceedance"]["refusal"] == ""
+    assert "at any epoch" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert replay_failure(tmp_path / "run", 1).limited.endswith("This flight reaches 1.0000 times the limit.")
+
+
+def test_an_interval_of_any_epoch_shows_nothing_above_what_each_allows() -> None:
+    requirement = Requirement("quantile", (0,), (1.0,), 1.0 - 1e-6, "", (0, 1))
+    undecided = RequirementResult(requirement, Finding.UNDECIDED, 0.5, (0.0, np.inf), 0.5, True, 10**8)
+    event, histories = Event.of(requirement, {}), np.zeros((1_000, 2, 1))
+    for low, high, finding in ((0.8e-6, 0.9e-6, Finding.MET), (1.1e-6, 1.2e-6, Finding.UNDECIDED)):
+        exceedance = Exceedance(0.5 * (low + high), low, high, 700)
+        assert weigh(undecided, exceedance, event, histories, np.arange(1_000), 0.95).finding == finding
+    histories[:2, 1] = 2.0
+    told = weigh(undecided, Exceedance(8e-7, 7e-7, 9e-7, 700), event, histories, np.arange(1_000), 0.95)
+    assert told.exceedance is not None
+    assert told.exceedance.refusal.startswith("2 of 1,000 samples lie beyond the limit")
+
+
+def test_a_closed_loop_with_noise_agrees_with_a_count() -> None:
+    """An end by a trigger and a filter: 90 of 1,228,800 rates lie beyond four linear sigmas."""
+    system = prepared(loop("Landing", samples=4_000), 101)
+    asked = Requirement("quantile", (3,), (1.0398865668462192,), 1.0 - 1e-7)
+    (record,) = estimate_exceedances(system, linear_model(system.model), [asked], 0.95)
+    low, high = around(90, 1_228_800)
+    assert low < record.high
+    assert high > record.low
+    assert record.high < 2.0 * record.low
+    assert set(record.way) <= {"altimeter", "gusts", "altitude", "rate", "true_altitude", "true_rate"}
 
 
 def test_a_limit_at_one_in_a_million_from_file_to_report(tmp_path: Path) -> None:
@@ -200,17 +257,16 @@ def aided(samples: int, heading: str) -> dict[str, Any]:
     )
 
 
-def test_noise_and_filters_agree_with_a_count(tmp_path: Path) -> None:
+def test_noise_and_filters_agree_with_a_count() -> None:
     """An aided flight whose heading bends its errors: the interval overlaps that of a count, at 99.99 %."""
-    accept = {"quantile": [{"output": "heading", "probability": 0.9998, "below": HEADING}]}
-    campaign = parse_campaign(aided(5_000, "5 deg") | {"accept": accept}, "test.toml", "test")
-    (required,) = run_campaign(campaign, tmp_path / "run", None, 1, report=False).summary["requirements"]
-    exceedance = required["exceedance"]
-    assert exceedance["refusal"] == ""
+    system = prepared(parse_campaign(aided(5_000, "5 deg"), "test.toml", "test"), 5)
+    asked = Requirement("quantile", (8,), (HEADING,), 0.9998)
+    (record,) = estimate_exceedances(system, linear_model(system.model), [asked], 0.95)
+    assert record.refusal == ""
     low, high = around(TURNED, AIDED)
-    assert low < exceedance["to"]
-    assert high > exceedance["from"]
-    assert exceedance["to"] < 3.0 * exceedance["from"]
+    assert low < record.high
+    assert high > record.low
+    assert record.high < 3.0 * record.low
 
 
 def test_noise_that_is_linear_has_the_normal_probability(tmp_path: Path) -> None:
@@ -226,6 +282,13 @@ def test_noise_that_is_linear_has_the_normal_probability(tmp_path: Path) -> None
     assert 0.37e-3 < abs(flight.outcomes[0].values[6]) < 0.37e-3 * (1.0 + 1e-5)
     assert flight.linear[6] == pytest.approx(flight.outcomes[0].values[6], rel=1e-3)
     assert re.fullmatch(r"noise adds −?-?[\d.e-]+ mrad to tilt north, by linear analysis", flight.notes[0])
+
+
+def test_noise_over_time_is_refused_in_a_line(tmp_path: Path) -> None:
+    limit = {"output": "position_north", "probability": 0.999_999, "below": "300 m", "after": "200 s"}
+    campaign = parse_campaign(described(4, accept={"quantile": [limit]}), "test.toml", "test")
+    (required,) = run_campaign(campaign, tmp_path / "run", None, 1, report=False).summary["requirements"]
+    assert required["exceedance"]["refusal"] == "over time flights are chosen without noise and filters alone"
 
 
 def test_noise_of_other_engines_is_refused_in_a_line(tmp_path: Path) -> None:

@@ -88,7 +88,7 @@ def test_an_optimistic_filter_comes_first_with_factor_time_and_cause(tmp_path: P
     words, tone = statements(found)[0]
     assert tone == "differs"
     assert words.startswith(
-        "The filter is optimistic from 60 s on: at worst, at 2,039 s, the error of tilt east is 13 "
+        "The filter is optimistic from 1 min on: at worst, at 34 min, the error of tilt east is 13 "
     )
     assert "because of gyro misalignment" in words
     assert shown(found).startswith(words)
@@ -242,7 +242,7 @@ def test_numbers_beyond_the_range_of_linear_analysis_are_not_shown(tmp_path: Pat
     assert stored["sigma"][down] > 1e60  # files keep the numbers, and say that they have no meaning
     assert [each["met"] for each in stored["requirements"]] == [None, True]
     words, tone = statements(found)[0]
-    assert (words[:58], tone) == ("Errors are beyond the range of linear analysis from 7,200 ", "differs")
+    assert (words[:59], tone) == ("Errors are beyond the range of linear analysis from 120 min", "differs")
     for text in (shown(found), page.read_text()):
         assert "beyond linear range" in text
         assert not re.search(r"\de\+[1-9]|10[¹²³⁴⁵⁶⁷⁸⁹][⁰¹²³⁴⁵⁶⁷⁸⁹]", text)  # no number of 10^10 or more

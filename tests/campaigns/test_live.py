@@ -9,6 +9,7 @@ import re
 import shutil
 import signal
 import socket
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -152,6 +153,9 @@ def test_settings_are_tuned_anew(filtered: Path, tmp_path: Path) -> None:
     assert north["shown"] == f"{expected.sigma[0]:.3f}"
     assert north["claimed"] == f"{expected.history.sigma_filter[-1, 0]:.3f}" != campaign["sigmas"][0]["claimed"]
     assert [campaign["requirements"][0]["finding"], setting["requirements"][0]["finding"]] == ["met", "not met"]
+    copied = tomllib.loads(live.campaign_file(setting["number"]))
+    assert copied["aiding"][0]["position"] == "9 m"
+    assert "believes" not in copied["filter"]
     assert "not modelled" in live.setting_page(setting["number"]).lower()
     for factors, key in (({"imu.gyro.colour": 2.0}, "imu.gyro.colour"), ({"errors.heading": float("nan")}, "heading")):
         with pytest.raises(CampaignError, match=key):

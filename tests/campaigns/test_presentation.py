@@ -222,7 +222,7 @@ def test_paired_sigma_stands_with_the_paired_ratio(nine: Path) -> None:
 
 def test_what_nothing_disturbs_does_not_agree(nine: Path) -> None:
     """It is said in the terminal, the report, the notebook and the comparison; the summary keeps its verdict."""
-    words = "not disturbed by any source"
+    words = "not disturbed by any cause"
     summary = stored_summary(nine / "run")
     assert summary.verdicts[-1] == "agrees"
     assert output_rows({"nine": summary})[-1]["verdict"] == words

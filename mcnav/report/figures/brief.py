@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from mcnav.report.figures.figure import HALF, Figure
-from mcnav.report.figures.marks import Axis, Bars, Panel, Rule, Series
+from mcnav.report.figures.marks import Axis, Bars, Mark, Panel, Rule, Series
 from mcnav.report.figures.palette import FLOWN, INK, LINEAR
 from mcnav.report.requirements import RequirementRow, cause_label
 
@@ -43,7 +43,7 @@ def limit_to_causes(row: RequirementRow) -> Figure | None:
     texts = [f"{name}: {100.0 * share:.3g} %" for name, share in shares]
     written = [f"{100.0 * share:.0f}" if share > 0.06 else "" for _, share in shares]
     high = 1.05 * max(100.0, min(allowed, 200.0))
-    marks = [
+    marks: list[Mark] = [
         Bars(TOTAL, [0], [0.0], [100.0], ["all causes: 100 %"]),
         Bars(PART, np.arange(1, len(rows)), ends[1:], ends[:-1], texts, written),
         *([Rule(allowed, name="the limit", colour=INK, width=1.6)] if allowed <= high else []),

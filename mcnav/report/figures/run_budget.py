@@ -19,8 +19,8 @@ def budget(content: RunAnalysis) -> Figure:
         routes[", Monte Carlo"] = ("Monte Carlo, each source alone", flown)
     return shares_figure(
         "Error budget",
-        "Share of each error source in the variance of each output, in per cent of the linear variance.",
-        ("source", content.cause_names),
+        "Share of each cause in the variance of each output, in per cent of the linear variance.",
+        ("cause", content.cause_names),
         content.output_names,
         routes,
         [each for each in contributors(content) if (linear[:, each.members] > 0.0).any()],

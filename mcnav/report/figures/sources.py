@@ -102,7 +102,7 @@ def ranked(
     if not small:
         return result
     rest = tuple(j for k in small for j in grouped[k][1])
-    return [*result, Contributor(Series("others", f"other {len(rest)} sources", OTHER), rest, other=True)]
+    return [*result, Contributor(Series("others", f"other {len(rest)} causes", OTHER), rest, other=True)]
 
 
 def origins(content: RunAnalysis, consistency: FilterConsistency) -> list[Contributor]:
@@ -122,7 +122,7 @@ def origins(content: RunAnalysis, consistency: FilterConsistency) -> list[Contri
         members.setdefault(origin or stem(label), []).append(j)
     listed = [(origin, each) for origin, each in members.items() if each]
     rest = tuple(j for _, each in listed[SHOWN:] for j in each)
-    others = [Contributor(Series("others", f"other {len(rest)} sources", OTHER), rest, other=True)] if rest else []
+    others = [Contributor(Series("others", f"other {len(rest)} causes", OTHER), rest, other=True)] if rest else []
     return [
         *(Contributor(numbered(place, name), tuple(each)) for place, (name, each) in enumerate(listed[:SHOWN])),
         *others,

@@ -14,7 +14,7 @@ from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure
 from mcnav.analysis.sweep import Sweep, Variable
 from mcnav.report.figures.figure import HALF, Figure, side_by_side
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Series, Text
+from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Series, Text, numbered
 from mcnav.report.figures.palette import FILTER, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.figures.ticks import linear_ticks
 from mcnav.report.format import number
@@ -50,6 +50,8 @@ CHECKED: Final = Series("flown", "Monte Carlo", FLOWN, "ring")
 
 def axis_of(variable: Variable) -> Axis:
     """Return the axis of a variable."""
+    if variable.words:
+        return Axis(variable.path, names=variable.words)
     return Axis(variable.path, variable.unit, variable.log, margin=0.02, link=variable.path)
 
 
@@ -73,7 +75,8 @@ def figure(sweep: Sweep, titles: Sequence[str], columns: Mapping[str, NDArray[An
     columns : mapping of str to ndarray
         The numbers behind it.
     """
-    draw = _curve if len(sweep.variables) == 1 else _contours
+    curves = len(sweep.variables) == 1 or bool(sweep.variables[0].words)
+    draw = _curve if len(sweep.variables) == 1 else _family if curves else _contours
     panels = [draw(sweep, number, title) for number, title in enumerate(titles)]
     return Figure(
         name="sweep",
@@ -83,7 +86,7 @@ def figure(sweep: Sweep, titles: Sequence[str], columns: Mapping[str, NDArray[An
         panels=panels,
         key=_key(sweep),
         columns=columns,
-        size=side_by_side(len(panels), 300.0) if len(sweep.variables) == 1 else (HALF[0], 330.0),
+        size=side_by_side(len(panels), 300.0) if curves else (HALF[0], 330.0),
         file="sweep.csv",
     )
 
@@ -91,15 +94,24 @@ def figure(sweep: Sweep, titles: Sequence[str], columns: Mapping[str, NDArray[An
 def _key(sweep: Sweep) -> list[Series]:
     """Return the series that some panel has."""
     limits: list[Series] = []
+    if len(sweep.variables) == 2 and sweep.variables[0].words:
+        limits = [LIMIT] if np.isfinite(sweep.bounds).any() else []
+        solved = [SOLVED] if any(each.values for each in sweep.just_met) else []
+        return [*(numbered(place, word) for place, word in enumerate(sweep.variables[0].words)), *limits, *solved]
     if len(sweep.variables) == 1:
         limits = [LIMIT] if np.isfinite(sweep.bounds).any() else []
     elif (met := sweep.margins <= 0.0).any():
         crossed = (met & np.isfinite(sweep.margins)).any(axis=(0, 1)) & (sweep.margins > 0.0).any(axis=(0, 1))
         limits = [*([BOUNDARY] if crossed.any() else []), MET]
     checked = any(np.isfinite(each.values).any() for each in sweep.confirmations)
+    words = bool(sweep.variables[0].words)
     return [
-        TRUE,
-        *([OWN] if any(differs(sweep, index) for index in range(len(sweep.measures))) else []),
+        TRUE.of_kind("dot") if words else TRUE,
+        *(
+            [OWN.of_kind("dot") if words else OWN]
+            if any(differs(sweep, index) for index in range(len(sweep.measures)))
+            else []
+        ),
         *limits,
         *([ADDED] if sweep.added and len(sweep.variables) == 1 else []),
         *([SOLVED] if any(each.values for each in sweep.just_met) else []),
@@ -126,11 +138,13 @@ def _curve(sweep: Sweep, number: int, title: str) -> Panel:
     added = np.array([panel[number] for _, panel in sweep.added]) * scale
     order = np.argsort(np.concatenate([variable.values, places]), kind="stable")
     across, along = np.concatenate([variable.values, places])[order], np.concatenate([values, added])[order]
-    marks.append(Line(TRUE, across, along, 2.2))
+    marks.append(Points(TRUE.of_kind("dot"), across, along, 7.0) if variable.words else Line(TRUE, across, along, 2.2))
     if len(added):
         marks.append(Points(ADDED, places, added, 2.4, 0.7))
     if differs(sweep, number):
-        marks.append(Line(OWN, variable.values, own, 1.7))
+        marks.append(
+            Points(OWN.of_kind("dot"), across, own, 5.0) if variable.words else Line(OWN, variable.values, own, 1.7)
+        )
     solved = [value for each in sweep.just_met if each.measure == number for value in each.values]
     at_solved = np.interp(variable_places(variable, solved), variable_places(variable, variable.values), bounds)
     if solved:
@@ -140,6 +154,31 @@ def _curve(sweep: Sweep, number: int, title: str) -> Panel:
     if np.isfinite(checked[:, 1]).any():
         marks.append(Points(CHECKED, checked[:, 0], checked[:, 1], 8.0))
     known = np.concatenate([along, own, bounds, checked[:, 1]])
+    known = known[np.isfinite(known)]
+    log = bool(len(known)) and known.min() > 0.0 and known.max() > WIDE * known.min()
+    return Panel(title, axis_of(variable), Axis("", measure.shown_in, log, None if log else 0.0), marks)
+
+
+def _family(sweep: Sweep, number: int, title: str) -> Panel:
+    """Draw a measure over the second variable, a curve for each word of the first."""
+    first, variable = sweep.variables
+    measure, scale = sweep.measures[number], scales(sweep)[number]
+    values, bounds = (each[..., number] * scale for each in (sweep.values, sweep.bounds))
+    marks: list[Mark] = []
+    if np.isfinite(bounds).any():
+        marks.append(Line(LIMIT, variable.values, bounds[0], 1.6))
+    for place, word in enumerate(first.words):
+        series = numbered(place, word)
+        line = Points(series, variable.values, values[place], 7.0) if variable.words else None
+        marks.append(line or Line(series, variable.values, values[place], 2.0))
+    solved = [(each.fixed, value) for each in sweep.just_met if each.measure == number for value in each.values]
+    if solved:
+        at = [float(np.interp(variable_places(variable, [value])[0], variable_places(variable, variable.values),
+                              bounds[int(fixed or 0)])) for fixed, value in solved]  # fmt: skip
+        just_met = "limit just met at"
+        texts = [f"{first.words[int(word or 0)]}: {just_met} {plain(value)} {variable.unit}" for word, value in solved]
+        marks.append(Points(SOLVED, [value for _, value in solved], at, 7.0, texts=texts))
+    known = np.concatenate([values.ravel(), bounds.ravel()])
     known = known[np.isfinite(known)]
     log = bool(len(known)) and known.min() > 0.0 and known.max() > WIDE * known.min()
     return Panel(title, axis_of(variable), Axis("", measure.shown_in, log, None if log else 0.0), marks)

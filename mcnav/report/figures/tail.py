@@ -82,8 +82,8 @@ def _panel(row: RequirementRow, each: TailCurve) -> Panel:
     for series, values in ((BY_LINEAR, each.linear), (CURVED, each.curved), (COUNTED, each.counted)):
         if np.isfinite(values).any():
             marks.append(Line(series, at, values))
-    if known is not None and None not in (known.estimate, known.low, known.high):
-        seen.append(float(known.low or allowed))
+    if known is not None and known.estimate is not None and known.low is not None and known.high is not None:
+        seen.append(known.low or allowed)
         marks += [
             Line(FLIGHTS, [limit, limit], [known.low, known.high], 2.6, silent=True),
             Points(FLIGHTS, [limit], [known.estimate], 8.0, texts=[f"flights: {row.exceedance}"]),

@@ -1,4 +1,4 @@
-"""The foremost table of a run's report: sigma, verdict and largest sources of each output."""
+"""The foremost table of a run's report: sigma, verdict and largest causes of each output."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from mcnav.report.sections.joint import EllipsoidWords, ellipsoid_words
 from mcnav.report.strip import KEY, Strip
 
 LARGEST: Final = 2
-"""Sources named beside each output; beside the sigmas of a filter one."""
+"""Causes named beside each output; beside the sigmas of a filter one."""
 
 LEAST: Final = 0.005
-"""Smallest share of a source that is named there."""
+"""Smallest share of a cause that is named there."""
 
 NOTHING: Final = Cell()
 
@@ -46,8 +46,8 @@ def tone(verdict: str | None) -> str | None:
     return None if verdict == sentences.NOT_DISTURBED else verdict
 
 
-def largest_sources(content: RunAnalysis, output: int) -> Causes:
-    """List the sources with the largest shares in the linear variance of an output."""
+def largest_causes(content: RunAnalysis, output: int) -> Causes:
+    """List the causes with the largest shares in the linear variance of an output."""
     shares = np.nan_to_num(content.budget.shares[output])
     order = np.argsort(-shares, kind="stable")[:LARGEST]
     return [(content.cause_names[j], float(shares[j])) for j in order if shares[j] >= LEAST]
@@ -90,11 +90,11 @@ def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answe
         *([] if entries[0].sigma_unscented is None else [unscented]),
         *([] if entries[0].sigma_higher_order is None else [higher_order]),
         Column("Verdict", lambda row: row.verdict, kind="text"),
-        Column("Largest sources", lambda row: row.words, kind="words"),
+        Column("Largest causes", lambda row: row.words, kind="words"),
     ]
     caption = (
         f"{content.ends.title}, one sigma. Monte Carlo: paired estimate, intervals hold "
-        f"jointly at {100.0 * content.summary.confidence:g} %. Sources: share of the linear variance. "
+        f"jointly at {100.0 * content.summary.confidence:g} %. Causes: share of the linear variance. "
         f"{KEY.format(tolerance=100.0 * content.summary.tolerance)}"
     )
     return Table(caption, columns, rows, group=lambda row: row.kind)
@@ -107,7 +107,7 @@ def _answer(content: RunAnalysis, entry: OutputEntry) -> _Answer:
         linear=entry.sigma_linear,
         flown=entry.sigma_paired,
         verdict=Cell(entry.verdict or "", tone=tone(entry.verdict)),
-        words=listed(largest_sources(content, entry.place)) or "–",
+        words=listed(largest_causes(content, entry.place)) or "–",
         ratio=Cell(rounded(entry.ratio_paired), strip=strip),
         unscented=entry.sigma_unscented,
         higher_order=entry.sigma_higher_order,
@@ -128,7 +128,7 @@ def _filter_table(content: RunAnalysis, rows: Sequence[FilterAnswer]) -> Table[F
 
     def largest(row: FilterAnswer) -> Cell:
         worst = causes_at(content, row.worst.time, row.entry.place) if row.worst else []
-        return Cell(listed(largest_sources(content, row.entry.place)[:1]) or "–", below=listed(worst[:1]))
+        return Cell(listed(largest_causes(content, row.entry.place)[:1]) or "–", below=listed(worst[:1]))
 
     columns: list[Column[FilterAnswer]] = [
         Column("Output", lambda row: Cell(content.output_names[row.entry.place], row.entry.unit), kind="label"),
@@ -140,11 +140,11 @@ def _filter_table(content: RunAnalysis, rows: Sequence[FilterAnswer]) -> Table[F
         Column("Filter", lambda row: row.sigmas(row.sigma, "filter"), size="sigma"),
         Column("Farthest ratio", lambda row: row.ratio, kind="label", beside="farthest ratio"),
         Column("Verdicts", verdicts, kind="text", beside="verdicts"),
-        Column("Largest source", largest, kind="words"),
+        Column("Largest cause", largest, kind="words"),
     ]
     tolerance = content.filter.tolerance if content.filter else 0.0
     caption = (
         "One sigma at the end and, below it, where it is largest. Ratio: true over filter sigma where it is farthest "
-        f"off. Source: largest share of the linear mean square. {KEY.format(tolerance=100.0 * tolerance)}"
+        f"off. Cause: largest share of the linear mean square. {KEY.format(tolerance=100.0 * tolerance)}"
     )
     return Table(caption, columns, rows)

@@ -32,22 +32,22 @@ def _tables(content: RunAnalysis) -> list[Part]:
     sources = list(zip(*shown, content.source_units, strict=True))
     listed = [*((sigmas > 0.0) | (model.mean != 0.0)).tolist(), *(True for _ in model.processes)]
     every, parts = each_cause(budget, caused, content.cause_names, sources, listed), contributors(content)
-    grouped = "; of several sources the root sum square" if any(len(each.members) > 1 for each in parts) else ""
+    grouped = "; of several causes the root sum square" if any(len(each.members) > 1 for each in parts) else ""
     effect = "effect at the end" if content.several_kinds else content.ends.one
     foremost = share_tables(
         f"Share of the linear variance, %, and {effect} for one sigma{grouped}.",
-        "Source", outputs, together(budget, caused, parts), cross_terms,
+        "Cause", outputs, together(budget, caused, parts), cross_terms,
     )  # fmt: skip
     whole = share_tables(
-        f"Linear error budget: share of the variance, %, and {effect} for one sigma of each source alone.",
-        "Source", outputs, every, cross_terms, sigmas=True, means=bool(np.any(model.mean)),
+        f"Linear error budget: share of the variance, %, and {effect} for one sigma of each cause alone.",
+        "Cause", outputs, every, cross_terms, sigmas=True, means=bool(np.any(model.mean)),
     )  # fmt: skip
-    return [*foremost, Folded(f"All {len(every)} sources", whole)]
+    return [*foremost, Folded(f"All {len(every)} causes", whole)]
 
 
 def _definition() -> Folded:
     words = (
-        "Share of source j in the linear variance of output i. Correlations between sources contribute the rest, which "
+        "Share of cause j in the linear variance of output i. Correlations between sources contribute the rest, which "
         "may be negative:"
     )
     return Folded("How shares are computed", [Sentence(words), formulas.SHARE], explains=True)

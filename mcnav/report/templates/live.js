@@ -1,5 +1,5 @@
   // Live: the page asks the server it came from, twice a second for what is new. Of the page's script it uses `all`,
-  // `button` and `set`; of "What if" the factors of its sliders.
+  // `button`, `copied` and `set`; of "What if" the factors of its sliders.
   all(".live").forEach((place) => {
     let state = JSON.parse(place.querySelector("script").textContent);
     const { revision } = state;
@@ -91,7 +91,13 @@
       const changed = settings.map(({ changed: some, factors, revision: theirs, number }) => {
         const take = plainButton("Set the sliders", () => sliders.choose(factors));
         take.disabled = !sliders || theirs !== revision;
-        return cell([make("ul", some.map(([path, value]) => make("li", [make("code", path), ` ${value}`]))), take, " ", make("a", "Page", { href: `setting/${number}`, target: "_blank", rel: "noreferrer" })], "words");
+        const copy = plainButton("Copy as TOML", async () => {
+          const answer = await fetch(`campaign/${number}`).catch(() => null);
+          if (answer?.ok) await copied(await answer.text());
+          copy.textContent = answer?.ok ? "Copied" : "Not copied";
+          setTimeout(() => { copy.textContent = "Copy as TOML"; }, 2000);
+        });
+        return cell([make("ul", some.map(([path, value]) => make("li", [make("code", path), ` ${value}`]))), take, " ", copy, " ", make("a", "Page", { href: `setting/${number}`, target: "_blank", rel: "noreferrer" })], "words");
       });
       const asked = union(({ requirements }) => requirements).map(({ words }) => rowOf(words, settings.map(({ requirements }) => {
         const one = requirements.find((each) => each.words === words);

@@ -131,7 +131,7 @@
     "m/s²": [1, "m/s²", "mg"], "m/s^2": [1, "m/s²", "mg"], g: [9.80665, "m/s²", "mg"], mg: [9.80665e-3, "m/s²", "mg"], ug: [9.80665e-6, "m/s²", "mg"],
   };
   const SYSTEMS = { own: "as computed", SI: "SI", aviation: "aviation" };
-  const SIGMAS = { 1: ["1σ", "one sigma"], 3: ["3σ", "three sigma"], 1.959963985: ["95 %", "1.96 sigma, 95 % of a normal error"] };
+  const SIGMAS = { 1: ["1σ", "one sigma"], 3: ["3σ", "three sigma"], 1.959963985: ["95 %", "1.96 sigma (95 % of normal errors)"] };
   const UPRIGHT = /altitude|height|down|vertical/i;
   const convention = { system: "own", sigma: 1, changed: new EventTarget(),
     get words() { return SIGMAS[this.sigma][1]; },

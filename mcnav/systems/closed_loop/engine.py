@@ -130,15 +130,12 @@ class ConditionalLoop:
             draws = ConditionalDraws(part.seed, part.index, partials, added[rows])
             return simulate(setup, part, True, over_time=False, draws=draws)
 
-        step = self.engine.chunk
-        pieces = [slice(begin, begin + step) for begin in range(0, len(added), step)]
-        return join_results([
-            self.engine.each_alone(batch[piece], lambda rows, piece=piece: some(_within(piece, rows)))
-            for piece in pieces
-        ])  # fmt: skip
+        def together(begin: int) -> SimulationResult:
+            end = min(begin + self.engine.chunk, len(added))
 
+            def of_piece(rows: slice) -> SimulationResult:
+                return some(slice(begin + int(rows.start or 0), begin + int(rows.stop)))
 
-def _within(piece: slice, rows: slice) -> slice:
-    """Return rows of a piece as those of the whole."""
-    begin = int(piece.start)
-    return slice(begin + int(rows.start or 0), begin + int(rows.stop))
+            return self.engine.each_alone(batch[begin:end], of_piece)
+
+        return join_results([together(begin) for begin in range(0, len(added), self.engine.chunk)])

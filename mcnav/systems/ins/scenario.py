@@ -22,7 +22,7 @@ from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.gates import USUAL, FaultLaw, GateLaw, GateQuestion
 from mcnav.contract.history import Epochs, History, Panel, StartClock
-from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
+from mcnav.contract.linear import TRAJECTORY_TIME, CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 from mcnav.contract.samples import Batch, SimulationResult
@@ -140,7 +140,6 @@ EPOCHS: Final = 60
 """Intervals between instants at which the errors of all samples are read out; fewer in a shorter navigation."""
 
 HISTORY_TIME: Final = "time [min]"
-TRAJECTORY_TIME: Final = "time of the trajectory [s]"
 HISTORY_POINTS: Final = 401
 ENSEMBLE_CHUNK: Final = 2_048
 REFERENCE_CHUNK: Final = 8

@@ -67,6 +67,8 @@ GROUPS: Final = {
 }  # fmt: skip
 """Groups of systems by the beginnings of their names."""
 
+CSV: Final = "calibration.csv"
+
 FINDINGS: Final = {
     "as stated": ("agrees", "", "the nominal rate is within the binomial interval (99.9 %)"),
     "safe": ("agrees", "+", "outside, on the conservative side"),
@@ -196,19 +198,29 @@ def _finding_table(table: pd.DataFrame) -> Table[str]:
     return Table("Number of rates by finding, and their signs in the tables below.", columns, list(FINDINGS))
 
 
-def write_calibration(folder: Path, trials: int, jobs: int) -> tuple[pd.DataFrame, list[Path]]:
-    """Measure all rates, write the page and its CSV file, and return the table of rates and the files."""
-    counted = run_trials(trials, jobs, DESIGNS)
-    for others in (
-        run_noise_trials(trials, jobs), run_tail_trials(trials, jobs),
-        run_filter_trials(trials, jobs), run_kalman_trials(trials, jobs),
-        run_navigation_trials(max(trials // SHARE, 2), jobs),
-        run_identification_trials(max(trials // RECORDS_SHARE, 2), jobs), run_rare_trials(trials, jobs),
-    ):  # fmt: skip
-        counted += others
-    table = rates(counted)
+def write_calibration(folder: Path, trials: int, jobs: int, rare: bool = False) -> tuple[pd.DataFrame, list[Path]]:
+    """Measure all rates, write the page and its CSV file, and return the table of rates and the files.
+
+    With ``rare`` those of rare events are measured alone; the others are those of the CSV file in the folder.
+    """
+    import pandas as pd
+
+    if rare:
+        earlier = pd.read_csv(folder / CSV, keep_default_na=False, na_values={"nominal": [""]})
+        others = earlier[earlier["system"].map(_group) != GROUPS[RARE]]
+        table = pd.concat([others, rates(run_rare_trials(trials, jobs))]).sort_values(list(earlier)[:6], kind="stable")
+    else:
+        counted = run_trials(trials, jobs, DESIGNS)
+        for more in (
+            run_noise_trials(trials, jobs), run_tail_trials(trials, jobs),
+            run_filter_trials(trials, jobs), run_kalman_trials(trials, jobs),
+            run_navigation_trials(max(trials // SHARE, 2), jobs),
+            run_identification_trials(max(trials // RECORDS_SHARE, 2), jobs), run_rare_trials(trials, jobs),
+        ):  # fmt: skip
+            counted += more
+        table = rates(counted)
     texts = {"calibration.html": render(table, trials)}
-    texts["calibration.csv"] = table.to_csv(index=False, float_format="%.4f")
+    texts[CSV] = table.to_csv(index=False, float_format="%.4f")
     return table, write_texts(folder, texts)
 
 
@@ -294,5 +306,5 @@ def _figure(own: pd.DataFrame, name: str, kind: str, title: str) -> Figure:
         size=(HALF[0], 82.0 + 33.0 * len(statements)),
         caption="One mark per system, distribution, design and number of samples, which increases downwards within a "
         "row.",
-        file="calibration.csv",
+        file=CSV,
     )

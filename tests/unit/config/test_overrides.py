@@ -128,6 +128,34 @@ def test_entries_of_lists_by_number() -> None:
     assert found.scenario.navigation.sensors[0].outages == ((1200.0, 1300.0),)
 
 
+def test_outages_by_their_length_and_begin() -> None:
+    outages = {"aiding": [{"type": "gnss", "outages": [["1 s", "2 s"], ["1 min", "90 s"]]}]}
+    assert set_one(outages, "aiding.gnss.outages.2.length", "1 min")["aiding"][0]["outages"][1] == ["60.0 s", "120.0 s"]
+    assert set_one(outages, "aiding.gnss.outages.2.begin", "100 s")["aiding"][0]["outages"][1] == ["100.0 s", "130.0 s"]
+    assert "expected a time" in mistake(outages, "aiding.gnss.outages.2.length", "3 m")
+    assert "from 1 to 2" in mistake(outages, "aiding.gnss.outages.2.middle", "3 s")
+
+
+def test_a_sensor_or_a_state_that_is_absent() -> None:
+    faults = [{"sensor": "barometer", "kind": "spike"}, {"sensor": "gnss", "kind": "spike"}]
+    believes = {"aiding": {"barometer": {"altitude": "1 m"}}}
+    document = {**SENSORS, "faults": faults, "filter": {"estimates": ["position", "gyro_bias"], "believes": believes}}
+    found = set_one(document, "aiding.barometer", "absent")
+    assert [entry["type"] for entry in found["aiding"]] == ["gnss", "star-tracker"]
+    assert found["faults"] == faults[1:]
+    assert found["filter"]["believes"] == {"aiding": {}}
+    assert set_one(document, "aiding.barometer", "present") == document
+    assert set_one(document, "filter.estimates.gyro_bias", "absent")["filter"]["estimates"] == ["position"]
+    assert set_one(document, "filter.estimates.gyro_bias", "present") == document
+    added = set_one(document, "filter.estimates.gnss_position_bias", "present")["filter"]["estimates"]
+    assert added == ["position", "gyro_bias", "gnss_position_bias"]
+    assert "no sensor of [[aiding]] is named 'radar'" in mistake(document, "aiding.radar", "absent")
+    found = vary(AIDED, {"filter.estimates.gyro_bias": "absent"})
+    assert isinstance(found.scenario, Ins)
+    assert found.scenario.navigation.filter is not None
+    assert found.scenario.navigation.filter.estimates == ("accelerometer_bias",)
+
+
 def test_values_of_the_catalogue_count_as_those_of_the_file() -> None:
     """A process keeps its correlation time, an axis leaves the others as the grade has them."""
     imu = {"imu": {"grade": "navigation", "accelerometer": {"bias": "1 ug"}}}

@@ -93,3 +93,13 @@ def test_options_are_keys_and_values() -> None:
     ):
         with pytest.raises(CampaignError, match=message):
             split_varied(options)
+
+
+def test_words_come_before_numbers() -> None:
+    first, second = read_variables({"imu.gyro.bias": "1..9 deg/h", "imu.grade": "navigation, tactical"})
+    assert (first.path, first.words, first.values.tolist()) == ("imu.grade", ("navigation", "tactical"), [0.0, 1.0])
+    assert first.written(1.0) == "tactical"
+    assert second.path == "imu.gyro.bias"
+    assert "a value is there twice" in mistake({"imu.grade": "tactical, tactical"})
+    assert "two to 12 words" in mistake({"imu.grade": "tactical"})
+    assert "expected a range such as" in mistake({"imu.gyro.bias": "1 deg/h, tactical"})

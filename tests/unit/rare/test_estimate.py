@@ -5,6 +5,7 @@ import pytest
 from scipy import special, stats
 
 from mcnav.rare.estimate import estimate_probability
+from mcnav.rare.facets import linear_facets
 from mcnav.rare.limits import Distance, Sides
 from mcnav.validation.calibration.rare_trials import (
     CURVED,
@@ -145,3 +146,11 @@ def test_a_heavy_tail_fails_by_one_cause_at_a_time():
 def test_curvature_is_left_to_the_fit_in_many_dimensions():
     event = curved(40, 0.01, 5.0)
     assert event.estimate(1).estimate == pytest.approx(event.exact, rel=0.05, abs=0.0)
+
+
+def test_the_order_of_half_spaces_does_not_depend_on_rounding():
+    """Both sides are equally far; which of them rounding puts nearer must not matter."""
+    factors = 1.0 + 4e-16 * np.array([-1.0, 0.0, 1.0])
+    limits = [Sides(np.array([-5.0]), np.array([5.0 * factor])) for factor in factors]
+    first = [linear_facets(lambda u: u[:, :1] + 0.5 * u[:, 1:2], each, 2).directions[0] for each in limits]
+    assert all(direction[0] > 0.0 for direction in first)

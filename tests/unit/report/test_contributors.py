@@ -53,13 +53,13 @@ def test_a_source_without_dispersion_is_none() -> None:
 def test_small_ones_are_combined_unless_simulations_see_them() -> None:
     """A source below the limit by the linear model alone is small; by Monte Carlo it may matter."""
     shares = np.array([[1.0 - 2.5 * SMALL, 0.9 * SMALL, 0.8 * SMALL, 0.8 * SMALL]])
-    assert [each.label for each in contributors(content(list("abcd"), shares))] == ["a", "other 3 sources"]
+    assert [each.label for each in contributors(content(list("abcd"), shares))] == ["a", "other 3 causes"]
     simulated = shares.copy()
     simulated[0, 2] = 0.5
     assert [each.label for each in contributors(content(list("abcd"), shares, simulated))] == [
         "a",
         "c",
-        "other 2 sources",
+        "other 2 causes",
     ]
 
 
