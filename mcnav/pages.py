@@ -11,7 +11,7 @@ Page = Literal[
     "howto-filter", "howto-judge", "howto-requirements", "howto-rare", "howto-samples",
     "howto-compare", "howto-export", "howto-failures", "method", "theory", "report", "glossary", "notation",
     "campaigns", "scenarios", "trajectories", "commands", "notebook", "scaling", "architecture", "decisions", "kernels",
-    "tn-d1772", "story", "textbook",
+    "tn-d1772", "story", "textbook", "other-tools",
 ]  # fmt: skip
 
 _ELSEWHERE: Final[dict[Page, str]] = {
@@ -30,7 +30,7 @@ def _file(page: Page) -> str:
     for prefix, folder in (("tutorial-", "tutorials"), ("howto-", "howto")):
         if page.startswith(prefix):
             return f"{folder}/{page.removeprefix(prefix).upper().replace('-', '_')}.md"
-    return _ELSEWHERE.get(page, f"{page.upper()}.md")
+    return _ELSEWHERE.get(page, f"{page.upper().replace('-', '_')}.md")
 
 
 PAGES: Final[dict[Page, str]] = {page: _file(page) for page in get_args(Page)}
