@@ -14,8 +14,8 @@ from mcnav.analysis.summary import Summary
 from mcnav.contract.failure import message_of
 from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report import export
+from mcnav.report.faults import faults_table
 from mcnav.report.filter_columns import groups_table, neglected_table, sensors_table, sigmas_table
-from mcnav.report.gates import faults_table
 from mcnav.report.joint_columns import directions_table, ellipsoids_table, tests_table
 from mcnav.report.output_columns import outputs_table
 from mcnav.report.percentiles import percentiles_table

@@ -13,10 +13,10 @@ from rich.text import Text
 from mcnav.analysis.summary import Summary
 from mcnav.errors import suggestion
 from mcnav.report import terminal
+from mcnav.report.faults import faults_table
 from mcnav.report.filter_columns import groups_table, sensors_table, sigmas_of
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import share
-from mcnav.report.gates import faults_table
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.result_table import ResultTable, Units
 from mcnav.report.result_tables import CORRELATIONS, Results, budget_table

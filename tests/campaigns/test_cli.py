@@ -103,6 +103,7 @@ def test_a_command_uses_one_thread_unless_told_otherwise() -> None:
 AIDED = ROOT / "campaigns" / "19_flight_with_gnss.toml"
 SLOW_IMPORTS = {"pandas", "pint", "scipy.stats", "matplotlib", "filterpy", "dask", "distributed"}
 RUN = ("run", "--samples", 100)
+STORED = ROOT / "reports" / "examples" / "01_tn_d1772_trajectory_4"
 
 
 @pytest.mark.parametrize(
@@ -113,8 +114,9 @@ RUN = ("run", "--samples", 100)
             ((*RUN, DEMO, "--out", "first", "--no-report"), {*SLOW_IMPORTS, "mcnav.report.page"}),
             (("report", "first"), SLOW_IMPORTS), ((*RUN, AIDED, "--out", "aided"), SLOW_IMPORTS),
         ],
+        [(("show", STORED), {*SLOW_IMPORTS, "scipy.special", "scipy.linalg", "pyarrow", "numba", "joblib"})],
     ],
-    ids=["lincov", "run"],
+    ids=["lincov", "run", "show"],
 )  # fmt: skip
 def test_what_is_slow_to_import_and_not_needed_is_not_imported(
     calls: list[tuple[tuple[object, ...], set[str]]], tmp_path: Path

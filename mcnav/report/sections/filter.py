@@ -10,10 +10,10 @@ from markupsafe import Markup
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.report import filter_verdict
 from mcnav.report.document import EMPHASIS, Folded, Part, Section, Sentence, folded, headed, joined, label
+from mcnav.report.faults import faults_table
 from mcnav.report.figures.figure import Figure
 from mcnav.report.filter_columns import foremost_neglected, groups_table, sensors_table, sigmas_of
 from mcnav.report.filter_tables import at_worst
-from mcnav.report.gates import faults_table
 from mcnav.report.model import RunAnalysis
 
 EXPLANATION: Final = (
