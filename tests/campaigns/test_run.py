@@ -54,7 +54,7 @@ def test_run_folder(finished: tuple[Path, dict[str, Any]]) -> None:
     folder, _ = finished
     names = {entry.name for entry in folder.iterdir()} - {".lock"}
     expected = {"campaign.toml", "manifest.json", "samples", "history.parquet", "summary.json", "report.html"}
-    assert names == expected | {"epochs.parquet", "histories.parquet"}
+    assert names == expected | {"development.parquet", "epochs.parquet", "histories.parquet"}
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["complete"]
     assert {part["file"]: part["sha256"] for part in manifest["parts"]} == _digests(folder)

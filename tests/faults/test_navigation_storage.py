@@ -56,7 +56,7 @@ def full_after(writes: int) -> Callable[[int], None]:
     return fsync
 
 
-BEGIN = ("manifest.json", "history.parquet", "campaign.toml", "flight.csv")
+BEGIN = ("development.parquet", "manifest.json", "history.parquet", "campaign.toml", "flight.csv")
 """Files that a run writes before its chunks."""
 
 
