@@ -46,7 +46,9 @@ GENERATED: Final = {
 CONTENTS: Final = {
     "Tutorials": ("guide", "gallery", *(page for page in PAGES if page.startswith("tutorial-"))),
     "How to": ("questions", *(page for page in PAGES if page.startswith("howto-")), "scaling"),
-    "Explanation": ("method", "theory", "report", "glossary", "notation", "tn-d1772", "story", "textbook", "other-tools"),
+    "Explanation": (
+        "method", "theory", "report", "glossary", "notation", "tn-d1772", "story", "textbook", "other-tools",
+    ),
     "Reference": (
         "commands", "reference/commands", "campaigns", "reference/keys", "reference/examples", "trajectories",
         "scenarios", "notebook", "reference/api",
