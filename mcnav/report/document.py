@@ -302,6 +302,8 @@ class Tile:
         Sentences that the reader unfolds.
     warnings : sequence of str
         Sentences that stand below all tiles.
+    further : sequence of (str, str)
+        What one asks next, and the section of the page that answers it.
     """
 
     subject: str
@@ -314,6 +316,7 @@ class Tile:
     link: str = ""
     details: Sequence[str] = ()
     warnings: Sequence[str] = ()
+    further: Sequence[tuple[str, str]] = ()
 
 
 @dataclass(frozen=True)

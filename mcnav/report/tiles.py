@@ -33,6 +33,13 @@ SECTIONS: Final[dict[Subject, tuple[str, ...]]] = {
 }  # fmt: skip
 """Sections on each subject, the foremost first: that on the combination of outputs is only where they differ."""
 
+FURTHER: Final[dict[Subject, tuple[tuple[str, str], ...]]] = {
+    "requirements": (("Causes", "budget"), ("What would change it", "what-if")),
+    "filter": (("What would change it", "what-if"),), "smoother": (),
+    "linear": (("Causes of the errors", "budget"),),
+}  # fmt: skip
+"""What one asks after each verdict, and the section that answers it."""
+
 FINDINGS: Final = ("not met", "undecided", "met")
 """Findings on requirements, the worst first."""
 
@@ -84,6 +91,7 @@ def _tile(summary: Summary, statement: Statement, sections: Container[str], time
         link=link,
         details=statement.details,
         warnings=statement.warnings,
+        further=[(words, name) for words, name in FURTHER[subject] if name in sections],
     )
 
 

@@ -31,7 +31,7 @@ def test_the_answers_are_on_the_first_screen(browser: Browser, report: Path) -> 
         for number, target in enumerate(("requirements", "filter", "linear")):
             tile = page.locator(".tile").nth(number)
             assert re.fullmatch(r"\d\.\d\d( mrad)?", tile.locator("strong").inner_text().strip())
-            tile.locator("a").click()
+            tile.locator(".subject a").click()
             page.wait_for_function(f"Math.abs(document.getElementById('{target}').getBoundingClientRect().top) < 40 "
                                    "|| innerHeight + scrollY > document.body.scrollHeight - 2")  # fmt: skip
             page.evaluate("scrollTo(0, 0)")

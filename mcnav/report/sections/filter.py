@@ -8,8 +8,9 @@ from typing import Final
 from markupsafe import Markup
 
 from mcnav.analysis.filter_consistency import FilterConsistency
+from mcnav.analysis.summary import Summary
 from mcnav.report import filter_verdict
-from mcnav.report.document import EMPHASIS, Folded, Part, Section, Sentence, folded, headed, joined, label
+from mcnav.report.document import EMPHASIS, Folded, Note, Part, Section, Sentence, folded, headed, joined, label
 from mcnav.report.faults import faults_table
 from mcnav.report.figures.figure import Figure
 from mcnav.report.filter_columns import foremost_neglected, groups_table, sensors_table, sigmas_of
@@ -24,6 +25,12 @@ EXPLANATION: Final = (
     "together at {confidence:g} %. It is {consistent} if the interval of every group and of every output at every "
     "single epoch lies within the tolerance. The verdict is on the navigation errors where they are a group, else on "
     "all of the filter's states, and on every output."
+)
+
+
+REMEDIES: Final = (
+    "mcnav brief, given the run folder, says what would help by linear analysis: a filter that estimates or considers "
+    "these errors, or smaller ones."
 )
 
 
@@ -43,7 +50,7 @@ def _consistency(content: RunAnalysis, result: FilterConsistency, drawn: Mapping
     return [
         _verdict(content, result),
         *joined(drawn.get("sigma_history")),
-        *headed("Neglected errors", foremost_neglected(summary)),
+        *_neglected(summary),
         *headed("Normalized estimation errors", drawn.get("nees_history")),
         groups_table(summary).read,
         *folded("Outputs", sigmas_of(summary, "output")),
@@ -53,6 +60,12 @@ def _consistency(content: RunAnalysis, result: FilterConsistency, drawn: Mapping
         *headed("Samples within the filter's sigmas", drawn.get("within_history")),
         Folded("How the verdict is found", [_explanation(result)], explains=True),
     ]
+
+
+def _neglected(summary: Summary) -> tuple[Part, ...]:
+    """Show the errors that the filter neglects, and say what tells the remedy; nothing without any."""
+    table = foremost_neglected(summary)
+    return headed("Neglected errors", table, Note(REMEDIES)) if table else ()
 
 
 def _verdict(content: RunAnalysis, result: FilterConsistency) -> Sentence:

@@ -120,10 +120,11 @@ def test_sections_are_listed_and_tables_can_be_reached_by_keyboard() -> None:
 def test_tiles_say_what_they_are_on_and_where_there_is_more() -> None:
     """Answer, number, sentence, link; warnings below all of them name their tile; the window's title and icon."""
     worst = Tile("Filter", "optimistic", "differs", "It is <so>.", "13.1", "of tilt", link="filter",
-                 details=["Why."], warnings=["Mind it."])  # fmt: skip
+                 details=["Why."], warnings=["Mind it."], further=[("Causes", "budget")])  # fmt: skip
     shown = parts_html([Tiles([worst, Tile("Linear analysis", "holds", "agrees", "Yes.")])])
     assert shown.count('role="group"') == 2
     assert '<a href="#filter">Filter</a> <span class="tag">optimistic</span>' in shown
+    assert shown.count('<p class="further">') == shown.count('<a href="#budget">Causes') == 1
     assert "<strong>13.1</strong> of tilt</p>" in shown
     assert shown.count("It is &lt;so&gt;.") == shown.count("<details>") == 1
     assert '<p class="warning">Filter: Mind it. </p>' in shown

@@ -70,6 +70,15 @@ def test_tiles_are_only_of_what_there_is() -> None:
     assert unlinked.link == ""
 
 
+def test_tiles_lead_to_what_one_asks_next() -> None:
+    """Only to sections that the page has."""
+    summary = run("agrees", 10.0, requirement("met"))
+    made = tiles(summary, sentences.statements(summary), {"filter", "linear", "budget", "what-if"})
+    sections = {each.subject: [section for _, section in each.further] for each in made}
+    assert sections == {"Filter": ["what-if"], "Requirements": ["budget", "what-if"], "Linear analysis": ["budget"]}
+    assert not any(each.further for each in tiles_of(summary))
+
+
 def test_the_ratio_farthest_from_one_in_three_digits() -> None:
     """Of what decides the verdict: y is undecided, x agrees."""
     (tile,) = tiles_of(run("undecided"))
