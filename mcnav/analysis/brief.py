@@ -1,4 +1,4 @@
-"""What a review board is told of a run: its verdicts, requirements and causes, and what would help."""
+"""Advice of linear analysis on a campaign: other numbers of its data sheet, and filters that know more."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class FilterRemedy:
 
 @dataclass(frozen=True)
 class Advice:
-    """What linear analysis advises.
+    """Advice of linear analysis.
 
     Attributes
     ----------

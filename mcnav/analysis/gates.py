@@ -1,4 +1,4 @@
-"""What gates stop: the smallest spike and ramp of each sensor, the error of what passes, and its risk."""
+"""Errors that gates stop: the smallest spike and ramp of each sensor, the error of what passes, and its risk."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BEYOND: Final = 1e-9
 
 @dataclass(frozen=True)
 class GateAnswer:
-    """What the gate of a sensor stops of errors of one component, at its last measurement; SI.
+    """Errors of one component that the gate of a sensor stops, at its last measurement; SI.
 
     Attributes
     ----------

@@ -10,7 +10,7 @@ from mcnav._types import Array
 
 @dataclass(frozen=True)
 class GateQuestion:
-    """What is asked of gates: errors of which size they stop.
+    """Question that is asked of gates: errors of which size they stop.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What gates stop by linear analysis, as a table."""
+"""Errors that gates stop by linear analysis, as a table."""
 
 from __future__ import annotations
 
