@@ -151,7 +151,7 @@ def _ramp(law: GateLaw, component: int, covariance: Array, probability: float) -
 
 @dataclass(frozen=True)
 class FaultPrediction:
-    """What linear analysis expects of the gate during a fault.
+    """Expectation of linear analysis about the gate during a fault.
 
     Attributes
     ----------

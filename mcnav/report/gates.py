@@ -15,7 +15,7 @@ from mcnav.report.result_table import in_units
 
 @dataclass(frozen=True)
 class GateRow:
-    """What the gate of a sensor stops of errors of one component, as CSV, JSON and ``lincov.json`` have it; SI.
+    """Errors of one component that the gate of a sensor stops, as CSV, JSON and ``lincov.json`` have it; SI.
 
     ``spike`` and ``ramp`` (a second) are the smallest that are stopped with ``probability``, none where the gate stops
     none; ``spike_error`` and ``ramp_error`` are what they add to ``output`` and to ``ramp_output`` where they pass.
