@@ -25,7 +25,7 @@ class GateQuestion:
 
 
 USUAL: Final = GateQuestion()
-"""What is asked unless a campaign says something else."""
+"""Question that is asked unless a campaign says something else."""
 
 
 @dataclass(frozen=True)

@@ -167,7 +167,7 @@ class GatedScenario(EpochScenario, Protocol):
 
     @property
     def gate_question(self) -> GateQuestion:
-        """What is asked of the gates."""
+        """Question that is asked of the gates."""
 
     def gate_laws(self, mean: Array, covariance: Array) -> tuple[GateLaw, ...]:
         """Compute the laws of the gates for errors of this mean and covariance, and for ramps as they are asked for."""

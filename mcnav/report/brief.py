@@ -40,7 +40,7 @@ LINK: Final = Markup('<a href="{}">{}</a>').format
 
 @dataclass(frozen=True)
 class Links:
-    """Where the claims lead: the run folder for commands, and its report as seen from the sheet; empty: none."""
+    """Places where the claims lead: the run folder for commands, and its report as seen from the sheet; empty: none."""
 
     run: str
     report: str

@@ -1,4 +1,4 @@
-"""What words of a report mean, as `GLOSSARY.md` has it; a page shows it where they stand."""
+"""Meanings of words of a report, as `GLOSSARY.md` has them; a page shows them where the words stand."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ class Replay:
 
     @property
     def words(self) -> str:
-        """What is flown."""
+        """Name of the flight."""
         if self.index is None:
             return f"most likely way to fail requirement {self.requirement}"
         return f"sample {self.index:,}"

@@ -22,7 +22,7 @@ A4: Final = (8.27, 11.69)
 """Width and height, in."""
 
 MARGIN: Final = 0.5
-"""Of all sides, in."""
+"""Margin of all sides, in."""
 
 WIDTH: Final = A4[0] - 2.0 * MARGIN
 

@@ -38,7 +38,7 @@ FURTHER: Final[dict[Subject, tuple[tuple[str, str], ...]]] = {
     "filter": (("What would change it", "what-if"),), "smoother": (),
     "linear": (("Causes of the errors", "budget"),),
 }  # fmt: skip
-"""What one asks after each verdict, and the section that answers it."""
+"""Questions after each verdict, and the sections that answer them."""
 
 FINDINGS: Final = ("not met", "undecided", "met")
 """Findings on requirements, the worst first."""
