@@ -31,7 +31,9 @@ def output_folder(given: Path | None, default: Path) -> Path:
     if given is None:
         return default
     if given.is_file() or (given.suffix.lower() in ENDINGS and not given.is_dir()):
-        raise _wrong(given, f"expected a folder, such as {given.with_suffix('')}")
+        other = given.with_suffix("")
+        kind, remedy = ("which is a file; ", "") if other == given else ("", f", such as {other}")
+        raise _wrong(given, f"{kind}expected a folder{remedy}")
     return given
 
 

@@ -26,7 +26,7 @@ def test_a_folder_that_exists_may_have_any_name(tmp_path: Path) -> None:
 def test_a_file_is_not_taken_for_a_folder(tmp_path: Path) -> None:
     file = tmp_path / "notes"
     file.write_text("mine")
-    with pytest.raises(CampaignError, match="expected a folder"):
+    with pytest.raises(CampaignError, match=r"which is a file; expected a folder$"):
         output_folder(file, tmp_path)
     with pytest.raises(CampaignError, match=r"ends in \.pdf, \.svg or \.png"):
         output_file(file, "scatter.pdf", (".pdf", ".svg", ".png"))
