@@ -308,8 +308,10 @@ class AidedFlight:
         model, navigator = self.engine.sensor_models[sensor], self.navigator
         indicated = navigator.indicated(self._reading(stop.last - 1))
         offsets, factors, arm = self.offsets[sensor]
-        true = model.true_at(row)
-        innovation, response = model.innovation(true, indicated, navigator.estimates, offsets[row], factors, arm)
+        true, bent = model.true_at(row), self.noise.flexures.get(model.sensor.name)
+        innovation, response = model.innovation(
+            true, indicated, navigator.estimates, offsets[row], factors, arm, None if bent is None else bent[row]
+        )
         if not np.all(np.isfinite(innovation)):
             raise Diverged(f"an innovation of {model.sensor.name} ceased to be finite at {stop.time:.1f} s")
         update = navigator.update(innovation, response, model.variances[row], model.threshold)

@@ -55,7 +55,7 @@ class InsTable(Table):
     trajectory: Annotated[
         Any,
         Later(Trajectory),
-        Field(description="Trajectory file (CSV or parquet), or a table with file, reentry, segments or boost."),
+        Field(description="Trajectory file (CSV or parquet), or a table with file, reentry, segments, boost or sway."),
     ]
     columns: Columns = Field(default_factory=dict)
     platform: Annotated[
@@ -161,7 +161,7 @@ def _read_aiding(navigation: Navigation, origin: float, context: FileContext) ->
     aiding = replace(aiding, sensors=with_gate(aiding.sensors, table.gate))
     if (faults := context.content.get("faults")) is not None:
         aiding = replace(aiding, sensors=read_faults(faults, aiding.sensors, navigation, context))
-    return aiding, plan_filter(table, aiding.sensors, navigation.imu, context)
+    return aiding, plan_filter(table, aiding.sensors, navigation.imu, navigation.end - navigation.start, context)
 
 
 NO_AIDING: Final = "this scenario cannot be aided, which those of type ins can"
