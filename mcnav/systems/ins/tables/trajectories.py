@@ -168,7 +168,10 @@ def _size(path: Path) -> int:
 
 def _from_reentry(
     table: ReentryTable, entry: Mapping[str, Any], earth: Earth, context: FileContext, key: str
-) -> TrajectorySpec:
+) -> TrajectorySpec | None:
+    if earth.body != "earth":
+        context.problem(f"{key}.reentry", f"is one on the earth, and the scenario's is {earth.body}; give another one")
+        return None
 
     def fly() -> tuple[Truth, TrajectoryRows]:
         row = TABLE_I[table.reentry]
