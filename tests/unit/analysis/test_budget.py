@@ -15,7 +15,7 @@ from mcnav.contract.failure import Failure
 from mcnav.contract.samples import SimulationResult
 from mcnav.execution.chunks import PROBES
 from mcnav.lincov.corrections import Uncomputed
-from mcnav.lincov.partials import QUICK, SimulationFailed
+from mcnav.lincov.partials import FAST, QUICK, REDUCTION, SimulationFailed
 from mcnav.lincov.simulated_budget import simulate_each_source_alone, simulated_budgets
 from mcnav.lincov.sobol import estimate_sobol_indices
 from mcnav.sampling.distributions import Fixed, Normal, Uniform
@@ -61,6 +61,28 @@ def test_probes_are_the_first_draws_of_the_campaign(samples: int) -> None:
     for each in (found.alone, found.sobol):
         assert isinstance(each, Uncomputed)
         assert "too slow" in each.failed
+
+
+def test_a_quick_engine_that_is_not_fast_simulates_fewer_flights_beside_a_run() -> None:
+    flights = {}
+    for chunk in (FAST, FAST - 1):
+        batches = list[int]()
+
+        def simulate(batch: Any, noise: bool, batches: list[int] = batches) -> SimulationResult:
+            batches.append(len(batch.errors))
+            return _linear(batch.errors)
+
+        found = simulated_budgets(
+            lambda _: SimpleNamespace(chunk=chunk, simulate=simulate),
+            ERRORS,
+            PARTIALS,
+            "random",
+            1,
+            10_000,  # noqa: B023
+        )
+        flights[chunk] = sum(batches)
+        assert not isinstance(found.sobol, Uncomputed)
+    assert flights[FAST] == REDUCTION * flights[FAST - 1]
 
 
 def test_interaction_shows_in_all_but_one() -> None:
