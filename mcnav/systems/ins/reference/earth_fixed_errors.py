@@ -283,8 +283,8 @@ class ErrorModel:
         alone, variances = self._alone
         remaining = np.exp(-2.0 * np.outer(steps.durations, self.decay_rates[alone]))
         noise[:, NAVIGATION + alone, NAVIGATION + alone] = variances * cause.states[alone] * (1.0 - remaining)
-        for place, state in self._flexures:
-            variance, pair = cause.states[place - NAVIGATION] * state.sigma**2, slice(place, place + 2)
+        for first, state in self._flexures:
+            variance, pair = cause.states[first - NAVIGATION] * state.sigma**2, slice(first, first + 2)
             noise[:, pair, pair] = variance * state.flexure.added(steps.durations)
         return np.asarray(noise)
 
