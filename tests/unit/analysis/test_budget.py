@@ -78,7 +78,7 @@ def test_a_quick_engine_that_is_not_fast_simulates_fewer_flights_beside_a_run() 
             PARTIALS,
             "random",
             1,
-            10_000,  # noqa: B023
+            10_000,
         )
         flights[chunk] = sum(batches)
         assert not isinstance(found.sobol, Uncomputed)
