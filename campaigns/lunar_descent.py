@@ -37,8 +37,8 @@ def main() -> None:
     up = height.deriv(2)(time) - radius * turning**2 + MOON.gravitational_parameter / radius**2
     roll = np.degrees(np.arctan2(east, up))
     lines = ["time,lat,lon,alt,roll,pitch,heading"]
-    for row in np.column_stack([time, np.degrees(longitude), height(time), roll]):
-        lines.append(f"{row[0]:.1f},0.0,{row[1]:.10f},{row[2]:.5f},{row[3]:.6f},0.0,0.0")
+    rows = np.column_stack([time, np.degrees(longitude), height(time), roll])
+    lines += [f"{row[0]:.1f},0.0,{row[1]:.10f},{row[2]:.5f},{row[3]:.6f},0.0,0.0" for row in rows]
     Path(__file__).with_name("lunar_descent.csv").write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
