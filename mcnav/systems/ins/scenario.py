@@ -126,7 +126,7 @@ NOISE: Final = (
 GRAVITY: Final = tuple(Output(name, *PROCESS_UNITS[cause_of(name)]) for name in DISTURBANCES)
 """Gravity disturbances as states of a filter."""
 
-BEFORE_OUTAGES_END: Final = 1.0
+BEFORE_END: Final = 1.0
 """Time before the end of an outage at which errors are read out, s; less in a short outage."""
 
 REVISION: Final = 6
@@ -156,6 +156,11 @@ SHORTEST: Final = 1.0
 FEWEST_PROBES: Final = 2
 
 START_CLOCK: Final = StartClock("min of the trajectory", aligned="at the navigation's own start")
+
+
+def first_and_last(begin: float, end: float) -> tuple[float, float]:
+    """Return the begin of a span of time, and an instant just before its end, s."""
+    return begin, end - min(BEFORE_END, 0.01 * (end - begin))
 
 
 @dataclass(frozen=True)
@@ -200,8 +205,7 @@ class Navigation:
     def times(self) -> Array:
         """Epochs, the start first, s; begin and end of each outage are among them, and further times."""
         times = np.linspace(self.start, self.end, EPOCHS + 1)
-        outages = (outage for sensor in self.sensors for outage in sensor.outages)
-        ends = ((begin, end - min(BEFORE_OUTAGES_END, 0.01 * (end - begin))) for begin, end in outages)
+        ends = (first_and_last(*outage) for sensor in self.sensors for outage in sensor.outages)
         faults = (span for sensor in self.sensors for span in _around_faults(sensor))
         for added in (*ends, *faults, *((time,) for time in self.further)):
             inside = [time for time in added if self.start < time < self.end]
