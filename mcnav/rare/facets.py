@@ -9,6 +9,16 @@ of j is ``t > t_0(w)``,
 so that every point of space is on one half-line of one cell, and
 
     P = sum_j E_w [ integral over t > t_0 of phi(t) 1(event at w + t alpha_j) ].
+
+Of many half-spaces, such as those of correlated epochs, cells are thin, and most lines miss their own. Points then
+belong to all half-spaces, in shares that add up to one,
+
+    pi_j(u) = exp(kappa (alpha_j . u - beta_j)) / sum_k exp(kappa (alpha_k . u - beta_k)),
+    P = sum_j E_w [ integral over t of phi(t) pi_j 1(event at w + t alpha_j) ],
+
+with kappa the nearest distance: shifts of the density to the half-spaces would be weighted so (the balance heuristic;
+Veach and Guibas, 1995). With indicators in place of exponentials these are the shares of ALOE (Owen, Maximov and
+Chertkov, 2019); these here are not zero where an event has moved away from the linear one.
 """
 
 from __future__ import annotations
@@ -35,6 +45,9 @@ OFF: Final = 4.0
 
 MOST_STEPS: Final = 100
 
+TURNED_AWAY: Final = 0.05
+"""Cosine with a line below which it does not enter a half-space where it matters."""
+
 DIGITS: Final = 9
 """Digits after the point of distances that are compared with each other."""
 
@@ -47,6 +60,7 @@ class Facets:
     """Half-spaces ``alpha_j . u > beta_j``: unit vectors, shape (facets, d), and distances, shape (facets,).
 
     ``turned`` are orthonormal bases of the planes perpendicular to the first directions, shape (some, d, d - 1).
+    ``shared`` are those whose points belong to all of them.
     """
 
     directions: Array
@@ -55,6 +69,7 @@ class Facets:
     """Half-spaces of the linear model, which come first; the others are the opposite side and those of a search."""
 
     turned: Array | None = None
+    shared: bool = False
 
     @cached_property
     def bases(self) -> Array:
@@ -79,8 +94,18 @@ class Facets:
         """Return ``w = B_j v``, shape (n, d)."""
         return np.asarray(np.einsum("nij,nj->ni", self.bases[facet], across))
 
+    def feet_of(self, j: int, across: Array) -> Array:
+        """Return ``w = B_j v`` of lines of one facet."""
+        basis = np.broadcast_to(self.bases[j], (len(across), *self.bases[j].shape))
+        return np.asarray(np.einsum("nij,nj->ni", basis, across))
+
     def starts(self, facet: IndexArray, feet: Array) -> Array:
-        """Return t_0 of lines through their feet w, shape (n,); minus infinity of a single facet."""
+        """Return t_0 of lines through their feet w, shape (n,); minus infinity of a single facet.
+
+        Where points are shared it is zero: before it, the share of a line's own half-space is negligible.
+        """
+        if self.shared:
+            return np.zeros(len(feet))
         if len(self.distances) == 1:
             return np.full(len(feet), -np.inf)
         cosines = (self.directions @ self.directions.T)[facet]
@@ -92,13 +117,26 @@ class Facets:
         """Return the cell of each point, shape (n,)."""
         return np.asarray(np.argmax(points @ self.directions.T - self.distances, axis=1))
 
+    def entries(self, facet: IndexArray, feet: Array) -> Array:
+        """Return where lines through their feet enter the first half-space by the linear model, shape (n,)."""
+        cosines = (self.directions @ self.directions.T)[facet]
+        reached = np.divide(self.distances - feet @ self.directions.T, cosines, out=np.full(cosines.shape, np.inf),
+                            where=cosines > TURNED_AWAY)  # fmt: skip
+        return np.asarray(np.min(reached[:, : max(self.foreseen, 1)], axis=1))
+
+    def shares(self, facet: IndexArray, points: Array) -> Array:
+        """Return pi_j of points on lines of some facets, shape (n,); one in a cell of its own."""
+        if not self.shared:
+            return np.ones(len(points))
+        depths = float(np.min(self.distances)) * (points @ self.directions.T - self.distances)
+        own = np.take_along_axis(depths, facet[:, None], axis=1)
+        return np.asarray(1.0 / np.sum(np.exp(np.minimum(depths - own, 700.0)), axis=1))
+
     def with_facet(self, point: Array) -> Facets:
         """Return the half-spaces with one more, beyond the plane through a point perpendicular to its position."""
         distance = float(np.linalg.norm(point))
-        return Facets(
-            np.vstack([self.directions, point / distance]), np.append(self.distances, distance), self.foreseen,
-            self.turned,
-        )  # fmt: skip
+        directions = np.vstack([self.directions, point / distance])
+        return replace(self, directions=directions, distances=np.append(self.distances, distance))
 
 
 def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:

@@ -103,7 +103,11 @@ class AnyEpoch:
 
     def margin(self, outputs: Array) -> Array:
         """Return how far outputs, shape (n, epochs times outputs), lie beyond, shape (n,); see `Sides.margin`."""
-        return np.asarray(np.max(self.limit.margin(self._apart(outputs)).reshape(len(outputs), self.epochs), axis=1))
+        return np.asarray(np.max(self.margins(outputs), axis=1))
+
+    def margins(self, outputs: Array) -> Array:
+        """Return the same at each epoch, shape (n, epochs)."""
+        return self.limit.margin(self._apart(outputs)).reshape(len(outputs), self.epochs)
 
     def reached(self, outputs: Array) -> Array:
         """Return the largest multiple of the limit that outputs reach, shape (n,)."""
