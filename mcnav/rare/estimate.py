@@ -43,6 +43,9 @@ OTHERS: Final = 8
 DRAWS: Final = 1_000
 """Lines by which a fit is turned into a proposal; they are not flown."""
 
+SHARED_DRAWS: Final = 100
+"""The same for the shares of half-spaces that share their points."""
+
 FEWEST, MOST = 120, 1_000
 """Lines of the estimate."""
 
@@ -172,7 +175,7 @@ def estimate_probability(
         facets = replace(facets, shared=True)
     if dimensions <= ALL_PAIRS or not facets.shared:
         facets = turned(facets, flown.outcomes(), limit, generator)
-    unseen = UnseenNoise.measure(flown, dimensions) if noisy else None
+    unseen = UnseenNoise.measure(flown, facets, linear) if noisy else None
     plan = _Plan(flown, expected, facets, generator, unseen)
     pilot, proposals = plan.pilot()
     unforeseen = pilot.points[(pilot.facet >= facets.foreseen) & np.isfinite(pilot.entry)]
@@ -332,18 +335,21 @@ class _Plan:
         The fit alone knows what few lines of a small cell miss; where no line enters, it knows nothing.
         """
         d, facets = self.facets.directions.shape[1] - 1, self.facets
-        draws = DRAWS // 5 if facets.shared else DRAWS
-        normal = self.generator.standard_normal((draws, d))
-        means, fitted, linear = self.means(pilot), np.zeros(len(proposals)), np.zeros(len(proposals))
+        normal = self.generator.standard_normal((DRAWS, d))
+        means, fitted = self.means(pilot), np.zeros(len(proposals))
         for j, proposal in enumerate(proposals):
-            if proposal.constant < NEVER:
-                v = proposal.draw((np.arange(draws) + 0.5) / draws, normal)
-                fitted[j] = float(np.mean(proposal.ratio(v) * self.mass(j, v, self.entry(j, v, proposal))))
-            if facets.shared:
-                linear[j] = float(np.mean(self.mass(j, normal, self.linear_entry(j, normal))))
+            if proposal.constant < NEVER and not self.few[j]:
+                v = proposal.draw((np.arange(DRAWS) + 0.5) / DRAWS, normal)
+                fitted[j] = float(np.mean(proposal.ratio(v) * self.mass(j, v, proposal.entry(v))))
+        if facets.shared:
+            points = self.generator.standard_normal((SHARED_DRAWS, d + 1))
+            fitted = np.where(self.few, facets.expected_masses(points, self.shift), fitted)
         shares = means / means.sum() + fitted / max(fitted.sum(), 1e-300)
         shares /= shares.sum()
-        return np.asarray((1.0 - LINEAR) * shares + LINEAR * linear / linear.sum() if facets.shared else shares)
+        if not facets.shared:
+            return np.asarray(shares)
+        linear = facets.expected_masses(points, 0.0)
+        return np.asarray((1.0 - LINEAR) * shares + LINEAR * linear / linear.sum())
 
     def nearest(self, pilot: _Lines) -> float:
         """Return the distance of a half-space as probable as the event is by the pilot."""

@@ -32,7 +32,7 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array, IndexArray
-from mcnav.rare.limits import Limit
+from mcnav.rare.limits import AnyEpoch, Limit
 
 Outputs = Callable[[Array], Array]
 """Function of standard normals, shape (n, d), that returns outputs, shape (n, outputs)."""
@@ -42,6 +42,9 @@ SAME: Final = 0.995
 
 OFF: Final = 4.0
 """Distance along each axis from which nearest points of a model that bends are looked for, besides from zero."""
+
+MOST_STARTS: Final = 64
+"""Dimensions up to which the nearest points of a model that bends are looked for from each axis."""
 
 MOST_STEPS: Final = 100
 
@@ -132,6 +135,27 @@ class Facets:
         own = np.take_along_axis(depths, facet[:, None], axis=1)
         return np.asarray(1.0 / np.sum(np.exp(np.minimum(depths - own, 700.0)), axis=1))
 
+    def expected_masses(self, normal: Array, shift: float) -> Array:
+        """Return the probability of each half-space's share by the linear model, whose entries are shifted.
+
+        Parameters
+        ----------
+        normal : ndarray, shape (n, d)
+            Standard normals, of which lines are laid.
+        """
+        cosines, projected = self.directions @ self.directions.T, normal @ self.directions.T
+        steep, masses = float(np.min(self.distances)), np.empty(len(self.distances))
+        for j, cosine in enumerate(cosines):
+            reach = projected - projected[:, j : j + 1] * cosine  # alpha_k . w
+            entered = cosine[: max(self.foreseen, 1)] > TURNED_AWAY
+            ways = np.flatnonzero(entered)
+            first = np.min((self.distances - reach)[:, ways] / cosine[ways], axis=1, initial=np.inf)
+            at = np.maximum(first + shift, 0.0)[:, None]
+            depths = steep * (reach + at * cosine - self.distances)
+            share = 1.0 / np.sum(np.exp(np.minimum(depths - depths[:, j : j + 1], 700.0)), axis=1)
+            masses[j] = float(np.mean(special.ndtr(-at[:, 0]) * share))
+        return masses
+
     def with_facet(self, point: Array) -> Facets:
         """Return the half-spaces with one more, beyond the plane through a point perpendicular to its position."""
         distance = float(np.linalg.norm(point))
@@ -151,9 +175,13 @@ def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:
     zero, axes = np.zeros((1, dimensions)), OFF * np.vstack([np.eye(dimensions), -np.eye(dimensions)])
     ends = linear(np.vstack([zero, axes, 0.5 * axes])) - linear(zero)
     bends = not np.allclose(0.5 * ends[1 : 2 * dimensions + 1], ends[2 * dimensions + 1 :], rtol=1e-9, atol=0.0)
-    starts = np.vstack([zero, axes]) if bends else zero
-    points = [point for n, c in zip(limit.normals, limit.offsets, strict=True) for start in starts
-              if (point := nearest_point(linear, n, float(c), start)) is not None]  # fmt: skip
+    if isinstance(limit, AnyEpoch) and not bends:
+        gradient = (ends[1 : dimensions + 1] - ends[dimensions + 1 : 2 * dimensions + 1]).T / (2.0 * OFF)
+        points = half_spaces(limit, linear(zero)[0], gradient)
+    else:
+        starts = np.vstack([zero, axes]) if bends and dimensions <= MOST_STARTS else zero
+        points = [point for n, c in zip(limit.normals, limit.offsets, strict=True) for start in starts
+                  if (point := nearest_point(linear, n, float(c), start)) is not None]  # fmt: skip
     directions, distances = np.zeros((0, dimensions)), np.zeros(0)
     nearest = min((beta for _, beta in points), default=np.inf)
     # two sides of one output are equally far, but for rounding: they keep the order of the limit on every machine
@@ -164,6 +192,19 @@ def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:
     if len(distances) and not np.any(directions @ directions[0] < -SAME):
         directions, distances = np.vstack([directions, -directions[0]]), np.append(distances, distances[0])
     return Facets(directions, distances, foreseen)
+
+
+def half_spaces(limit: Limit, mean: Array, gradient: Array) -> list[tuple[Array, float]]:
+    """Return the directions and distances of all sides that a linear model reaches.
+
+    Parameters
+    ----------
+    mean, gradient : ndarray, shapes (outputs,), (outputs, d)
+        Of the outputs ``mean + gradient u``.
+    """
+    slopes, left = limit.normals @ gradient, limit.offsets - limit.normals @ mean
+    sizes = np.sqrt(np.sum(slopes**2, axis=1))
+    return [(slopes[k] / sizes[k], float(left[k] / sizes[k])) for k in np.flatnonzero(sizes > 0.0)]
 
 
 def nearest_point(linear: Outputs, normal: Array, offset: float, start: Array) -> tuple[Array, float] | None:

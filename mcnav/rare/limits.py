@@ -128,8 +128,9 @@ class AnyEpoch:
 
 
 def side_towards(limit: Limit, change: Array) -> Array:
-    """Return the normal of the side that a change of the outputs, shape (outputs,), approaches most directly."""
-    return np.asarray(limit.normals[int(np.argmax(limit.normals @ change))])
+    """Return the normal of the side that a change of the outputs, shape (outputs,), reaches first."""
+    scales = np.where(limit.offsets > 0.0, limit.offsets, 1.0)
+    return np.asarray(limit.normals[int(np.argmax(limit.normals @ change / scales))])
 
 
 Limit = Sides | Distance | AnyEpoch

@@ -48,7 +48,7 @@ SHARE: Final = 5
 MOST_FLIGHTS: Final = 4_000
 """Flights of a campaign with noise, which scatters entries: one flight for so many samples, and at most so many."""
 
-MOST_NORMALS: Final = 200
+MOST_NORMALS: Final = 400
 """Standard normals of errors and noise on which a requirement depends, at most."""
 
 UNFELT: Final = 1e-6
@@ -240,8 +240,10 @@ def estimate_exceedances(
         event = Event.of(requirement, model.sizes)
         if noisy:
             law = _Law.of(event, model, draws.errors, throughout)
-            shares = np.sum(special.ndtr(-event.distances(law.mean, law.covariance)), axis=1)
-            if _is_counted(float(np.max(shares)), requirement, system, confidence):
+            distances = event.distances(law.mean, law.covariance)
+            share = float(np.max(np.sum(special.ndtr(-distances), axis=1)))
+            near = 0.0 < float(np.min(distances)) < RAREST
+            if not near or _is_counted(share, requirement, system, confidence):
                 continue
         try:
             normals, event = _normals(engine, noisy, draws.errors, draws.seed, model, requirement, number, throughout)
@@ -252,7 +254,7 @@ def estimate_exceedances(
             reason = f"errors and noise have {normals.dimensions} normals there; at most {MOST_NORMALS} can be chosen"
             records += [_refused(number, reason)] if rare else []
             continue
-        if not _is_beyond_counting(normals, event, requirement, system, confidence):
+        if not (noisy and over_time) and not _is_beyond_counting(normals, event, requirement, system, confidence):
             continue
         refused = _refused(number, reason)
         records.append(refused if reason else _estimate(number, normals, event, system.draws.samples, confidence))
