@@ -343,12 +343,12 @@ class _Plan:
                 fitted[j] = float(np.mean(proposal.ratio(v) * self.mass(j, v, proposal.entry(v))))
         if facets.shared:
             points = self.generator.standard_normal((SHARED_DRAWS, d + 1))
-            fitted = np.where(self.few, facets.expected_masses(points, self.shift), fitted)
+            fitted = np.where(self.few, facets.expected_masses(points, self.shift)[0], fitted)
         shares = means / means.sum() + fitted / max(fitted.sum(), 1e-300)
         shares /= shares.sum()
         if not facets.shared:
             return np.asarray(shares)
-        linear = facets.expected_masses(points, 0.0)
+        linear, _ = facets.expected_masses(points, 0.0)
         return np.asarray((1.0 - LINEAR) * shares + LINEAR * linear / linear.sum())
 
     def nearest(self, pilot: _Lines) -> float:
@@ -417,6 +417,8 @@ class _Plan:
     def lines_needed(self, pilot: _Lines, proposals: list[Proposal], precision: float) -> float:
         """Return the lines that a relative standard error needs, from the scatter about the fit of the pilot."""
         j = int(np.argmax(self.means(pilot)))
+        if self.few[j]:
+            return self.few_lines_needed(pilot, precision)
         mine = (pilot.facet == j) & np.isfinite(pilot.entry) & (pilot.entry > pilot.begin)
         t, proposal = pilot.entry[mine], proposals[j]
         if len(t) < 8:
@@ -428,6 +430,20 @@ class _Plan:
         normal = self.generator.standard_normal((DRAWS, len(proposal.mean)))
         fitted = proposal.improved(normal, partial(self.mass, j))[1]
         return (math.expm1(min(scatter**2, 20.0)) + fitted) / precision**2
+
+    def few_lines_needed(self, pilot: _Lines, precision: float) -> float:
+        """Return the same where half-spaces follow the linear model: from the scatter about it, and its shares'."""
+        facets, mine = self.facets, self.few[pilot.facet] & np.isfinite(pilot.entry) & (pilot.entry > pilot.begin)
+        if np.count_nonzero(mine) < 8:
+            return math.inf
+        facet = pilot.facet[mine]
+        expected = facets.entries(facet, facets.feet(facet, pilot.across[mine])) + self.shift
+        scatter = float(np.std(pilot.entry[mine] - expected)) * hazard_at(float(np.min(facets.distances)))
+        masses, variations = facets.expected_masses(
+            self.generator.standard_normal((SHARED_DRAWS, facets.directions.shape[1])), self.shift
+        )
+        shared = float(masses @ variations / np.sum(masses))
+        return (math.expm1(min(scatter**2, 20.0)) + shared) / precision**2
 
     def doubt(self, lines: _Lines, weights: Array, value: float, proposals: list[Proposal], shares: Array) -> str:
         """Say what contradicts the estimate; nothing where nothing does."""

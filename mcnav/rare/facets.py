@@ -135,8 +135,10 @@ class Facets:
         own = np.take_along_axis(depths, facet[:, None], axis=1)
         return np.asarray(1.0 / np.sum(np.exp(np.minimum(depths - own, 700.0)), axis=1))
 
-    def expected_masses(self, normal: Array, shift: float) -> Array:
+    def expected_masses(self, normal: Array, shift: float) -> tuple[Array, Array]:
         """Return the probability of each half-space's share by the linear model, whose entries are shifted.
+
+        And the squared coefficient of variation of its lines; both of shape (facets,).
 
         Parameters
         ----------
@@ -144,7 +146,7 @@ class Facets:
             Standard normals, of which lines are laid.
         """
         cosines, projected = self.directions @ self.directions.T, normal @ self.directions.T
-        steep, masses = float(np.min(self.distances)), np.empty(len(self.distances))
+        steep, masses, variations = float(np.min(self.distances)), *np.zeros((2, len(self.distances)))
         for j, cosine in enumerate(cosines):
             reach = projected - projected[:, j : j + 1] * cosine  # alpha_k . w
             entered = cosine[: max(self.foreseen, 1)] > TURNED_AWAY
@@ -153,8 +155,10 @@ class Facets:
             at = np.maximum(first + shift, 0.0)[:, None]
             depths = steep * (reach + at * cosine - self.distances)
             share = 1.0 / np.sum(np.exp(np.minimum(depths - depths[:, j : j + 1], 700.0)), axis=1)
-            masses[j] = float(np.mean(special.ndtr(-at[:, 0]) * share))
-        return masses
+            mass = special.ndtr(-at[:, 0]) * share
+            masses[j] = np.mean(mass)
+            variations[j] = np.var(mass) / masses[j] ** 2 if masses[j] > 0.0 else 0.0
+        return masses, variations
 
     def with_facet(self, point: Array) -> Facets:
         """Return the half-spaces with one more, beyond the plane through a point perpendicular to its position."""

@@ -67,6 +67,27 @@ def test_all_noise_has_the_linear_covariance(flown):
 
 
 @pytest.mark.parametrize("flown", [aided, free])
+def test_noise_at_an_epoch_has_the_linear_covariance_and_what_it_is_told(flown):
+    """Of two epochs, whose conditions are met in the histories of samples without errors, to second order."""
+    of, made = flown()
+    assert made.epochs is not None
+    epochs, outputs = (17, 40), (0, 5)
+    system = of.linear_over_time(len(made.epochs.times))
+    np.testing.assert_allclose(system.times, made.epochs.times, rtol=1e-9)
+    samples = made.conditional_noise((0, 5, 0, 5), (17, 17, 40, 40))
+    for k, epoch in enumerate(epochs):
+        expected = sum(each[epoch] for each in system.processes.values())[np.ix_(outputs, outputs)]
+        sigma = np.sqrt(np.diag(expected))
+        factor = samples.factor[2 * k : 2 * k + 2] / sigma[:, None]
+        np.testing.assert_allclose(factor @ factor.T, expected / np.outer(sigma, sigma), atol=GRIDS + 2e-4)
+    wanted = np.random.default_rng(1).standard_normal((8, samples.factor.shape[1]))
+    errors = np.zeros((8, len(of.sources)))
+    history = samples.simulate(Batch(np.arange(8), errors, 7), wanted).history[:, epochs][:, :, outputs]
+    told = (wanted @ samples.factor.T).reshape(8, 2, 2)
+    np.testing.assert_allclose(history / sigma, told / sigma, atol=0.05)
+
+
+@pytest.mark.parametrize("flown", [aided, free])
 def test_twins_have_the_linear_errors_that_are_given(flown):
     of, made = flown()
     outputs, count = (2, 3, 8), 16
