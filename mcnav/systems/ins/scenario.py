@@ -45,6 +45,7 @@ from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import NoiseResponse
+from mcnav.systems.ins.linear.adjoint import Adjoint, adjoint_of_free
 from mcnav.systems.ins.linear.closed_loop_covariance import ClosedLoopCovariance
 from mcnav.systems.ins.linear.covariance import LinearErrors, propagate
 from mcnav.systems.ins.linear.recent_responses import recent_responses
@@ -331,9 +332,13 @@ class EnsembleEngine:
         tables = self.tables
         return NoiseSystem(tables, tables.adjoint, Measured.nothing(len(tables.durations), len(tables.sizes)))
 
-    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalSamples:
+    def conditional_noise(self, outputs: tuple[int, ...], epochs: tuple[int, ...] | None = None) -> ConditionalSamples:
         """Return the samples with conditions on what noise adds to some outputs."""
-        return ConditionalSamples(self.noise, outputs, self.chunk, self._simulate_given)
+        return ConditionalSamples.of(self.noise, outputs, epochs, self._adjoint_at, self.chunk, self._simulate_given)
+
+    def _adjoint_at(self, epoch: int) -> Adjoint:
+        tables = self.tables
+        return adjoint_of_free(tables.motion, int(tables.epochs[epoch]), tables.output_maps[epoch])
 
     def _simulate_given(self, batch: Batch, noise: GivenNoise) -> SimulationResult:
         return self._result(simulate_given(self.tables, batch.errors, noise.added))
