@@ -16,7 +16,7 @@ from tests.browser.conftest import FOLDER, KINDS, NAME, Browser
 from tests.commands import invoke
 
 FIGURES = {
-    "report": 12, "many": 8, "aided": 15, "replay": 1, "comparison": 3, "index": 0, "start times": 5, "linearity": 2,
+    "report": 13, "many": 8, "aided": 16, "replay": 1, "comparison": 3, "index": 0, "start times": 5, "linearity": 2,
     "ins start times": 10, "lincov": 4, "allocate": 1, "sweep": 1, "contours": 1,
     "calibration": 12, "story": 10, "textbook": 0, "tn": 15, "trajectory": 1,
 }  # fmt: skip
