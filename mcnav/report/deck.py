@@ -168,7 +168,7 @@ class Deck:
             sentences.append(f"Largest causes of the {self.caused}: {listed}.")
         happening = [words for lane in self.lanes if (words := lane.words_at(float(self.times[k])))]
         if happening:
-            sentences.append(f"Then: {'; '.join(happening)}.")
+            sentences.append(f"Then: {', '.join(happening)}.")
         return " ".join(sentences)
 
     def _ellipses(self, kind: Kind, k: int) -> str:

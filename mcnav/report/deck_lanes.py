@@ -18,6 +18,9 @@ from mcnav.report.requirements import requirement_rows
 
 Happening = Literal["updates", "outage", "fault", "turn", "climb", "descent", "requirement"]
 
+MANOEUVRES: Final = "manoeuvres"
+"""Name of their row."""
+
 TURNING: Final = 0.2
 """Rate of turn from which on it is a manoeuvre, deg/s."""
 
@@ -55,14 +58,17 @@ class Lane:
     rejections: tuple[Rejection, ...] = ()
 
     def words_at(self, time: float) -> str:
-        """Say what there is at a time, such as ``gnss: outage``; empty where there is nothing but updates."""
+        """Say what there is at a time, such as ``gnss outage``; empty where there is nothing but updates."""
         said = [
             each.kind if each.kind != "requirement" else "holds"
             for each in self.intervals
             if each.kind != "updates" and each.begin <= time <= each.end
         ]
-        said += [f"{_percent(each.share)} of updates rejected" for each in self.rejections if each.time == time]
-        return f"{self.name}: {', '.join(dict.fromkeys(said))}" if said else ""
+        said += [
+            f"with {_percent(each.share)} of its updates rejected" for each in self.rejections if each.time == time
+        ]
+        words = " and ".join(dict.fromkeys(said))
+        return words if self.name == MANOEUVRES else f"{self.name} {words}" if said else ""
 
 
 def _percent(share: float) -> str:
@@ -130,7 +136,7 @@ def _manoeuvres(content: RunAnalysis) -> Iterable[Lane]:
         for kind, known in rows for begin, end in _runs(known)
     ]  # fmt: skip
     if intervals:
-        yield Lane("manoeuvres", tuple(intervals))
+        yield Lane(MANOEUVRES, tuple(intervals))
 
 
 def _requirements(content: RunAnalysis, times: Array) -> Iterable[Lane]:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 
 from mcnav.report.deck import RADII, Deck, Dispersion, Kind, Place, Route
 from mcnav.report.deck_lanes import Interval, Lane, Rejection
 from mcnav.report.figures.deck import ellipse_of, ring_radii
+from mcnav.report.figures.dispersion import MOST, NOTABLE, ordered_pairs
+from mcnav.report.model import RunAnalysis
 
 COVARIANCE = np.array([[9.0, 4.0], [4.0, 4.0]])
 
@@ -48,7 +53,20 @@ def test_what_is_said_of_an_instant() -> None:
     assert known.worst == 1
     assert known.words_at(1) == (
         "At 10 s, the 95 % ellipse of the navigation error is ±16.4 m by ±6.54 m by Monte Carlo, ±8.20 m by ±3.27 m as "
-        "the filter claims. Then: gnss: outage."
+        "the filter claims. Then: gnss outage."
     )
-    assert known.words_at(2).endswith("Then: gnss: 25 % of updates rejected.")
+    assert known.words_at(2).endswith("Then: gnss with 25 % of its updates rejected.")
     assert "Then" not in known.words_at(0)
+
+
+def test_of_many_outputs_the_most_correlated_pairs_are_drawn() -> None:
+    """Of 12 outputs those whose correlation is largest, and before them the notable ones."""
+    square = np.random.default_rng(5).standard_normal((12, 20))
+    covariance = square @ square.T
+    comparison = SimpleNamespace(covariance_linear=covariance, covariance_paired=covariance)
+    pairs = ordered_pairs(cast("RunAnalysis", SimpleNamespace(moving=range(12), comparison=comparison)))
+    sigmas = np.sqrt(np.diag(covariance))
+    sizes = np.abs(covariance / np.outer(sigmas, sigmas))
+    assert len(set(pairs)) == len(pairs) == MOST
+    left = {(i, j) for i in range(12) for j in range(i)[::-1] if (j, i) not in pairs}
+    assert min(sizes[pair] for pair in pairs[NOTABLE:]) > max(sizes[pair] for pair in left)
