@@ -50,6 +50,7 @@ def test_all_figures_follow_one_instant(browser: Browser, page_of: Callable[[str
             page.locator("#figure-deck .shows"),
             page.locator("#figure-deck svg").nth(1).locator(".labels text"),
         )
+        assert rows[[0, -1], 0].tolist() == [5.0, 15.0]  # of the trajectory: navigation starts at 300 s
         begun = int(slider.input_value())
         assert rows[begun, 1] == pytest.approx(rows[1:, 1].max(), rel=1e-5)
         assert np.isnan(np.array(page.evaluate(CURSORS), dtype=float)).sum() > 0  # those of other figures, until asked
