@@ -637,7 +637,10 @@
       if (chosen.length < 2) return;
       const code = document.createElement("code");
       code.textContent = `mcnav compare ${chosen.map((each) => each.value).join(" ")} --out ${place.dataset.out}`;
-      const page = pages[`${chosen.map((each) => each.dataset.folder).join("_and_")}.html`];
+      const names = (count) => chosen.map(({ dataset }) => dataset.folder.split("/").slice(-count).join("-"));
+      let count = 1; // of the last parts of the folders, as many as tell them apart
+      while (count < 9 && new Set(names(count)).size < chosen.length) count += 1;
+      const page = pages[`${names(count).join("_and_")}.html`];
       const link = document.createElement("a");
       if (page) { link.href = page; link.textContent = "the comparison"; }
       place.append(...(page ? [link, " · "] : []), code, place.dataset.where ? ` ${place.dataset.where}` : "");
