@@ -15,6 +15,7 @@ from mcnav.report.document import Beside, Findings, Folded, Note, Page, Part, Se
 from mcnav.report.figure_words import words_on
 from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios, truth
 from mcnav.report.figures.combination import combination
+from mcnav.report.figures.deck import deck
 from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
@@ -46,7 +47,7 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "nis_history": normalized_errors.nis_over_time, "sigma_history": sigma_ratios.sigma_ratios_over_time,
     "within_history": sigma_ratios.shares_within, "estimation": estimation, "combination": combination,
     "requirements_over_time": requirements_over_time, "tails": tails,
-    "dispersion_over_time": truth.dispersion_over_time, "landing_ellipses": truth.ellipses_at_end,
+    "deck": deck, "dispersion_over_time": truth.dispersion_over_time, "landing_ellipses": truth.ellipses_at_end,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
 
@@ -70,7 +71,7 @@ def figures(content: RunAnalysis) -> dict[str, Figure]:
     if content.dispersed:
         drawn |= {name: draw(content) for name, draw in FIGURES.items()}
     known = {name: drawing for name, drawing in drawn.items() if drawing is not None}
-    return {name: replace(drawing, shows=words_on(name, content)) for name, drawing in known.items()}
+    return {name: replace(drawing, shows=words_on(name, content) or drawing.shows) for name, drawing in known.items()}
 
 
 def render(content: RunAnalysis) -> str:
@@ -111,8 +112,10 @@ def _numbered(sections: Sequence[Section]) -> list[Section]:
 def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section]:
     """List the sections of the report; most are there where there is dispersion to show."""
     throughout, flown, dispersed = drawn.get("envelopes"), drawn.get("flight"), content.dispersed
+    moved = drawn.get("deck")
     sections = [
         combination_section(content, drawn),
+        None if moved is None else Section("deck", moved.title, [moved]),
         None if throughout is None else Section("throughout", throughout.title, [throughout]),
         truth_section(content, drawn) if dispersed else None,
         *filter_sections(content, drawn),

@@ -141,6 +141,7 @@ EPOCHS: Final = 60
 """Intervals between instants at which the errors of all samples are read out; fewer in a shorter navigation."""
 
 HISTORY_TIME: Final = "time [min]"
+"""Time of the trajectory, as campaigns and linear analysis have it."""
 HISTORY_POINTS: Final = 401
 ENSEMBLE_CHUNK: Final = 2_048
 REFERENCE_CHUNK: Final = 8
@@ -216,14 +217,14 @@ class Navigation:
 
     @property
     def epochs(self) -> Epochs:
-        """Epochs in minutes of navigation."""
+        """Epochs in minutes of the trajectory."""
         events = {
-            f"{sensor.name} outage {number} {edge}": (float(time) - self.start) / 60.0
+            f"{sensor.name} outage {number} {edge}": float(time) / 60.0
             for sensor in self.sensors
             for number, outage in enumerate(sensor.outages, 1)
             for edge, time in zip(("begins", "ends"), outage, strict=True)
         }
-        return Epochs(HISTORY_TIME, (self.times - self.start) / 60.0, events)
+        return Epochs(HISTORY_TIME, self.times / 60.0, events)
 
     @cached_property
     def aided(self) -> AidedNavigation | None:
@@ -824,7 +825,7 @@ class Ins:
         _, velocity = truth.earth_fixed(times)
         heading, pitch, roll = np.degrees(truth.angles(times)).T
         columns = {
-            HISTORY_TIME: (times - navigation.start) / 60.0,
+            HISTORY_TIME: times / 60.0,
             "latitude [deg]": np.degrees(latitude),
             "longitude [deg]": np.degrees(np.unwrap(longitude)),
             "altitude [m]": altitude,
@@ -836,9 +837,7 @@ class Ins:
             "angular rate [deg/s]": np.degrees(np.linalg.norm(states.rate, axis=1)),
         }
         outages = {
-            sensor.name: tuple(
-                ((begin - navigation.start) / 60.0, (end - navigation.start) / 60.0) for begin, end in sensor.outages
-            )
+            sensor.name: tuple((begin / 60.0, end / 60.0) for begin, end in sensor.outages)
             for sensor in navigation.sensors if sensor.outages
         }  # fmt: skip
         return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS, outages)
