@@ -38,7 +38,7 @@ from mcnav.systems.ins.aided import (
 from mcnav.systems.ins.ensemble.aided import GivenNoise
 from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
 from mcnav.systems.ins.ensemble.free import EnsembleErrors, EnsembleTables, simulate, simulate_given, tabulate
-from mcnav.systems.ins.filter.model import FilterModel
+from mcnav.systems.ins.filter.model import EKF, FilterModel
 from mcnav.systems.ins.filter.tables import same_memory
 from mcnav.systems.ins.gates import fault_laws, gate_laws
 from mcnav.systems.ins.imu.fine_noise import draw_noise
@@ -495,6 +495,8 @@ class Ins:
         """Names of the engines."""
         if self.navigation.filter is None:
             return ("ensemble", "reference")
+        if self.navigation.filter.kind != EKF:
+            return ("reference",)
         if self.navigation.filter.smoothed:
             return ("shared-gains", "ensemble", "reference")
         return ("ensemble", "shared-gains", "reference")
