@@ -1434,7 +1434,7 @@ def reproduce(
         _print_next(following)
         return
     if document == "ukfm":
-        summary, written = ukfm_page.write(target, samples or ukfm_page.SAMPLES)
+        summary, written = ukfm_page.write(target, samples)
         out.print(summary)
         _print_written(written)
         _print_next(following)

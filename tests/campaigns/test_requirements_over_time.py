@@ -86,7 +86,8 @@ def _figure_has_what_was_judged(content: RunAnalysis) -> None:
 def test_the_time_of_a_requirement_becomes_an_epoch(engine: str, aided: bool, tmp_path: Path) -> None:
     """The sigma there is that of `mcnav lincov` at this time, and the samples there are those of this time.
 
-    So do the begin of a span, and an instant just before its end. Samples differ from the linear errors of the same draws by less than a thousandth of sigma, here as at the end.
+    So do the begin of a span, and an instant just before its end. Samples differ from the linear errors of the same
+    draws by less than a thousandth of sigma, here as at the end.
     """
     at = 151.5
     required = {"output": "position_north", "probability": 0.95, "below": "1 km"}

@@ -261,8 +261,8 @@ def test_an_incomplete_type_of_sensor_is_refused(changes: dict[str, object], mes
 @pytest.mark.parametrize(
     ("estimated", "message"),
     [
-        ("bais", "sensor 'altimeter': estimated has 'bais'; its constant errors are bias, scale_factor"),
-        ("lever_arm", "sensor 'altimeter': estimated has 'lever_arm'; its constant errors are bias, scale_factor"),
+        ("bais", "sensor 'altimeter': estimated has 'bais'; its errors are bias, scale_factor"),
+        ("lever_arm", "sensor 'altimeter': estimated has 'lever_arm'; its errors are bias, scale_factor"),
     ],
 )
 def test_an_estimated_error_that_a_sensor_has_not_is_refused(estimated: str, message: str) -> None:

@@ -54,7 +54,7 @@ from mcnav.systems.ins.linear.start_times import LinearStarts, propagate_starts
 from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor, gate_limits
-from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources
+from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources, flexure_rates
 from mcnav.systems.ins.truth.gravity import GravityPath
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 from mcnav.systems.sample_loop import simulate_each
@@ -529,7 +529,8 @@ class Ins:
         if navigation.filter is None:
             return None
         known: list[Source | Output] = [
-            *self.sources, *NOISE, *GRAVITY, *aiding_outputs(navigation.filter.beliefs.sensors)
+            *self.sources, *NOISE, *GRAVITY, *aiding_outputs(navigation.filter.beliefs.sensors),
+            *flexure_rates(navigation.filter.beliefs.sensors),
         ]  # fmt: skip
         units = {each.name: (each.unit, each.shown_in) for each in known}
         return filter_schema(navigation.sensors, navigation.filter, units)

@@ -324,10 +324,12 @@ class AidedFlight:
         model, navigator = self.engine.sensor_models[sensor], self.navigator
         offsets, factors, arm = self.offsets[sensor]
         true, measured = model.true_at(row), self._measured_at_end(stop.last - 1)
+        flexures = self.noise.flexures.get(model.sensor.name)
+        bent = None if flexures is None else flexures[row]
 
         def measure(state: Array, estimates: Array) -> tuple[Array, Array]:
             indicated = navigator.indicated(navigator.extrapolated(measured, estimates), state)
-            innovation, response = model.innovation(true, indicated, estimates, offsets[row], factors, arm)
+            innovation, response = model.innovation(true, indicated, estimates, offsets[row], factors, arm, bent)
             if not np.all(np.isfinite(innovation)):
                 raise Diverged(f"an innovation of {model.sensor.name} ceased to be finite at {stop.time:.1f} s")
             return innovation, response

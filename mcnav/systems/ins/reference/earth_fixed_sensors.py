@@ -198,8 +198,9 @@ class SensorModel:
         return bias + noise, np.array(factors), np.array(arm)
 
     def innovation(
-        self, true: TrueState, indicated: Indicated, estimates: Array, offset: Array, factors: Array, arm: Array
-    ) -> tuple[Array, Array]:
+        self, true: TrueState, indicated: Indicated, estimates: Array, offset: Array, factors: Array, arm: Array,
+        flexure: Array | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
         """Compute an innovation and its response to the filter's states.
 
         Parameters
@@ -210,6 +211,8 @@ class SensorModel:
             Of the filter's other states; zero for considered ones.
         offset, factors, arm : ndarray
             The sample's errors of this measurement, as `measurement_errors` has them.
+        flexure : ndarray, shape (6,), optional
+            The sample's angles of a flexure, and their rates.
 
         Returns
         -------
@@ -218,7 +221,8 @@ class SensorModel:
         """
         innovation, response = np.empty(self.size), np.zeros((self.size, NAVIGATION + len(self.states)))
         used = self.believed.lever_arm + arm - self._arms @ estimates
-        at = Comparison(true, indicated, used, self._arms, self._gyros(indicated.reading), self.rotation_rate)
+        gyros, flexes = self._gyros(indicated.reading), self.sensor.flexure is not None
+        at = Comparison(true, indicated, used, self._arms, gyros, self.rotation_rate, flexes)
         added, scaled = self._added @ estimates, self._scaled @ estimates
         response[:, NAVIGATION:] = -self._added
         for quantity, (places, axes) in self._quantities.items():
@@ -227,6 +231,12 @@ class SensorModel:
             response[places, :NAVIGATION] = difference.navigation[axes]
             if difference.others is not None:
                 response[places, NAVIGATION:] += difference.others[axes]
+            if difference.flexure is not None and difference.true_flexure is not None:
+                of_states = difference.flexure[axes] @ self._bends
+                innovation[places] += of_states @ estimates
+                response[places, NAVIGATION:] -= of_states
+                if flexure is not None:
+                    innovation[places] -= difference.true_flexure[axes] @ flexure
             if QUANTITIES[quantity].scaled:
                 if difference.true is None:
                     raise ValueError(f"compare of {quantity} lacks the true value, which a scale factor needs")
@@ -236,6 +246,15 @@ class SensorModel:
                 response[places, :NAVIGATION] *= 1.0 + scaled[places, None]
                 response[places, NAVIGATION:] -= self._scaled[places] * predicted[:, None]
         return innovation, response
+
+    @cached_property
+    def _bends(self) -> Array:
+        """Angles of the sensor's flexure, and their rates, as the filter's states have them, shape (6, q)."""
+        bends = np.zeros((6, len(self.states)))
+        for column, state in enumerate(self.states):
+            if state.flexure is not None and state.flexure.sensor == self.sensor.name:
+                bends[3 * state.flexure.rate + state.flexure.axis, column] = 1.0
+        return bends
 
     def _gyros(self, reading: Array) -> Array:
         """Return the responses of a rate to the filter's states that are errors of the gyros, shape (3, q)."""

@@ -20,6 +20,7 @@ from mcnav._types import Array
 from mcnav.contract.recorded import MeasurementFile
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.sensors.faults import Fault
+from mcnav.systems.ins.sensors.flexure import Flexure, flexure_process
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 
 MeasurementError = Literal["bias", "scale_factor", "correlated", "noise"]
@@ -124,6 +125,8 @@ class Sensor:
         Of a recorded sensor.
     faults : tuple of Fault
         What its measurements have that no filter believes in.
+    flexure : Flexure, optional
+        Of the structure between the unit and the sensor.
     """
 
     name: str
@@ -136,6 +139,7 @@ class Sensor:
     outages: tuple[tuple[float, float], ...] = ()
     log: MeasurementFile | None = None
     faults: tuple[Fault, ...] = ()
+    flexure: Flexure | None = None
 
     def constants(self) -> Iterator[str]:
         """Yield the names of its constant errors in order, whatever their sizes."""
@@ -151,6 +155,8 @@ class Sensor:
         """Return the sizes of its processes that are not zero, by name."""
         sizes = {each.error_name("noise"): each.noise for each in self.components}
         sizes |= {each.error_name("correlated"): each.correlated for each in self.components}
+        if self.flexure is not None:
+            sizes |= {flexure_process(self.name, axis): self.flexure.sigma[axis] for axis in self.flexure.axes}
         return {name: size for name, size in sizes.items() if size > 0.0}
 
 

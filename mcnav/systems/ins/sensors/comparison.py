@@ -81,6 +81,8 @@ class Comparison:
         navigation.
     rotation_rate : float
         Of the earth, rad/s.
+    flexes : bool
+        Whether the structure between the unit and the sensor bends.
     """
 
     true: TrueState
@@ -89,6 +91,7 @@ class Comparison:
     arm_states: Array
     gyro_states: Array
     rotation_rate: float
+    flexes: bool = False
 
 
 @dataclass(frozen=True)
@@ -104,12 +107,17 @@ class Difference:
         Its responses to the filter's other states, besides those that are errors of the measurement itself.
     true : ndarray, shape (a,), optional
         The true value, of a quantity that may have a scale factor.
+    flexure, true_flexure : ndarray, shape (a, 6), optional
+        Responses of the measured value to the angles of a flexure about the body's axes and to their rates: as the
+        navigator knows them, and the true ones. Of a sensor that flexes alone.
     """
 
     value: Array
     navigation: Array
     others: Array | None = None
     true: Array | None = None
+    flexure: Array | None = None
+    true_flexure: Array | None = None
 
 
 def responses(axes: int) -> Array:

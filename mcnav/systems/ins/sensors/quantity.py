@@ -71,6 +71,9 @@ class Geometry:
         Responses of the innovation to errors of the lever arm.
     true : ndarray, shape (u,), optional
         The true value, of a quantity that may have a scale factor.
+    flexure : ndarray, shape (u, 6), optional
+        Responses of the measured value to the angles of a flexure about the body's axes, and to their rates, of a
+        quantity that a sensor with flexure may measure (`mcnav.systems.ins.sensors.flexure`).
     """
 
     direction: Array
@@ -80,6 +83,7 @@ class Geometry:
     parameters: Array | None = None
     lever_arm: Array | None = None
     true: Array | None = None
+    flexure: Array | None = None
 
     @property
     def row(self) -> Array:
@@ -196,8 +200,10 @@ class SensorType:
         Whether it has a bias and a correlated error.
     lever_arm : bool
         Whether it has an antenna away from the unit.
+    flexure : bool
+        Whether the structure between the unit and the sensor may bend: all that it measures must have a `flexure`.
     estimated : tuple of str
-        Constant errors that the template gives it, which the filter of a new campaign estimates.
+        Errors that the template gives it, constant ones or a flexure, which the filter of a new campaign estimates.
     bounds_attitude : bool
         Whether a filter keeps the attitude by it, whatever the gyros' bias.
     further : mapping of str to FurtherKey
@@ -215,6 +221,7 @@ class SensorType:
     interval: float | None
     errors: bool = True
     lever_arm: bool = False
+    flexure: bool = False
     estimated: tuple[str, ...] = ()
     bounds_attitude: bool = False
     further: Mapping[str, FurtherKey] = field(default_factory=dict)

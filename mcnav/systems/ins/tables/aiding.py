@@ -134,6 +134,7 @@ def _read_sensor(
         table.gate,
         table.outages if recorded is None else recorded.outages,
         None if recorded is None else recorded.log_of(table),
+        flexure=errors.flexed(None, navigation.end - navigation.start, key, context),
     )
     return sensor, sigmas
 
@@ -236,4 +237,6 @@ def _check_names(sensor: Sensor, earlier: list[Sensor], key: str, context: FileC
 
 def _error_names(sensor: Sensor) -> set[str]:
     processes = {each.error_name(error) for each in sensor.components for error in RANDOM}
+    if sensor.flexure is not None:
+        processes |= {*sensor.processes(), f"{sensor.name}_flexure"}
     return processes | set(estimated_kinds(tuple(sensor.constants())))

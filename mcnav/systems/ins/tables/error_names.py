@@ -22,8 +22,10 @@ def error_patterns() -> dict[str, str]:
 
 
 def kinds_of_errors() -> tuple[str, ...]:
-    """Return what follows a sensor's name in the kinds of its constant errors, of all types of sensors."""
-    return tuple(dict.fromkeys(suffix for suffix, _ in _suffixes(axes=False)))
+    """Return what follows a sensor's name in the kinds of its errors that filters estimate, of all types."""
+    kinds = [suffix for suffix, _ in _suffixes(axes=False)]
+    kinds += ["flexure"] if any(kind.flexure for kind in SENSOR_TYPES.values()) else []
+    return tuple(dict.fromkeys(kinds))
 
 
 def name_pattern(suffixes: Iterable[str]) -> str:
