@@ -113,15 +113,23 @@ def test_any_epoch_agrees_with_a_count() -> None:
 
 
 def test_a_requirement_over_time_is_met_by_flights_from_file_to_replay(tmp_path: Path) -> None:
-    """A free navigator without noise, whose errors grow until the end: nearly all failures are at the last epoch."""
-    limit = {"output": "position_north", "probability": 0.999_99, "below": "900 m", "after": "200 s"}
-    free = described(1_000, imu={}, errors={"velocity": "0.3 m/s", "tilt": "0.2 mrad"}, accept={"quantile": [limit]})
-    campaign = parse_campaign(free, "test.toml", "test")
-    (required,) = run_campaign(campaign, tmp_path / "run", None, 1).summary["requirements"]
+    """A free navigator with noise, whose errors grow until the end: nearly all failures are at the last epoch."""
+    limit = {"output": "position_north", "probability": 0.999_99, "below": "560 m", "after": "200 s"}
+    free = described(2_000, errors={"velocity": "0.3 m/s", "tilt": "0.2 mrad"}, accept={"quantile": [limit]})
+    summary = run_campaign(parse_campaign(free, "test.toml", "test"), tmp_path / "run", None, 1).summary
+    (required,) = summary["requirements"]
+    exceedance = required["exceedance"]
     assert required["finding"] == "met"
-    assert required["exceedance"]["refusal"] == ""
+    assert exceedance["refusal"] == ""
+    sigma = np.sqrt(np.array(summary["covariance_linear"])[0, 0])
+    assert exceedance["estimate"] == pytest.approx(2.0 * stats.norm.sf(560.0 / sigma), rel=0.02)
+    assert exceedance["way"].keys() <= {"velocity_north", "tilt_east", "accelerometer_misalignment_yz"}
     assert "at any epoch" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
-    assert replay_failure(tmp_path / "run", 1).limited.endswith("This flight reaches 1.0000 times the limit.")
+    flight = replay_failure(tmp_path / "run", 1)
+    assert flight.limited.endswith("This flight reaches 1.0000 times the limit.")
+    assert re.fullmatch(
+        r"noise adds −?-?[\d.e-]+ m to position north at [\d.]+ min, by linear analysis", flight.notes[0]
+    )
 
 
 OWN = """
@@ -192,15 +200,19 @@ def test_an_interval_of_any_epoch_shows_nothing_above_what_each_allows() -> None
 
 
 def test_a_closed_loop_with_noise_agrees_with_a_count() -> None:
-    """An end by a trigger and a filter: 90 of 1,228,800 rates lie beyond four linear sigmas."""
+    """An end by a trigger and a filter: 90 of 1,228,800 lie beyond four linear sigmas, at any epoch 80 of 163,840."""
     system = prepared(loop("Landing", samples=4_000), 101)
-    asked = Requirement("quantile", (3,), (1.0398865668462192,), 1.0 - 1e-7)
-    (record,) = estimate_exceedances(system, linear_model(system.model), [asked], 0.95)
-    low, high = around(90, 1_228_800)
-    assert low < record.high
-    assert high > record.low
-    assert record.high < 2.0 * record.low
-    assert set(record.way) <= {"altimeter", "gusts", "altitude", "rate", "true_altitude", "true_rate"}
+    assert system.engine.epochs is not None
+    epochs = tuple(range(1, len(system.engine.epochs.times)))
+    asked = [Requirement("quantile", (3,), (1.0398865668462192,), 1.0 - 1e-7),
+             Requirement("quantile", (3,), (1.11141346,), 1.0 - 1e-7, "throughout", epochs)]  # fmt: skip
+    records = estimate_exceedances(system, linear_model(system.model), asked, 0.95)
+    for record, counted in zip(records, (around(90, 1_228_800), around(80, 163_840)), strict=True):
+        low, high = counted
+        assert low < record.high
+        assert high > record.low
+        assert record.high < 2.0 * record.low
+        assert set(record.way) <= {"altimeter", "gusts", "altitude", "rate", "true_altitude", "true_rate"}
 
 
 def test_a_limit_at_one_in_a_million_from_file_to_report(tmp_path: Path) -> None:
