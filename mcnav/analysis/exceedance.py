@@ -57,7 +57,7 @@ class Event:
         """Return what is limited of all outputs, shape (n, outputs), or over time (n, m, outputs), as (n, limited)."""
         if not self.epochs:
             return values[:, self.outputs]
-        return values[:, self.epochs][:, :, self.outputs].reshape(len(values), -1)
+        return values[:, self.epochs][:, :, self.outputs].reshape(len(values), len(self.epochs) * len(self.outputs))
 
     def worst_epoch(self, limited: Array) -> int:
         """Return the place, among the event's epochs, of the farthest beyond the limit; ``limited`` is of `picked`."""

@@ -124,7 +124,7 @@ class AnyEpoch:
         return np.tile(self.limit.offsets, self.epochs)
 
     def _apart(self, outputs: Array) -> Array:
-        return outputs.reshape(len(outputs) * self.epochs, -1)
+        return outputs.reshape(len(outputs) * self.epochs, outputs.shape[1] // self.epochs)
 
 
 def side_towards(limit: Limit, change: Array) -> Array:

@@ -220,7 +220,7 @@ def second_region(dimensions: int) -> RareEvent:
 
 
 def passage(correlation: float, epochs: int, c: float, a: float = 0.0) -> RareEvent:
-    """Return ``|(1 + a h) y_k| > c`` at any epoch of a first-order Gauss-Markov process in steady state; h is noise."""
+    """Return ``|(1 + a h) y_k| > c`` at any epoch of a stationary Gauss-Markov process, with h hidden in noise."""
     lags = np.abs(np.subtract.outer(np.arange(epochs), np.arange(epochs)))
     root = np.linalg.cholesky(correlation**lags)
     name = f"first passage within {epochs} epochs, correlation {correlation:g}" + (f", gain 1 + {a:g} h" if a else "")
