@@ -73,9 +73,13 @@ def test_tiles_are_only_of_what_there_is() -> None:
 def test_tiles_lead_to_what_one_asks_next() -> None:
     """Only to sections that the page has."""
     summary = run("agrees", 10.0, requirement("met"))
-    made = tiles(summary, sentences.statements(summary), {"filter", "linear", "budget", "what-if"})
+    made = tiles(summary, sentences.statements(summary), {"filter", "linear", "budget", "improve", "what-if"})
     sections = {each.subject: [section for _, section in each.further] for each in made}
-    assert sections == {"Filter": ["what-if"], "Requirements": ["budget", "what-if"], "Linear analysis": ["budget"]}
+    assert sections == {
+        "Filter": ["what-if"],
+        "Requirements": ["budget", "improve", "what-if"],
+        "Linear analysis": ["budget", "improve"],
+    }
     assert not any(each.further for each in tiles_of(summary))
 
 
