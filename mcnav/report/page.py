@@ -146,7 +146,8 @@ def _on_page(content: RunAnalysis, statement: Statement) -> Statement:
     if statement.subject == "linear":
         findings, further = sentences.findings(content.summary), _further(content)
         heading = heading_remark(content.history)
-        details = tuple(each for each in findings if each not in further)
+        growth = sentences.room_to_grow(content.summary)
+        details = (*(each for each in findings if each not in further), *([growth] if growth else []))
         warnings = (*warnings, *([heading] if heading else []))
     elif statement.subject == "filter" and content.filter is not None:
         where = filter_tables.at_worst(content.filter)
