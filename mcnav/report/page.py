@@ -30,6 +30,7 @@ from mcnav.report.sections.answers import answers
 from mcnav.report.sections.budget import budget_section
 from mcnav.report.sections.causes import causes_section
 from mcnav.report.sections.filter import filter_sections
+from mcnav.report.sections.improvements import improvements_section
 from mcnav.report.sections.joint import combination_section, joint_section
 from mcnav.report.sections.outputs import dispersion_section, requirements_section, sigmas_section
 from mcnav.report.sections.provenance import provenance_section, simulated_per_second
@@ -122,6 +123,7 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
         smoother_section(content),
         None if flown is None else Section("flight", flown.title, [flown]),
         budget_section(content, drawn) if dispersed else None,
+        improvements_section(content.what_if, content.manifest.model.outputs),
         what_if_section(content.what_if, content.manifest.model.outputs, content.looped),
         joint_section(content, drawn) if dispersed else None,
         dispersion_section(content, drawn) if dispersed else None,
@@ -144,7 +146,8 @@ def _on_page(content: RunAnalysis, statement: Statement) -> Statement:
     if statement.subject == "linear":
         findings, further = sentences.findings(content.summary), _further(content)
         heading = heading_remark(content.history)
-        details = tuple(each for each in findings if each not in further)
+        growth = sentences.room_to_grow(content.summary)
+        details = (*(each for each in findings if each not in further), *([growth] if growth else []))
         warnings = (*warnings, *([heading] if heading else []))
     elif statement.subject == "filter" and content.filter is not None:
         where = filter_tables.at_worst(content.filter)
