@@ -16,9 +16,10 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.gates import USUAL, GateQuestion
 from mcnav.systems.ins.imu.gravity import DISTURBANCES, cause_of
-from mcnav.systems.ins.imu.instruments import AXES, Imu
+from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, Imu
 from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.flexure import FlexureState
+from mcnav.systems.ins.sensors.quantity import BEAMS, LEVEL_AXES
 
 NAVIGATION: Final = 9
 """States of attitude, velocity and position."""
@@ -164,7 +165,8 @@ def estimated_kinds(constants: tuple[str, ...]) -> tuple[str, ...]:
 def _kind(name: str) -> str:
     """Return the kind of a source or a state: its name without the axis; of a flexure's rate that of the flexure."""
     stem, _, axis = name.replace("_flexure_rate_", "_flexure_").rpartition("_")
-    return stem if axis in ("x", "y", "z", "xy", "xz", "yx", "yz", "zx", "zy", "north", "east", "down") else name
+    axes = (*AXES, *CROSS_AXES, *LEVEL_AXES, *BEAMS)
+    return stem if axis in axes else name
 
 
 def _constants_of(kind: str, beliefs: Beliefs) -> list[str]:

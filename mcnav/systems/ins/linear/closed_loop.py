@@ -176,7 +176,7 @@ def _geometry(sensors: tuple[Sensor, ...]) -> tuple[object, ...]:
         (
             sensor.name, sensor.times, sensor.lever_arm, sensor.has_lever_arm,
             tuple((each.quantity, each.axis, each.label) for each in sensor.components), sensor.faults,
-            sensor.flexure is not None,
+            sensor.flexure is not None, sensor.offsets, sensor.arrangement,
         )
         for sensor in sensors
     )  # fmt: skip

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.reference.local_frame import LocalFrame
 
 
@@ -83,6 +85,12 @@ class Comparison:
         Of the earth, rad/s.
     flexes : bool
         Whether the structure between the unit and the sensor bends.
+    globe : Earth
+    arrangement : ndarray
+        As `mcnav.systems.ins.sensors.quantity.SensorType.arrange` has it.
+    offsets, offset_states : mapping of str to ndarray, shapes (3,), (3, q)
+        What the navigator takes less what is true, and its responses to the filter's states, by the names of
+        `mcnav.systems.ins.sensors.quantity.OFFSETS`.
     """
 
     true: TrueState
@@ -92,6 +100,10 @@ class Comparison:
     gyro_states: Array
     rotation_rate: float
     flexes: bool = False
+    globe: Earth = WGS84
+    arrangement: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    offsets: Mapping[str, Array] = field(default_factory=dict)
+    offset_states: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

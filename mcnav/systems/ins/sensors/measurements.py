@@ -17,7 +17,7 @@ from mcnav.systems.ins.imu.instruments import GYRO
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
 from mcnav.systems.ins.sensors.faults import fault_errors
 from mcnav.systems.ins.sensors.flexure import Flexure
-from mcnav.systems.ins.sensors.quantity import Geometry
+from mcnav.systems.ins.sensors.quantity import OFFSETS, Geometry
 from mcnav.systems.ins.sensors.registry import KINDS, QUANTITIES
 from mcnav.systems.ins.sensors.surroundings import Surroundings
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
@@ -108,7 +108,9 @@ def measure(truth: Truth, platform: Platform, start: float, sensors: Sequence[Se
     """Tabulate the measurements of sensors: in order of time, and of the sensors at one instant."""
     names = {name: number for number, name in enumerate(aiding_constants(tuple(sensors)))}
     located = [
-        (sensor, Surroundings.at(truth, platform, start, sensor.times, sensor.lever_arm)) if len(sensor.times) else None
+        (sensor, Surroundings.at(truth, platform, start, sensor.times, sensor.lever_arm, sensor.arrangement))
+        if len(sensor.times)
+        else None
         for sensor in sensors
     ]
     along = [() if each is None else _geometries(*each) for each in located]
@@ -203,6 +205,10 @@ def _fill_component(
     if sensor.has_lever_arm and geometry.lever_arm is not None:
         first = names[f"{sensor.name}_lever_arm_x"]
         tables.constants[rows, column, first : first + 3] = geometry.lever_arm
+    for offset, responses in geometry.offsets.items():
+        if offset in sensor.offsets:
+            first = names[f"{sensor.name}_{offset}_{OFFSETS[offset][0][0]}"]
+            tables.constants[rows, column, first : first + 3] = responses
     if sensor.flexure is not None:
         if geometry.flexure is None:
             raise ValueError(f"geometry of {quantity.name} lacks the responses to a flexure, which {sensor.name} has")

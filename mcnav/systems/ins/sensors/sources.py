@@ -9,6 +9,7 @@ from mcnav.contract.quantities import Output, Source
 from mcnav.systems.ins.filter.model import estimated_kinds
 from mcnav.systems.ins.sensors.aiding import Component, MeasurementError, Sensor
 from mcnav.systems.ins.sensors.flexure import FlexureState
+from mcnav.systems.ins.sensors.quantity import OFFSETS
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 
 SCALE_FACTOR: Final = ("1", "ppm", 1e-3)
@@ -29,6 +30,9 @@ def aiding_sources(sensors: tuple[Sensor, ...]) -> tuple[Source, ...]:
 
 def _sources(sensor: Sensor) -> Iterator[Source]:
     known = {each.error_name(error): _units(each, error) for each in sensor.components for error in CONSTANT}
+    for offset in sensor.offsets:
+        axes, *units = OFFSETS[offset]
+        known |= {f"{sensor.name}_{offset}_{axis}": (units[0], units[1], units[2]) for axis in axes}
     for name in sensor.constants():
         (kind,) = estimated_kinds((name,))
         yield Source(name, *known.get(name, LEVER_ARM), group=kind)

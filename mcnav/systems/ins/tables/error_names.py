@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from mcnav.systems.ins.imu.instruments import AXES
+from mcnav.systems.ins.sensors.quantity import OFFSETS
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR
 from mcnav.systems.ins.tables.sensor_tables import NAME
@@ -43,5 +44,8 @@ def _suffixes(axes: bool = True) -> Iterator[tuple[str, str]]:
             errors = [("bias", of.unit), *([("scale_factor", SCALE_FACTOR[0])] if of.scaled else [])]
             for error, unit in errors:
                 yield from ((f"{label}_{error}{axis}".removeprefix("_"), unit) for axis in ("", *names))
+        for offset in kind.offsets:
+            names, unit, *_ = OFFSETS[offset]
+            yield from ((f"{offset}{axis}", unit) for axis in ("", *(f"_{each}" for each in names if axes)))
         if kind.lever_arm:
             yield from ((f"lever_arm{axis}", LEVER_ARM[0]) for axis in ("", *(f"_{each}" for each in AXES if axes)))

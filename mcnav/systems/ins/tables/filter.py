@@ -342,6 +342,7 @@ def _believed_sensor(
         sigmas |= of_component
     sized = zip(AXES, errors.lever_arm_error, strict=True)
     sigmas |= {f"{sensor.name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
+    sigmas |= errors.sigmas_of_offsets(sensor.name)
     if errors.flexure is not None and sensor.flexure is None:
         context.problem(f"{key}.flexure", "the sensor has none; give it one in [[aiding]], if only of sigma zero")
     flexure = errors.flexed(sensor.flexure, duration, key, context)

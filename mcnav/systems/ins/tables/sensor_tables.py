@@ -19,7 +19,7 @@ from mcnav.entries.rules import SomeOf
 from mcnav.entries.unions import ByType, Either
 from mcnav.entries.validation import AnyTable
 from mcnav.systems.ins.imu.instruments import AXES
-from mcnav.systems.ins.sensors.quantity import FurtherKey, QuantityDefinition, SensorType
+from mcnav.systems.ins.sensors.quantity import OFFSETS, FurtherKey, QuantityDefinition, SensorType
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR
 from mcnav.systems.ins.tables.instants import InstantRule, InstantsTable
@@ -164,6 +164,10 @@ def _errors(kind: SensorType, believed: bool = False) -> Fields:
         fields["lever_arm"] = _lever_arm()
         fault = within(0.0, MULTIPLE * LEVER_ARM[2], LEVER_ARM[0])
         fields["lever_arm_error"] = _sizes(LEVER_ARM[0], AXES, fault, "Sigma of the lever arm's error.", "1 cm")
+    for offset in kind.offsets:
+        axes, unit, _, usual = OFFSETS[offset]
+        fault = within(0.0, MULTIPLE * usual, unit)
+        fields[f"{offset}_error"] = _sizes(unit, axes, fault, f"Sigma of the error of the {offset}.")
     if kind.flexure:
         fields["flexure"] = _flexure()
     return fields
@@ -213,6 +217,7 @@ def _flexure() -> tuple[Any, Any]:
 def _further(key: FurtherKey) -> tuple[Any, Any]:
     """Return the field of a key that the type of sensor reads itself."""
     form = Annotated[str, OneOf(key.choices)] if key.choices else Annotated[float, QuantityIn(key.unit)]
+    form = form if key.form is None else key.form
     return Annotated[Any, Later(form), Field(description=key.meaning)], None
 
 

@@ -16,7 +16,7 @@ from mcnav._types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import Table
 from mcnav.systems.ins.sensors.flexure import MOST_TURNS, OF_CRITICAL_DAMPING, Flexure
-from mcnav.systems.ins.sensors.quantity import SensorType
+from mcnav.systems.ins.sensors.quantity import OFFSETS, SensorType
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 from mcnav.systems.ins.tables.sensor_tables import SENSORS, CorrelatedTable, FlexureTable, SensorTable
 
@@ -49,12 +49,24 @@ class SensorErrors:
     lever_arm, lever_arm_error : ndarray, shape (3,)
         NaN where none is given.
     flexure : FlexureTable or None
+    offsets : mapping of str to ndarray, shape (3,)
+        Sigmas of the errors of `OFFSETS`; NaN where none is given.
     """
 
     sizes: Mapping[str, ErrorSizes]
     lever_arm: Array
     lever_arm_error: Array
     flexure: FlexureTable | None
+    offsets: Mapping[str, Array]
+
+    def sigmas_of_offsets(self, name: str) -> dict[str, float]:
+        """Return the sigmas of a sensor's errors of `OFFSETS` that are given, by source."""
+        return {
+            f"{name}_{offset}_{axis}": float(size)
+            for offset, sizes in self.offsets.items()
+            for axis, size in zip(OFFSETS[offset][0], sizes, strict=True)
+            if not np.isnan(size)
+        }
 
     def flexed(self, known: Flexure | None, duration: float, key: str, context: FileContext) -> Flexure | None:
         """Return the flexure, with the sizes of another one where none are given; mistakes go to the context.
@@ -110,7 +122,8 @@ def errors_of(table: Table, kind: SensorType) -> SensorErrors:
         sigma, time = (none if each is None else each for each in (process.sigma, process.correlation_time))
         sizes[measured] = ErrorSizes(noise, bias, scale, sigma, time)
     return SensorErrors(
-        sizes, given("lever_arm", 3), given("lever_arm_error", 3), getattr(table, "flexure", None)
+        sizes, given("lever_arm", 3), given("lever_arm_error", 3), getattr(table, "flexure", None),
+        {offset: given(f"{offset}_error", 3) for offset in kind.offsets},
     )  # fmt: skip
 
 
