@@ -70,10 +70,7 @@ def test_bash(place: Path) -> None:
     assert completed("mcnav new i", place) == ["ins"]
     assert completed("mcnav docs comm", place) == ["commands"]
     assert completed("mcnav demo 19", place) == ["19_flight_with_gnss"]
-    assert completed("mcnav new ins mine --trajectory ", place) == [
-        "campaigns/flight.csv",
-        "campaigns/lunar_descent.csv",
-    ]
+    assert completed("mcnav new ins mine --trajectory ", place) == ["campaigns/flight.csv"]
     assert completed("mcnav new ins mine --aid z", place) == ["zero-velocity"]
 
 
@@ -151,7 +148,7 @@ def test_files(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert campaigns(f"{place}/campaigns/19") == [f"{place}/campaigns/19_flight_with_gnss.toml"]
     assert campaigns("nowhere/") == []
     assert runs("rep") == ["reports/my run"]
-    assert trajectories("") == ["campaigns/flight.csv", "campaigns/lunar_descent.csv"]  # none of the tables of runs
+    assert trajectories("") == ["campaigns/flight.csv"]  # none of the tables of runs
 
 
 def test_names_of_a_campaign(tmp_path: Path) -> None:
