@@ -149,7 +149,7 @@ def test_files(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert campaigns(f"{place}/campaigns/19") == [f"{place}/campaigns/19_flight_with_gnss.toml"]
     assert campaigns("nowhere/") == []
     assert runs("rep") == ["reports/my run"]
-    assert trajectories("") == ["campaigns/flight.csv", "campaigns/lunar_descent.csv"]  # none of the tables of runs
+    assert trajectories("") == ["campaigns/flight.csv"]  # none of the tables of runs
 
 
 def test_names_of_a_campaign(tmp_path: Path) -> None:

@@ -63,8 +63,8 @@ def landing(**changes: object) -> Ins:
 def test_a_matched_filter_knows_its_errors_and_samples_have_them() -> None:
     """The recursions of true errors and of the filter's own are equal to 1e-9; one in 1e4 of 500 samples is outside.
 
-    The landmark is 700 m away at last, and its map errs by 10 m: filters whose responses to a shift of the vehicle and of
-    the map are not opposite would know the position too well, by a fifth.
+    The landmark is 700 m away at last, and its map errs by 10 m: filters whose responses to a shift of the vehicle and
+    of the map are not opposite would know the position too well, by a fifth.
     """
     scenario = landing()
     of = scenario.navigation.aided

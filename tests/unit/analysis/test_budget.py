@@ -64,23 +64,16 @@ def test_probes_are_the_first_draws_of_the_campaign(samples: int) -> None:
 
 
 def test_a_quick_engine_that_is_not_fast_simulates_fewer_flights_beside_a_run() -> None:
-    flights = {}
+    flights = dict[int, int]()
     for chunk in (FAST, FAST - 1):
-        batches = list[int]()
+        flights[chunk] = 0
 
-        def simulate(batch: Any, noise: bool, batches: list[int] = batches) -> SimulationResult:
-            batches.append(len(batch.errors))
+        def simulate(batch: Any, noise: bool, chunk: int = chunk) -> SimulationResult:
+            flights[chunk] += len(batch.errors)
             return _linear(batch.errors)
 
-        found = simulated_budgets(
-            lambda _: SimpleNamespace(chunk=chunk, simulate=simulate),
-            ERRORS,
-            PARTIALS,
-            "random",
-            1,
-            10_000,
-        )
-        flights[chunk] = sum(batches)
+        engine = SimpleNamespace(chunk=chunk, simulate=simulate)
+        found = simulated_budgets(lambda _, engine=engine: engine, ERRORS, PARTIALS, "random", 1, 10_000)
         assert not isinstance(found.sobol, Uncomputed)
     assert flights[FAST] == REDUCTION * flights[FAST - 1]
 

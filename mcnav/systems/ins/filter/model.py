@@ -24,6 +24,10 @@ from mcnav.systems.ins.sensors.quantity import BEAMS, LEVEL_AXES
 NAVIGATION: Final = 9
 """States of attitude, velocity and position."""
 
+EKF: Final = "ekf"
+KINDS: Final = (EKF, "iterated", "left-invariant", "right-invariant", "ukf")
+"""Kinds of filters: how their error is defined, and how they update; see `mcnav.systems.ins.reference.kinds`."""
+
 
 @dataclass(frozen=True)
 class Beliefs:
@@ -93,6 +97,8 @@ class FilterModel:
         interval; none without a smoother.
     question : GateQuestion
         What is asked of the gates.
+    kind : str
+        One of `KINDS`.
     """
 
     estimates: tuple[str, ...]
@@ -100,6 +106,7 @@ class FilterModel:
     beliefs: Beliefs
     lag: float | None = None
     question: GateQuestion = USUAL
+    kind: str = EKF
 
     @property
     def smoothed(self) -> bool:

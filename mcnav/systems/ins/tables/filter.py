@@ -26,7 +26,7 @@ from mcnav.entries.unions import ByForm
 from mcnav.entries.validation import validate
 from mcnav.errors import suggestion
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.systems.ins.filter.model import NAVIGATION, Beliefs, FilterModel, estimated_kinds
+from mcnav.systems.ins.filter.model import EKF, NAVIGATION, Beliefs, FilterModel, estimated_kinds
 from mcnav.systems.ins.imu.gravity import ANOMALY, CAUSES, DEFLECTION, GravityDisturbance
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, AXES, GYRO, Imu
 from mcnav.systems.ins.scenario import SOURCES
@@ -128,6 +128,13 @@ class FilterTable(Table):
         OfConsiders,
     ] = Field(default_factory=list)
     gate: Annotated[Gate | None, OfGate] = None
+    kind: Annotated[
+        Literal["ekf", "iterated", "left-invariant", "right-invariant", "ukf"],
+        Field(
+            description="Kind of the filter: error-state EKF, iterated update, left- or right-invariant error, "
+            "sigma points. Others than ekf are simulated by the reference engine."
+        ),
+    ] = "ekf"
     smoother: Annotated[
         Annotated[Literal["fixed-interval"] | LagTable, ByForm()] | None,
         Field(description="Smoother that follows the filter: of all measurements, or of those up to a lag later."),
@@ -157,7 +164,8 @@ class FilterPlan:
         Believed ones.
     lag : float or None
     question : GateQuestion
-        As `FilterModel` has it.
+    kind : str
+        As `FilterModel` has them.
     """
 
     estimates: tuple[str, ...]
@@ -167,6 +175,7 @@ class FilterPlan:
     sensors: tuple[Sensor, ...]
     lag: float | None = None
     question: GateQuestion = USUAL
+    kind: str = EKF
 
     def completed(self, errors: ErrorModel) -> FilterModel:
         """Return the filter, which believes the statistics of all errors where it does not believe others."""
@@ -177,7 +186,7 @@ class FilterPlan:
         covariance = _scaled(errors.covariance[:NAVIGATION, :NAVIGATION], believed[:NAVIGATION])
         sigmas = dict(zip(errors.names, believed.tolist(), strict=True))
         beliefs = Beliefs(sigmas, covariance, self.imu, self.sensors)
-        return FilterModel(self.estimates, self.considers, beliefs, self.lag, self.question)
+        return FilterModel(self.estimates, self.considers, beliefs, self.lag, self.question, self.kind)
 
 
 def _scaled(covariance: Array, sigmas: Array) -> Array:
@@ -199,6 +208,7 @@ def plan_filter(
             "is not defined with considers, whose errors the filter's gains leave out; estimate them, or leave it out"
         )
         context.problem("filter.smoother", message)
+    _check_kind(table, context)
     believed = read_imu(table.believes.imu, context, "filter.believes.imu", imu)
     gravity = read_believed_gravity(table.believes.gravity, imu.gravity, context)
     _check_gravity(table, gravity, context)
@@ -220,7 +230,21 @@ def plan_filter(
     processes = replace(believed.processes, gravity=gravity)
     lag = table.smoother.lag if isinstance(table.smoother, LagTable) else None if table.smoother is None else math.inf
     question = GateQuestion(table.stops.probability, table.stops.ramp)
-    return FilterPlan(estimates, tuple(table.considers), {**sigmas, **stated}, processes, tuple(seen), lag, question)
+    believes = ({**sigmas, **stated}, processes, tuple(seen))
+    return FilterPlan(estimates, tuple(table.considers), *believes, lag, question, table.kind)
+
+
+def _check_kind(table: FilterTable, context: FileContext) -> None:
+    """Add a mistake for each thing that other kinds than the EKF have not."""
+    if table.kind == EKF:
+        return
+    without = f"is not there with kind = {table.kind!r}; leave it out, or take kind = 'ekf'"
+    if table.smoother is not None:
+        context.problem("filter.smoother", without)
+    if table.considers:
+        context.problem("filter.considers", without)
+    if gravity := [name for name in table.estimates if name in CAUSES]:
+        context.problem("filter.estimates", f"got {gravity[0]!r}, which {without}")
 
 
 def _check_states(table: FilterTable, sensors: tuple[Sensor, ...], context: FileContext) -> None:
