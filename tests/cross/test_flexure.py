@@ -18,6 +18,7 @@ from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError
 from mcnav.systems.ins.aided import AidedNavigation
 from mcnav.systems.ins.ensemble.aided import GivenNoise, simulate_aided
+from mcnav.systems.ins.ensemble.conditional import Measured, NoiseSystem
 from mcnav.systems.ins.imu.instruments import Imu, Noise
 from mcnav.systems.ins.reference.aided import AidedMechanization
 from mcnav.systems.ins.scenario import Navigation
@@ -134,6 +135,23 @@ def test_samples_have_the_covariance_of_linear_analysis(believed: Flexure) -> No
     np.testing.assert_allclose(
         aided.records[0, -1, first + states : first + 2 * states], linear.own_variances[-1], rtol=1e-9
     )
+
+
+def test_noise_that_is_given_has_the_covariance_of_linear_analysis() -> None:
+    """Its responses to normals by a recursion backwards: their square is the processes' covariance, to 1e-9.
+
+    And the linear errors of samples with given normals are what these responses make of them.
+    """
+    of = navigation()
+    tables = of.tables(1)
+    system = NoiseSystem(tables.ensemble, tables.adjoint, Measured.of(tables))
+    rows = system.rows(tuple(range(9)))
+    expected = np.diag(sum(each[-1] for each in of.linear.processes.values()))
+    np.testing.assert_allclose(np.sum(rows**2, axis=1), expected, rtol=1e-9)
+    normals = system.draw(3, np.arange(2))
+    none = np.zeros((2, len(sized(of.sensors, SIGMAS))))
+    found = simulate_aided(tables, none, 0, np.arange(2), False, system.given(system.parted(normals))).linear
+    np.testing.assert_allclose(found, normals @ rows.T, atol=1e-9 * np.sqrt(expected).max(), rtol=1e-9)
 
 
 def test_both_engines_agree_on_a_sample_that_bends() -> None:

@@ -7,7 +7,7 @@ at an epoch; conditions are those of `mcnav.systems.conditions`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final, NamedTuple
 
@@ -17,6 +17,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.conditions import Conditions
 from mcnav.systems.ins.ensemble.aided import AidedTables, GivenNoise
+from mcnav.systems.ins.ensemble.flexures import SensorFlexure
 from mcnav.systems.ins.ensemble.free import EnsembleTables
 from mcnav.systems.ins.linear.adjoint import Adjoint
 from mcnav.systems.sample_loop import join_results
@@ -39,12 +40,15 @@ class Variates(NamedTuple):
         What processes add in the steps, by the columns of `EnsembleTables.factors`.
     white, correlated : ndarray, shape (..., U, M)
         White noise and correlated errors of the measurements.
+    flexure : ndarray, shape (..., I, 3, 2)
+        Angles and rates of the flexures of sensors, one after the other, at all of their instants.
     """
 
     start: Array
     steps: Array
     white: Array
     correlated: Array
+    flexure: Array
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,9 @@ class Measured:
     white, correlated, memory : ndarray, shape (U, M)
     swings : ndarray, shape (U, M, b)
         What each bias of a process adds to the measurements, where these need the rate of the body.
+    flexures : tuple of SensorFlexure
+    bent : ndarray, shape (U, M, 6)
+        As `mcnav.systems.ins.sensors.measurements.Measurements` has the responses to them.
     """
 
     first: IndexArray
@@ -67,6 +74,8 @@ class Measured:
     correlated: Array
     memory: Array
     swings: Array
+    flexures: tuple[SensorFlexure, ...] = ()
+    bent: Array = field(default_factory=lambda: np.zeros((0, 0, 6)))
 
     @classmethod
     def nothing(cls, steps: int, biases: int) -> Measured:
@@ -85,8 +94,14 @@ class Measured:
             # a rate that is too large makes the measured velocity of the antenna too small
             swings[:, :, known] = -measured.swings[:, :, rate_errors[known]]
         return cls(
-            tables.loop.first_updates, measured.components, tables.white, tables.correlated, tables.memory, swings
-        )
+            tables.loop.first_updates, measured.components, tables.white, tables.correlated, tables.memory, swings,
+            tables.flexures, measured.flexure,
+        )  # fmt: skip
+
+    def moved(self, flexure: SensorFlexure) -> Array:
+        """Return what angles and rates about the three axes add to a sensor's measurements, shape (u, M, 3, 2)."""
+        bent = self.bent[flexure.updates]
+        return np.asarray(bent.reshape(*bent.shape[:2], 2, 3).swapaxes(2, 3))
 
     @cached_property
     def driven(self) -> Array:
@@ -121,7 +136,19 @@ class NoiseSystem:
             np.einsum("koi,kij->okj", driving, shared.factors),
             np.einsum("uoc,uc->ouc", adjoint.updates, measured.white),
             self._correlated_partials(),
+            np.concatenate([np.zeros((9, 0, 3, 2)), *map(self._flexure_partials, self.measured.flexures)], axis=1),
         )
+
+    def _flexure_partials(self, flexure: SensorFlexure) -> Array:
+        """Return the responses to what drives the flexure of a sensor, shape (9, i, 3, 2)."""
+        over, roots = flexure.flexure.drawn_steps(flexure.instants)
+        seen = np.einsum("uoc,ucar->uoar", self.adjoint.updates[flexure.updates], self.measured.moved(flexure))
+        partials, later = np.zeros((9, len(flexure.instants), 3, 2)), np.zeros((9, 3, 2))
+        for i in range(len(flexure.instants) - 1, -1, -1):
+            later = later + seen[flexure.measured == i].sum(axis=0) * flexure.flexure.sizes
+            partials[:, i] = later @ roots[i - 1] if i else later
+            later = later @ over[i - 1]
+        return partials
 
     def _correlated_partials(self) -> Array:
         """Return the responses to what drives the correlated errors, shape (9, U, M)."""
@@ -183,6 +210,12 @@ class NoiseSystem:
                     measured.driven[u, chosen] * variates.correlated[:, u, chosen]
                 )
                 errors[:, u, chosen] += drifts[:, at]
+        first = 0
+        for each in measured.flexures:
+            last = first + len(each.instants)
+            drawn = each.flexure.draw(each.instants, variates.flexure[:, first:last].swapaxes(0, 1))
+            errors[:, each.updates] += np.einsum("ucar,unar->nuc", measured.moved(each), drawn[each.measured])
+            first = last
         return GivenNoise(added, errors)
 
     @property

@@ -129,15 +129,24 @@ class Flexure:
         ndarray, shape (n, ..., 3, 2)
             rad and rad/s.
         """
-        scale = np.array([1.0, self.frequency])
-        over = self.transitions(np.diff(times)) * scale / scale[:, None]
-        values, vectors = np.linalg.eigh(self.added(np.diff(times)) / np.outer(scale, scale))
-        roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+        over, roots = self.drawn_steps(times)
         drawn = np.empty_like(variates)
         drawn[:1] = variates[:1]
         for step in range(len(times) - 1):
             drawn[step + 1] = drawn[step] @ over[step].T + variates[step + 1] @ roots[step].T
-        return np.asarray(drawn * scale * np.array(self.sigma)[:, None])
+        return np.asarray(drawn * self.sizes)
+
+    @property
+    def sizes(self) -> Array:
+        """Sigmas of angles and rates about the three axes, shape (3, 2)."""
+        return np.outer(self.sigma, [1.0, self.frequency])
+
+    def drawn_steps(self, times: Array) -> tuple[Array, Array]:
+        """Return transitions, and roots of what is added, of angles and rates in their sigmas: shapes (n - 1, 2, 2)."""
+        scale, durations = np.array([1.0, self.frequency]), np.diff(times)
+        over = self.transitions(durations) * scale / scale[:, None]
+        values, vectors = np.linalg.eigh(self.added(durations) / np.outer(scale, scale))
+        return over, vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
 
 
 @dataclass(frozen=True)

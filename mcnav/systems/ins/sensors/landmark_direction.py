@@ -4,8 +4,8 @@ With the place l of the landmark, s = l - r and the unit vector e(s), the innova
 ``R d . e(s - x) - d . e(s)``; its parameters are s. The map's error m, that of the place which the navigator takes less
 the true one, is constant, and the same for all measurements of the landmark.
 
-A filter cannot tell a shift of the vehicle from the same shift of the map. Its responses to x are therefore those along
-the truth, as its responses to m are: with those at each sample's own place it would believe that it can.
+A filter cannot tell a shift of the vehicle from the same shift of the map. Its responses to x are therefore those at
+the true place, as its responses to m are: with those at each sample's own place it would believe that it can.
 """
 
 from __future__ import annotations
@@ -68,10 +68,9 @@ def innovation(
     value += ex * (px - ux) + ey * (py - uy) + ez * (pz - uz)
     if wanted:
         store_three(rows, c, 0, ey * pz - ez * py, ez * px - ex * pz, ex * py - ey * px)
-        along, zero = dx * ux + dy * uy + dz * uz, 0.0 * errors.x
+        along = ex * ux + ey * uy + ez * uz
         store_three(
-            rows, c, 6, zero + inverse * (along * ux - dx), zero + inverse * (along * uy - dy),
-            zero + inverse * (along * uz - dz),
+            rows, c, 6, inverse * (along * ux - ex), inverse * (along * uy - ey), inverse * (along * uz - ez)
         )  # fmt: skip
     return value
 
