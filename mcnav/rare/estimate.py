@@ -270,7 +270,7 @@ class _Plan:
         for j, count in enumerate(lines):
             mine = facet == j
             mine &= np.isfinite(followed.entry) & (followed.entry > followed.begin)  # others enter with their cell
-            entered = followed.entry[mine]
+            entered = followed.entry[mine] - self.moved(j, followed.across[mine])
             fit = Proposal.plain(d, float(np.mean(entered)) if len(entered) else NEVER)
             if self.few[j]:
                 fitted.append(plain[j])
@@ -279,7 +279,7 @@ class _Plan:
                 fit = Proposal.fitted(followed.across[mine], entered, fit.constant)
             if self.unseen is not None and fit.constant < NEVER:
                 fit = fit.with_scatter(*self.unseen.scatter(facets, j, self.flown.limit))
-            fitted.append(fit.improved(normal, partial(self.mass, j))[0] if fit.constant < NEVER else fit)
+            fitted.append(fit.improved(normal, partial(self.mass_of_fit, j))[0] if fit.constant < NEVER else fit)
         return followed, fitted
 
     def pilot_lines(self) -> IndexArray:
@@ -309,13 +309,22 @@ class _Plan:
 
     def entry(self, facet: int, across: Array, proposal: Proposal) -> Array:
         """Return the entries of lines at v of one facet that its fit expects, shape (n,)."""
-        if not self.few[facet]:
-            return proposal.entry(across)
-        return self.linear_entry(facet, across) + self.shift
+        moved = self.moved(facet, across)
+        return moved + (self.facets.distances[facet] + self.shift if self.few[facet] else proposal.entry(across))
 
-    def linear_entry(self, facet: int, across: Array) -> Array:
-        """Return the entries of lines at v of one facet by the linear model, shape (n,)."""
-        return self.facets.entries(np.full(len(across), facet), self.facets.feet_of(facet, across))
+    def moved(self, facet: int, across: Array) -> Array:
+        """Return how much later lines at v of a half-space that shares its points enter any by the linear model.
+
+        Later than their own, shape (n,): what is fitted is the rest.
+        """
+        if not self.facets.shared or facet >= self.facets.foreseen:
+            return np.zeros(len(across))
+        expected = self.facets.entries(np.full(len(across), facet), self.facets.feet_of(facet, across))
+        return np.asarray(expected - self.facets.distances[facet])
+
+    def mass_of_fit(self, facet: int, across: Array, fitted: Array) -> Array:
+        """Return the same as `mass` for values of a fit."""
+        return self.mass(facet, across, self.moved(facet, across) + fitted)
 
     def mass(self, facet: int, across: Array, entry: Array) -> Array:
         """Return ``Phi(-t*) pi`` of lines of one facet with their entries, or their begins, shape (n,)."""
@@ -340,7 +349,7 @@ class _Plan:
         for j, proposal in enumerate(proposals):
             if proposal.constant < NEVER and not self.few[j]:
                 v = proposal.draw((np.arange(DRAWS) + 0.5) / DRAWS, normal)
-                fitted[j] = float(np.mean(proposal.ratio(v) * self.mass(j, v, proposal.entry(v))))
+                fitted[j] = float(np.mean(proposal.ratio(v) * self.mass(j, v, self.entry(j, v, proposal))))
         if facets.shared:
             points = self.generator.standard_normal((SHARED_DRAWS, d + 1))
             fitted = np.where(self.few, facets.expected_masses(points, self.shift)[0], fitted)
@@ -424,11 +433,11 @@ class _Plan:
         if len(t) < 8:
             return math.inf if len(proposal.mean) or self.unseen is not None else 0.0
         hazard = np.abs(t) + 1.0 / np.maximum(np.abs(t), 1.0)
-        scatter = float(np.std(hazard * (t - proposal.entry(pilot.across[mine]))))
+        scatter = float(np.std(hazard * (t - self.entry(j, pilot.across[mine], proposal))))
         freedom = max(len(t) - 2.0 * len(proposal.mean) - 2.0, 1.0)
         scatter *= math.sqrt(len(t) / freedom)
         normal = self.generator.standard_normal((DRAWS, len(proposal.mean)))
-        fitted = proposal.improved(normal, partial(self.mass, j))[1]
+        fitted = proposal.improved(normal, partial(self.mass_of_fit, j))[1]
         return (math.expm1(min(scatter**2, 20.0)) + fitted) / precision**2
 
     def few_lines_needed(self, pilot: _Lines, precision: float) -> float:
