@@ -451,6 +451,8 @@ class AidedEngine:
     @cached_property
     def noise(self) -> NoiseSystem:
         """The noise of samples as a linear system."""
+        if self.tables.flexures:
+            raise ScenarioError("aiding", "noise with flexure cannot be given conditions yet; leave the flexure out")
         return NoiseSystem(self.tables.ensemble, self.tables.adjoint, Measured.of(self.tables))
 
     def conditional_noise(self, outputs: tuple[int, ...], epochs: tuple[int, ...] | None = None) -> ConditionalSamples:
