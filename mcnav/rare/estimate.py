@@ -5,7 +5,8 @@
 with v from a fitted `Proposal`, t* where the line enters the event, and t' a standard normal beyond t*, which is flown:
 each line carries its own check that the event goes on beyond its entry, and the estimate is unbiased where it does not.
 Each line has noise of its own, where there is any: what noise adds to the linear outcomes is among the coordinates of
-the line, and the expectation is over what is left of it as well.
+the line, and the expectation is over what is left of it as well. Over time points are shared by the half-spaces of all
+epochs: a weight has the share pi_j of the point that is flown as a factor (`mcnav.rare.facets`).
 
 What lies before the entries, or away from the lines, is looked for by flights in other places (`mcnav.rare.search`).
 """
@@ -31,6 +32,7 @@ from mcnav.rare.limits import AnyEpoch, Limit
 from mcnav.rare.lines import crossings
 from mcnav.rare.proposal import Proposal, hazard_at
 from mcnav.rare.search import Search, search_elsewhere
+from mcnav.rare.strata import draw_members, strata_of
 from mcnav.rare.unseen import UnseenNoise
 
 END: Final = 3.5
@@ -69,9 +71,6 @@ NEVER: Final = 37.0
 
 EACH: Final = 5
 """Lines that each cell gets at least: few cells carry much, but together the small ones may."""
-
-STRATA: Final = 16
-"""Groups of half-spaces that share their points, each with lines in proportion; those of a line are drawn."""
 
 SHARED_LINES: Final = 160
 """Lines of the pilot along half-spaces that share their points, at least one each."""
@@ -190,16 +189,6 @@ def estimate_probability(
     if len(pilot.before):
         return _refused(flown, BEFORE, dimensions)
     return plan.estimate(pilot, proposals, search, precision, confidence, most)
-
-
-def strata_of(shares: Array) -> IndexArray:
-    """Return the stratum of each half-space, shape (facets,): consecutive by their shares, with equal sums, about."""
-    order = np.argsort(-shares, kind="stable")
-    middle = np.cumsum(shares[order]) - 0.5 * shares[order]
-    groups = np.minimum((middle * STRATA).astype(np.int64), STRATA - 1)
-    strata = np.empty(len(shares), dtype=np.int64)
-    strata[order] = np.unique(groups, return_inverse=True)[1]
-    return strata
 
 
 def _refused(flown: Flown, reason: str, dimensions: int) -> Rare:
@@ -384,7 +373,7 @@ class _Plan:
         of_stratum = np.bincount(strata, shares)
         lines_of = np.maximum(np.rint(number * of_stratum), EACH).astype(np.int64)
         stratum, number = np.repeat(np.arange(len(of_stratum)), lines_of), int(lines_of.sum())
-        facet = self.drawn(stratum, strata, shares)
+        facet = draw_members(stratum, strata, shares, self.generator) if self.facets.shared else stratum
         within = shares / of_stratum[strata] if self.facets.shared else 1.0
         shares = (lines_of / number)[strata] * within
         uniform, normal = self.generator.random(number), self.generator.standard_normal((number, d - 1))
@@ -401,18 +390,6 @@ class _Plan:
         parts = np.array([weights[facet == j].sum() for j in range(len(shares))]) / number
         point = self.likely(lines, weights, proposals)
         return Rare(value, low, high, self.flown.flights, "", point, int(np.count_nonzero(parts > 0.01 * value)))
-
-    def drawn(self, stratum: IndexArray, strata: IndexArray, shares: Array) -> IndexArray:
-        """Draw the half-space of each line from those of its stratum, shape (n,), by their shares."""
-        if not self.facets.shared:
-            return stratum
-        order = np.argsort(strata, kind="stable")
-        heaped = np.cumsum(shares[order])
-        ends = heaped[np.searchsorted(strata[order], np.arange(strata.max() + 1), side="right") - 1]
-        begins = np.append(0.0, ends[:-1])
-        at = begins[stratum] + self.generator.random(len(stratum)) * (ends - begins)[stratum]
-        place = np.minimum(np.searchsorted(heaped, at, side="right"), len(shares) - 1)
-        return np.asarray(order[place])
 
     def unseen_scatter(self, facet: int, proposals: list[Proposal]) -> float:
         """Return the variance of the logarithm of a line's probability by noise that the linear model does not see."""
