@@ -1393,12 +1393,16 @@ def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Page to show
 @_command()
 def reproduce(
     document: Annotated[
-        Literal["tn-d1772", "story-of-84-minutes", "textbook"],
+        Literal["tn-d1772", "story-of-84-minutes", "textbook", "ukfm"],
         typer.Argument(
-            metavar="DOCUMENT", help="tn-d1772 (NASA TN D-1772), story-of-84-minutes, or textbook (closed forms)."
+            metavar="DOCUMENT",
+            help="tn-d1772 (NASA TN D-1772), story-of-84-minutes, textbook (closed forms), or ukfm (five filters).",
         ),
     ],
     folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/DOCUMENT].")] = None,
+    samples: Annotated[
+        int | None, typer.Option(min=2, help="Runs of each filter, of ukfm alone [default: 10000].")
+    ] = None,
 ) -> None:
     """Recompute the numbers and figures of a publication.
 
@@ -1411,7 +1415,10 @@ def reproduce(
     from mcnav.validation.reproduce.story_of_84_minutes import page as story_page
     from mcnav.validation.reproduce.textbook import page as textbook_page
     from mcnav.validation.reproduce.tn_d1772 import page
+    from mcnav.validation.reproduce.ukfm import page as ukfm_page
 
+    if samples is not None and document != "ukfm":
+        raise _fail(f"--samples is for ukfm alone; {document} has samples of its own")
     target = output_folder(folder, Path("reports") / document)
     following = next_command.written("docs", "story" if document == "story-of-84-minutes" else document)
     if document == "story-of-84-minutes":
@@ -1423,6 +1430,12 @@ def reproduce(
         out.print(f"{len(numbers)} published numbers")
         for agreement, count in Counter(number.agreement for number in numbers).most_common():
             out.print(f"{count:6} {textbook_page.PHRASES[agreement]}")
+        _print_written(written)
+        _print_next(following)
+        return
+    if document == "ukfm":
+        summary, written = ukfm_page.write(target, samples)
+        out.print(summary)
         _print_written(written)
         _print_next(following)
         return

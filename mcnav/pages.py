@@ -11,13 +11,14 @@ Page = Literal[
     "howto-filter", "howto-judge", "howto-requirements", "howto-rare", "howto-samples",
     "howto-compare", "howto-export", "howto-failures", "method", "theory", "report", "glossary", "notation",
     "campaigns", "scenarios", "trajectories", "commands", "notebook", "scaling", "architecture", "decisions", "kernels",
-    "tn-d1772", "story", "textbook", "other-tools",
+    "tn-d1772", "story", "textbook", "ukfm", "other-tools",
 ]  # fmt: skip
 
 _ELSEWHERE: Final[dict[Page, str]] = {
     "tn-d1772": "validation/reproduce/tn_d1772/TN_D1772.md",
     "story": "validation/reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
     "textbook": "validation/reproduce/textbook/TEXTBOOK.md",
+    "ukfm": "validation/reproduce/ukfm/UKFM.md",
 }
 
 

@@ -34,6 +34,8 @@ from mcnav.validation.reproduce.tn_d1772.claims import Finding
 from mcnav.validation.reproduce.tn_d1772.in_the_closed_loop import LoopComparison
 from mcnav.validation.reproduce.tn_d1772.in_three_dimensions import Comparison
 from mcnav.validation.reproduce.tn_d1772.tables import Cell
+from mcnav.validation.reproduce.ukfm import page as ukfm_page
+from mcnav.validation.reproduce.ukfm.simulation import run as simulate_ukfm
 from mcnav.workflow import compare, index
 from mcnav.workflow.replay import replay, write_replay
 from mcnav.workflow.run import run_campaign
@@ -280,6 +282,12 @@ def _textbook(folder: Path, _: Callable[[str], Path]) -> Path:
     return written
 
 
+def _ukfm(folder: Path, _: Callable[[str], Path]) -> Path:
+    written = folder / ukfm_page.PAGE
+    written.write_text(ukfm_page.render(simulate_ukfm(10)), encoding="utf-8")
+    return written
+
+
 def _tn(folder: Path, made: Callable[[str], Path]) -> Path:
     """All figures, of the data that the command writes, and of its numbers one of each mark."""
     written = made(REPRODUCED)
@@ -367,7 +375,7 @@ def _index(_: Path, made: Callable[[str], Path]) -> Path:
 KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {
     "report": _report, "many": _many, "aided": _aided, "replay": _replay, "comparison": _comparison, "index": _index,
     "start times": _start_times, "ins start times": _ins_start_times, "linearity": _linearity,
-    "calibration": _calibration, "story": _story, "textbook": _textbook, "tn": _tn, "trajectory": _trajectory,
-    "lincov": _lincov, "allocate": _allocate, "sweep": _sweep, "contours": _contours,
+    "calibration": _calibration, "story": _story, "textbook": _textbook, "tn": _tn, "ukfm": _ukfm,
+    "trajectory": _trajectory, "lincov": _lincov, "allocate": _allocate, "sweep": _sweep, "contours": _contours,
 }  # fmt: skip
 """What makes each kind of page, in a folder of its own."""

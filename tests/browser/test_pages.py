@@ -18,11 +18,11 @@ from tests.commands import invoke
 FIGURES = {
     "report": 13, "many": 8, "aided": 16, "replay": 1, "comparison": 3, "index": 0, "start times": 5, "linearity": 2,
     "ins start times": 10, "lincov": 4, "allocate": 1, "sweep": 1, "contours": 1,
-    "calibration": 12, "story": 10, "textbook": 0, "tn": 15, "trajectory": 1,
+    "calibration": 12, "story": 10, "textbook": 0, "tn": 15, "ukfm": 1, "trajectory": 1,
 }  # fmt: skip
 SAID = {
     "comparison": FOLDER, "story": "The Story of 84 Minutes", "calibration": "Calibration",
-    "index": "Runs", "textbook": "Published numbers",
+    "index": "Runs", "textbook": "Published numbers", "ukfm": "The benchmark of ukfm",
 }  # fmt: skip
 """What the heading of a page says where it is not the campaign's name."""
 

@@ -38,13 +38,14 @@ from mcnav.systems.ins.aided import (
 from mcnav.systems.ins.ensemble.aided import GivenNoise
 from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
 from mcnav.systems.ins.ensemble.free import EnsembleErrors, EnsembleTables, simulate, simulate_given, tabulate
-from mcnav.systems.ins.filter.model import FilterModel
+from mcnav.systems.ins.filter.model import EKF, FilterModel
 from mcnav.systems.ins.filter.tables import same_memory
 from mcnav.systems.ins.gates import fault_laws, gate_laws
 from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import NoiseResponse
+from mcnav.systems.ins.linear.adjoint import Adjoint, adjoint_of_free
 from mcnav.systems.ins.linear.closed_loop_covariance import ClosedLoopCovariance
 from mcnav.systems.ins.linear.covariance import LinearErrors, propagate
 from mcnav.systems.ins.linear.recent_responses import recent_responses
@@ -53,7 +54,7 @@ from mcnav.systems.ins.linear.start_times import LinearStarts, propagate_starts
 from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor, gate_limits
-from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources
+from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources, flexure_rates
 from mcnav.systems.ins.truth.gravity import GravityPath
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 from mcnav.systems.sample_loop import simulate_each
@@ -126,7 +127,7 @@ NOISE: Final = (
 GRAVITY: Final = tuple(Output(name, *PROCESS_UNITS[cause_of(name)]) for name in DISTURBANCES)
 """Gravity disturbances as states of a filter."""
 
-BEFORE_OUTAGES_END: Final = 1.0
+BEFORE_END: Final = 1.0
 """Time before the end of an outage at which errors are read out, s; less in a short outage."""
 
 REVISION: Final = 6
@@ -157,6 +158,11 @@ SHORTEST: Final = 1.0
 FEWEST_PROBES: Final = 2
 
 START_CLOCK: Final = StartClock("min of the trajectory", aligned="at the navigation's own start")
+
+
+def first_and_last(begin: float, end: float) -> tuple[float, float]:
+    """Return the begin of a span of time, and an instant just before its end, s."""
+    return begin, end - min(BEFORE_END, 0.01 * (end - begin))
 
 
 @dataclass(frozen=True)
@@ -201,8 +207,7 @@ class Navigation:
     def times(self) -> Array:
         """Epochs, the start first, s; begin and end of each outage are among them, and further times."""
         times = np.linspace(self.start, self.end, EPOCHS + 1)
-        outages = (outage for sensor in self.sensors for outage in sensor.outages)
-        ends = ((begin, end - min(BEFORE_OUTAGES_END, 0.01 * (end - begin))) for begin, end in outages)
+        ends = (first_and_last(*outage) for sensor in self.sensors for outage in sensor.outages)
         faults = (span for sensor in self.sensors for span in _around_faults(sensor))
         for added in (*ends, *faults, *((time,) for time in self.further)):
             inside = [time for time in added if self.start < time < self.end]
@@ -328,9 +333,13 @@ class EnsembleEngine:
         tables = self.tables
         return NoiseSystem(tables, tables.adjoint, Measured.nothing(len(tables.durations), len(tables.sizes)))
 
-    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalSamples:
+    def conditional_noise(self, outputs: tuple[int, ...], epochs: tuple[int, ...] | None = None) -> ConditionalSamples:
         """Return the samples with conditions on what noise adds to some outputs."""
-        return ConditionalSamples(self.noise, outputs, self.chunk, self._simulate_given)
+        return ConditionalSamples.of(self.noise, outputs, epochs, self._adjoint_at, self.chunk, self._simulate_given)
+
+    def _adjoint_at(self, epoch: int) -> Adjoint:
+        tables = self.tables
+        return adjoint_of_free(tables.motion, int(tables.epochs[epoch]), tables.output_maps[epoch])
 
     def _simulate_given(self, batch: Batch, noise: GivenNoise) -> SimulationResult:
         return self._result(simulate_given(self.tables, batch.errors, noise.added))
@@ -486,6 +495,8 @@ class Ins:
         """Names of the engines."""
         if self.navigation.filter is None:
             return ("ensemble", "reference")
+        if self.navigation.filter.kind != EKF:
+            return ("reference",)
         if self.navigation.filter.smoothed:
             return ("shared-gains", "ensemble", "reference")
         return ("ensemble", "shared-gains", "reference")
@@ -518,7 +529,8 @@ class Ins:
         if navigation.filter is None:
             return None
         known: list[Source | Output] = [
-            *self.sources, *NOISE, *GRAVITY, *aiding_outputs(navigation.filter.beliefs.sensors)
+            *self.sources, *NOISE, *GRAVITY, *aiding_outputs(navigation.filter.beliefs.sensors),
+            *flexure_rates(navigation.filter.beliefs.sensors),
         ]  # fmt: skip
         units = {each.name: (each.unit, each.shown_in) for each in known}
         return filter_schema(navigation.sensors, navigation.filter, units)

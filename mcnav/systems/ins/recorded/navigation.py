@@ -12,6 +12,7 @@ from mcnav.contract.quantities import Output, Source
 from mcnav.contract.recorded import FilteredRecord, Recording, RecordingError
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.ins.aided import AidedNavigation
+from mcnav.systems.ins.filter.model import EKF
 from mcnav.systems.ins.imu.instruments import OUTPUTS
 from mcnav.systems.ins.recorded.causes import Campaign
 from mcnav.systems.ins.recorded.flight import RecordedFlight, indicated_start
@@ -26,8 +27,12 @@ def _recordable(navigation: AidedNavigation | None) -> AidedNavigation:
         raise ScenarioError("filter", "there is no filter to be judged; add [[aiding]] and [filter]")
     if navigation.platform != "strapdown":
         raise ScenarioError("platform", f"got {navigation.platform!r}; only strapdown readings can be recorded")
+    if navigation.filter.kind != EKF:
+        raise ScenarioError("filter.kind", f"got {navigation.filter.kind!r}; recorded flights are judged with 'ekf'")
     if navigation.imu.gravity.sizes or navigation.filter.beliefs.imu.gravity.sizes:
         raise ScenarioError("gravity", "recorded flights are not judged with gravity disturbances yet; leave it out")
+    if any(sensor.flexure is not None for sensor in navigation.sensors):
+        raise ScenarioError("aiding", "recorded flights are not judged with flexure yet; leave it out")
     if any(sensor.faults for sensor in navigation.sensors):
         raise ScenarioError("faults", "recorded flights have the faults that they have; leave out [[faults]]")
     for sensor in navigation.sensors:

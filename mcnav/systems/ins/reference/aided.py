@@ -17,7 +17,7 @@ navigator's mean of readings has depends on how long it averages, and is part of
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -31,10 +31,10 @@ from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
 from mcnav.systems.ins.imu.sample_noise import SampleNoise, draw_sample_noise
 from mcnav.systems.ins.linear.covariance import map_covariances
-from mcnav.systems.ins.reference.compensation import measure
+from mcnav.systems.ins.reference.compensation import measure as measure_readings
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps
 from mcnav.systems.ins.reference.earth_fixed_sensors import SensorModel, SensorTruth
-from mcnav.systems.ins.reference.filtered_navigator import FilteredNavigator
+from mcnav.systems.ins.reference.filtered_navigator import FilteredNavigator, Update
 from mcnav.systems.ins.reference.mechanization import (
     LONGEST_STEP,
     NEAREST_POLE,
@@ -44,6 +44,12 @@ from mcnav.systems.ins.reference.mechanization import (
     matrices,
 )
 from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, navigation_errors
+from mcnav.systems.ins.reference.nonlinear_updates import (
+    Measure,
+    advance_by_sigma_points,
+    iterate,
+    update_by_sigma_points,
+)
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
 from mcnav.systems.ins.sensors.faults import fault_errors
 from mcnav.systems.ins.truth.gravity import GravityPath
@@ -54,6 +60,12 @@ LONGEST_FILTER_STEP: Final = 0.2
 
 SHARE_OF_CORRELATION: Final = 0.1
 """Longest step of the filter's covariance as a share of the shortest believed correlation time."""
+
+UKF: Final = "ukf"
+UPDATES: Final[Mapping[str, Callable[[FilteredNavigator, Measure, Array, float], Update]]] = {
+    "iterated": iterate, UKF: update_by_sigma_points
+}  # fmt: skip
+"""Updates by kind of filter; others have the linear one."""
 
 FIRST_OF_ACCELEROMETERS: Final = len(OUTPUTS) + len(GYRO)
 
@@ -150,8 +162,7 @@ class AidedMechanization:
             if self.platform != "strapdown":
                 rate = self.truth.states(times, self.platform, self.start).rate
             truth = SensorTruth.at(self.truth, self.navigator.earth_fixed(times), times, rate)
-            spin = self.truth.earth.rotation_rate
-            models.append(SensorModel(sensor, believed, truth, self.errors.states, spin))
+            models.append(SensorModel(sensor, believed, truth, self.errors.states, self.truth.earth))
         return tuple(models)
 
     @cached_property
@@ -258,7 +269,7 @@ class AidedFlight:
                 raise ValueError(f"noise must have shape ({steps}, 3), one row for each step; got {each.shape}")
         self.gyro = errors[len(OUTPUTS) : FIRST_OF_ACCELEROMETERS]
         self.accelerometer = errors[FIRST_OF_ACCELEROMETERS : FIRST_OF_ACCELEROMETERS + len(ACCELEROMETER)]
-        self.measured = measure(
+        self.measured = measure_readings(
             navigator.readings.values[:steps], self.gyro, self.accelerometer, noise.gyro, noise.accelerometer
         )
         self.durations = np.diff(engine.step_times)
@@ -288,12 +299,14 @@ class AidedFlight:
 
     def _measurement_errors(self) -> Iterator[tuple[Array, Array, Array]]:
         """Arrange the sample's errors of each sensor's measurements."""
+        self.known: list[dict[str, Array]] = []
         first = len(CONSTANTS)
         for model in self.engine.sensor_models:
             last = first + sum(1 for _ in model.sensor.constants())
             shape = (len(self.engine.measured(model.sensor)), model.size)
             noise = self.noise.measurements.get(model.sensor.name, np.zeros(shape))
             noise = noise + fault_errors(model.sensor.faults, self.engine.measured(model.sensor), model.size)
+            self.known.append(model.offsets_of(self.errors[first:last]))
             yield model.measurement_errors(self.errors[first:last], noise)
             first = last
 
@@ -301,26 +314,41 @@ class AidedFlight:
         """Integrate the indicated state and the filter's covariance to a stop."""
         here = slice(stop.first, stop.last)
         begins, durations = self.engine.step_times[here], self.durations[here]
-        self.navigator.advance(self.measured[here], begins, durations, steps, stop.time)
+        passed = (self.measured[here], begins, durations, steps, stop.time)
+        if self.navigator.kind == UKF:
+            advance_by_sigma_points(self.navigator, *passed)
+        else:
+            self.navigator.advance(*passed)
 
     def _update(self, stop: Stop, sensor: int, row: int) -> None:
         """Update the filter by a measurement and correct the navigator."""
         model, navigator = self.engine.sensor_models[sensor], self.navigator
-        indicated = navigator.indicated(self._reading(stop.last - 1))
         offsets, factors, arm = self.offsets[sensor]
-        true = model.true_at(row)
-        innovation, response = model.innovation(true, indicated, navigator.estimates, offsets[row], factors, arm)
-        if not np.all(np.isfinite(innovation)):
-            raise Diverged(f"an innovation of {model.sensor.name} ceased to be finite at {stop.time:.1f} s")
-        update = navigator.update(innovation, response, model.variances[row], model.threshold)
+        true, measured = model.true_at(row), self._measured_at_end(stop.last - 1)
+        flexures = self.noise.flexures.get(model.sensor.name)
+        bent = None if flexures is None else flexures[row]
+
+        def measure(state: Array, estimates: Array) -> tuple[Array, Array]:
+            indicated = navigator.indicated(navigator.extrapolated(measured, estimates), state)
+            innovation, response = model.innovation(
+                true, indicated, estimates, offsets[row], factors, arm, bent, self.known[sensor]
+            )
+            if not np.all(np.isfinite(innovation)):
+                raise Diverged(f"an innovation of {model.sensor.name} ceased to be finite at {stop.time:.1f} s")
+            return innovation, response
+
+        believed = (model.variances[row], model.threshold)
+        if navigator.kind in UPDATES:
+            update = UPDATES[navigator.kind](navigator, measure, *believed)
+        else:
+            update = navigator.update(*measure(navigator.state, navigator.estimates), *believed)
         self.counts[sensor].add(update.whitened, update.accepted)
 
-    def _reading(self, step: int) -> Array:
-        """Compute what instruments read at the end of a step, compensated and without the noise of readings: (6,)."""
+    def _measured_at_end(self, step: int) -> Array:
+        """Compute what instruments read in a step, shape (1, 3, 6), without the noise of readings."""
         here, nothing = slice(step, step + 1), np.zeros((1, 3))
         values = self.engine.navigator.readings.values[here]
-        measured = measure(values, self.gyro, self.accelerometer, self.drifts[here], nothing)
-        return self.navigator.extrapolated(measured)
+        return measure_readings(values, self.gyro, self.accelerometer, self.drifts[here], nothing)
 
     def _read(self, epoch: int) -> tuple[Array, Array]:
         """Compute the navigation errors and the record at an epoch."""

@@ -21,6 +21,7 @@ from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY
 from mcnav.systems.ins.reference.collocation import AT_END, NODES, REASONS, STATE, WEIGHTS, WENT_ON, advance
 from mcnav.systems.ins.reference.compensation import Compensation
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, gravitation_gradients
+from mcnav.systems.ins.reference.error_definitions import carried_over, retracted
 from mcnav.systems.ins.reference.indicated_gravity import IndicatedGravity
 from mcnav.systems.ins.reference.local_frame import LocalFrame
 from mcnav.systems.ins.reference.mechanization import LOWEST_SHARE, Diverged, matrices
@@ -83,6 +84,7 @@ class FilteredNavigator:
         from filterpy.kalman import KalmanFilter
 
         self.earth, self.gravitation, self.model = earth, gravitation, model
+        self.kind = model.model.kind
         self.compensation = Compensation(model)
         self.estimates, self.estimated_at = np.zeros(len(model.states)), start
         self.state = state
@@ -110,7 +112,7 @@ class FilteredNavigator:
         """
         elapsed = (begins - self.estimated_at)[:, None] + durations[:, None] * NODES
         readings = self.compensation.compensate(measured, self.estimates, elapsed)
-        states = self._integrate(readings, begins, durations)
+        states = self.integrate(self.state, readings, begins, durations)
         pulls, rates = None, self.model.decay_rates
         if len(self.model.gravity.places):
             along = IndicatedGravity.along(self.earth, self.gravitation, self.model.gravity, states, durations)
@@ -121,7 +123,7 @@ class FilteredNavigator:
                 axes = matrices(states[1:, :4] + states[:-1, :4])
                 readings = readings.copy()
                 readings[..., 3:] -= np.einsum("nji,nj->ni", axes, push)[:, None]
-                states = self._integrate(readings, begins, durations)
+                states = self.integrate(self.state, readings, begins, durations)
         middles = matrices(states[1:, :4] + states[:-1, :4])
         means = np.einsum("p,npi->ni", WEIGHTS, readings)
         gradients = gravitation_gradients(self.gravitation, states[steps.middles + 1, 7:])
@@ -130,30 +132,34 @@ class FilteredNavigator:
         for transition, noise in zip(transitions, noises, strict=True):
             self.filter.predict(F=transition, Q=noise)
         self.state = states[-1]
-        self.estimates = self.estimates * np.exp(-rates * (until - self.estimated_at))
+        self.estimates = self.model.flexed(
+            self.estimates * np.exp(-rates * (until - self.estimated_at)), until - self.estimated_at
+        )
         self.estimated_at = until
         return Passage(*passed, transitions)
 
-    def _integrate(self, readings: Array, begins: Array, durations: Array) -> Array:
-        """Integrate the indicated state over n steps: at their ends, the first at the beginning, shape (n + 1, 10)."""
+    def integrate(self, state: Array, readings: Array, begins: Array, durations: Array) -> Array:
+        """Integrate a state over n steps: at their ends, the first at the beginning, shape (n + 1, 10)."""
         states = np.empty((len(durations) + 1, STATE))
-        states[0] = self.state
+        states[0] = state
         outcome, step = advance(
             self.gravitation, self.earth.rotation_rate, LOWEST_SHARE * self.earth.radius, durations, readings,
-            self.state, states[1:],
+            state, states[1:],
         )  # fmt: skip
         if outcome != WENT_ON:
             raise Diverged(f"{REASONS[outcome]} at {begins[step]:.1f} s")
         return states
 
-    def indicated(self, reading: Array) -> Indicated:
-        """Return the indicated state, with a compensated reading, shape (6,), at the same instant."""
-        axes = matrices(self.state[None, :4])[0]
-        return Indicated(self.state[7:], self.state[4:7], axes, self.frame(), reading)
+    def indicated(self, reading: Array, state: Array | None = None) -> Indicated:
+        """Return the indicated state, or another, with a compensated reading, shape (6,), at the same instant."""
+        state = self.state if state is None else state
+        axes = matrices(state[None, :4])[0]
+        return Indicated(state[7:], state[4:7], axes, LocalFrame.at(self.earth, state[7:]), reading)
 
-    def extrapolated(self, measured: Array) -> Array:
+    def extrapolated(self, measured: Array, estimates: Array | None = None) -> Array:
         """Compensate the readings of one step, shape (1, 3, 6), and extrapolate them to its end: shape (6,)."""
-        return np.asarray(AT_END @ self.compensation.compensate(measured, self.estimates, np.zeros((1, 3)))[0])
+        estimates = self.estimates if estimates is None else estimates
+        return np.asarray(AT_END @ self.compensation.compensate(measured, estimates, np.zeros((1, 3)))[0])
 
     def update(self, innovation: Array, response: Array, variances: Array, threshold: float) -> Update:
         """Update the filter by an innovation, if its normalized square is within a threshold; correct the navigator."""
@@ -165,12 +171,22 @@ class FilteredNavigator:
         gain = _correct(self.filter, innovation, response, noise, covariance, self.model.considered)
         change = self.filter.x[:, 0]
         self.filter.x = np.zeros_like(self.filter.x)
-        self.state = self.state.copy()
-        self.state[:4] = _turned_back(self.state[:4], change[ATTITUDE])
-        self.state[4:7] -= change[VELOCITY]
-        self.state[7:] -= change[POSITION]
-        self.estimates = self.estimates + change[NAVIGATION:]
+        self.correct(change)
         return Update(whitened, covariance, gain, True)
+
+    def correct(self, change: Array) -> None:
+        """Correct the navigator by an error of the filter's states, shape (9 + q,), and carry the covariance over."""
+        change = retracted(self.kind, change)
+        self.state, self.estimates = self.corrected(change)
+        self.filter.P = carried_over(self.kind, self.filter.P, change)
+
+    def corrected(self, change: Array) -> tuple[Array, Array]:
+        """Return the indicated state and the estimates less an error of the filter's states, shape (9 + q,)."""
+        state = self.state.copy()
+        state[:4] = _turned_back(state[:4], change[ATTITUDE])
+        state[4:7] -= change[VELOCITY]
+        state[7:] -= change[POSITION]
+        return state, self.estimates + change[NAVIGATION:]
 
 
 def _correct(

@@ -26,7 +26,7 @@ from mcnav.entries.unions import ByForm
 from mcnav.entries.validation import validate
 from mcnav.errors import suggestion
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.systems.ins.filter.model import NAVIGATION, Beliefs, FilterModel, estimated_kinds
+from mcnav.systems.ins.filter.model import EKF, NAVIGATION, Beliefs, FilterModel, estimated_kinds
 from mcnav.systems.ins.imu.gravity import ANOMALY, CAUSES, DEFLECTION, GravityDisturbance
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, AXES, GYRO, Imu
 from mcnav.systems.ins.scenario import SOURCES
@@ -128,6 +128,13 @@ class FilterTable(Table):
         OfConsiders,
     ] = Field(default_factory=list)
     gate: Annotated[Gate | None, OfGate] = None
+    kind: Annotated[
+        Literal["ekf", "iterated", "left-invariant", "right-invariant", "ukf"],
+        Field(
+            description="Kind of the filter: error-state EKF, iterated update, left- or right-invariant error, "
+            "sigma points. Others than ekf are simulated by the reference engine."
+        ),
+    ] = "ekf"
     smoother: Annotated[
         Annotated[Literal["fixed-interval"] | LagTable, ByForm()] | None,
         Field(description="Smoother that follows the filter: of all measurements, or of those up to a lag later."),
@@ -157,7 +164,8 @@ class FilterPlan:
         Believed ones.
     lag : float or None
     question : GateQuestion
-        As `FilterModel` has it.
+    kind : str
+        As `FilterModel` has them.
     """
 
     estimates: tuple[str, ...]
@@ -167,6 +175,7 @@ class FilterPlan:
     sensors: tuple[Sensor, ...]
     lag: float | None = None
     question: GateQuestion = USUAL
+    kind: str = EKF
 
     def completed(self, errors: ErrorModel) -> FilterModel:
         """Return the filter, which believes the statistics of all errors where it does not believe others."""
@@ -177,7 +186,7 @@ class FilterPlan:
         covariance = _scaled(errors.covariance[:NAVIGATION, :NAVIGATION], believed[:NAVIGATION])
         sigmas = dict(zip(errors.names, believed.tolist(), strict=True))
         beliefs = Beliefs(sigmas, covariance, self.imu, self.sensors)
-        return FilterModel(self.estimates, self.considers, beliefs, self.lag, self.question)
+        return FilterModel(self.estimates, self.considers, beliefs, self.lag, self.question, self.kind)
 
 
 def _scaled(covariance: Array, sigmas: Array) -> Array:
@@ -188,8 +197,10 @@ def _scaled(covariance: Array, sigmas: Array) -> Array:
     return np.asarray(correlation * np.outer(sigmas, sigmas))
 
 
-def plan_filter(table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, context: FileContext) -> FilterPlan | None:
-    """Plan the filter of a navigation with these sensors; mistakes are added to the context."""
+def plan_filter(
+    table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, duration: float, context: FileContext
+) -> FilterPlan | None:
+    """Plan the filter of a navigation of a duration, s, with these sensors; mistakes are added to the context."""
     before = len(context.problems)
     _check_states(table, sensors, context)
     if table.smoother is not None and table.considers:
@@ -197,6 +208,7 @@ def plan_filter(table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, conte
             "is not defined with considers, whose errors the filter's gains leave out; estimate them, or leave it out"
         )
         context.problem("filter.smoother", message)
+    _check_kind(table, context)
     believed = read_imu(table.believes.imu, context, "filter.believes.imu", imu)
     gravity = read_believed_gravity(table.believes.gravity, imu.gravity, context)
     _check_gravity(table, gravity, context)
@@ -206,7 +218,7 @@ def plan_filter(table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, conte
     for name in table.believes.aiding.keys() - by_name.keys():
         context.problem(f"filter.believes.aiding.{name}", f"no sensor has this name{suggestion(name, list(by_name))}")
     for name, sensor in by_name.items():
-        plan, of_sensor = _believed_sensor(table.believes.aiding.get(name, {}), sensor, context)
+        plan, of_sensor = _believed_sensor(table.believes.aiding.get(name, {}), sensor, duration, context)
         seen.append(plan)
         sigmas |= of_sensor
     stated = _believed_errors(table.believes.errors, (*SOURCES, *aiding_sources(sensors)), context)
@@ -218,12 +230,27 @@ def plan_filter(table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, conte
     processes = replace(believed.processes, gravity=gravity)
     lag = table.smoother.lag if isinstance(table.smoother, LagTable) else None if table.smoother is None else math.inf
     question = GateQuestion(table.stops.probability, table.stops.ramp)
-    return FilterPlan(estimates, tuple(table.considers), {**sigmas, **stated}, processes, tuple(seen), lag, question)
+    believes = ({**sigmas, **stated}, processes, tuple(seen))
+    return FilterPlan(estimates, tuple(table.considers), *believes, lag, question, table.kind)
+
+
+def _check_kind(table: FilterTable, context: FileContext) -> None:
+    """Add a mistake for each thing that other kinds than the EKF have not."""
+    if table.kind == EKF:
+        return
+    without = f"is not there with kind = {table.kind!r}; leave it out, or take kind = 'ekf'"
+    if table.smoother is not None:
+        context.problem("filter.smoother", without)
+    if table.considers:
+        context.problem("filter.considers", without)
+    if gravity := [name for name in table.estimates if name in CAUSES]:
+        context.problem("filter.estimates", f"got {gravity[0]!r}, which {without}")
 
 
 def _check_states(table: FilterTable, sensors: tuple[Sensor, ...], context: FileContext) -> None:
     """Add a mistake for each state that is missing, unknown, or named twice."""
-    kinds = (*KINDS, *estimated_kinds(aiding_constants(sensors)))
+    flexures = (f"{sensor.name}_flexure" for sensor in sensors if sensor.flexure is not None)
+    kinds = (*KINDS, *estimated_kinds(aiding_constants(sensors)), *flexures)
     if absent := [name for name in ALWAYS if name not in table.estimates]:
         context.problem("filter.estimates", f"{' and '.join(absent)} must be there; expected {', '.join(ALWAYS)}, …")
     seen: set[str] = set()
@@ -283,7 +310,9 @@ def _believed_errors(entries: Mapping[str, Any], sources: Sequence[Source], cont
     return believed_errors
 
 
-def _believed_sensor(entry: object, sensor: Sensor, context: FileContext) -> tuple[Sensor, dict[str, float]]:
+def _believed_sensor(
+    entry: object, sensor: Sensor, duration: float, context: FileContext
+) -> tuple[Sensor, dict[str, float]]:
     """Read what the filter believes of a sensor, and of the sigmas of its constant errors."""
     key = f"filter.believes.aiding.{sensor.name}"
     kind = SENSOR_TYPES[sensor.kind]
@@ -313,7 +342,11 @@ def _believed_sensor(entry: object, sensor: Sensor, context: FileContext) -> tup
         sigmas |= of_component
     sized = zip(AXES, errors.lever_arm_error, strict=True)
     sigmas |= {f"{sensor.name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
-    return replace(sensor, components=tuple(components)), sigmas
+    sigmas |= errors.sigmas_of_offsets(sensor.name)
+    if errors.flexure is not None and sensor.flexure is None:
+        context.problem(f"{key}.flexure", "the sensor has none; give it one in [[aiding]], if only of sigma zero")
+    flexure = errors.flexed(sensor.flexure, duration, key, context)
+    return replace(sensor, components=tuple(components), flexure=flexure), sigmas
 
 
 def _believed_component(

@@ -1,0 +1,1 @@
+"""The benchmark of ukfm, five filters of an inertial navigator that sees landmarks, simulated again."""
