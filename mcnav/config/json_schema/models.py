@@ -154,4 +154,6 @@ def _by_form(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
     if not any("properties" in each for each in forms):
         return {**outer, "anyOf": forms}
     merged = {key: value for each in forms for key, value in each.items()}
+    if "enum" in merged:
+        merged["anyOf"] = [{"type": "object"}, {"enum": merged.pop("enum")}]
     return {**merged, **outer, "type": [each["type"] for each in reversed(forms)]}

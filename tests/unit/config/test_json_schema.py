@@ -400,7 +400,7 @@ def described(node: Any, at: str) -> Iterator[str]:
 
 
 def test_every_key_has_a_description() -> None:
-    short = {"north", "east", "down", "x", "y", "z", "xy", "xz", "yx", "yz", "zx", "zy"}
+    short = {"north", "east", "down", "x", "y", "z", "xy", "xz", "yx", "yz", "zx", "zy", "1", "2", "3"}
     schema = campaign_schema()
     found = [place for place in described(schema, "") if place.rpartition(".")[2] not in short]
     assert found == []
