@@ -54,6 +54,9 @@ GATE: Final = """\
 # gate = 0.999  # probability with which an expected measurement is accepted
 """
 
+IN_A_ROW: Final = 5
+"""Errors of sensors in a row of what a filter estimates."""
+
 ROUND: Final = (
     1.0,
     2.0,
@@ -323,7 +326,8 @@ def _states(unit: CatalogueUnit, aids: Sequence[str]) -> dict[str, str]:
     tables = unit.table
     biases = [f"{each}_bias" for each in tables if tables[each].keys() & {"bias", INSTABILITY}]
     of_sensors = [f"{aid.replace('-', '_')}_{error}" for aid in aids for error in SENSOR_TYPES[aid].estimated]
-    rows = [["position", "velocity", "attitude"], biases, of_sensors]
+    some = [of_sensors[first : first + IN_A_ROW] for first in range(0, len(of_sensors), IN_A_ROW)]
+    rows = [["position", "velocity", "attitude"], biases, *some]
     considered = [f"{each}_{kind}" for each in tables for kind in CONSIDERED if kind in tables[each]]
     return {
         "ESTIMATES": "\n".join(f"    {_listed(row)}," for row in rows if row),

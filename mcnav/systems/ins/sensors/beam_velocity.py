@@ -63,7 +63,7 @@ QUANTITY: Final = QuantityDefinition(
 
 SENSOR: Final = SensorType(
     name="velocimeter",
-    words="Velocity over the ground, and distance to it, along one to three beams fixed to the body.",
+    words="Velocity over the ground, and distance to it, along beams fixed to the body.",
     quantities={"velocity": "beam_velocity", "range": "beam_range"},
     interval=1.0,
     offsets=("boresight",),
@@ -73,11 +73,13 @@ SENSOR: Final = SensorType(
     arrange=read_beams,
     select=select,
     template="""\
-beams = [[0.383, 0.0, 0.924], [-0.191, 0.331, 0.924], [-0.191, -0.331, 0.924]]  # each forward, right, down
+# directions of the beams, each forward, right, down
+beams = [[0.38, 0, 0.92], [-0.19, 0.33, 0.92], [-0.19, -0.33, 0.92]]
 velocity = "2 cm/s"  # sigma of white noise along each beam, m/s
-range = "0.5 m"  # the same of the distance to the ground, m; leave it out if it is not measured
-boresight_error = "1 mrad"  # sigma of a constant error of the directions about each axis of the body, rad
+range = "0.5 m"  # the same of the distance, m; leave it out if not measured
+boresight_error = "1 mrad"  # sigma of a constant error of the directions, rad
 # velocity_scale_factor = "0.1 %"  # sigma of a constant error in proportion to the velocity
-# reach = "5 km"  # longest distance at which it measures, m; ground = "0 m" is the altitude of what the beams meet
+# reach = "5 km"  # longest distance at which it measures, m
+# ground = "400 m"  # altitude of what the beams meet, m; 0 unless given
 """,
 )

@@ -140,7 +140,7 @@ QUANTITY: Final = QuantityDefinition(
 
 SENSOR: Final = SensorType(
     name="landmark",
-    words="Direction to a landmark of a map along the axes of the body, and the distance to it, or one of them.",
+    words="Direction to a landmark along the axes of the body, and distance to it.",
     quantities={"direction": "landmark_direction", "range": "landmark_range"},
     interval=10.0,
     offsets=("map",),
@@ -156,10 +156,10 @@ SENSOR: Final = SensorType(
     template="""\
 latitude = "47.05 deg"  # of the landmark, rad
 longitude = "9.1 deg"
-altitude = "400 m"  # above the ellipsoid, m; the landmark is measured where the vehicle is above its horizon
+altitude = "400 m"  # above the ellipsoid, m
 direction = "1 mrad"  # sigma of white noise of the unit vector along x, y and z, rad
-range = "10 m"  # the same of the distance, m; leave it out if it is not measured
-map_error = "5 m"  # sigma of the map's error at the landmark along north, east and down, m
+range = "10 m"  # the same of the distance, m; leave it out if not measured
+map_error = "5 m"  # sigma of the map's error along north, east and down, m
 # direction_bias = "0.5 mrad"  # sigma of a constant error, rad
 # reach = "100 km"  # longest distance at which it is seen, m
 """,

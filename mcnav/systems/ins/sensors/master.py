@@ -13,7 +13,7 @@ from mcnav.systems.ins.sensors.quantity import SensorType
 
 SENSOR: Final = SensorType(
     name="master",
-    words="Transfer alignment: velocity and attitude of a master navigator on the same vehicle, or one of them.",
+    words="Velocity and attitude of a master navigator on the vehicle (transfer alignment).",
     quantities={"velocity": "velocity", "attitude": "attitude"},
     lever_arm=True,
     flexure=True,
@@ -22,7 +22,7 @@ SENSOR: Final = SensorType(
     bounds_attitude=True,
     template="""\
 velocity = "2 cm/s"  # sigma of white noise along north, east and down, m/s
-attitude = "0.1 mrad"  # the same of the attitude about x, y and z, rad; leave it out if it is not measured
+attitude = "0.1 mrad"  # the same of the attitude about x, y and z, rad
 attitude_bias = "2 mrad"  # sigma of how the master is mounted relative to the unit, rad
 # velocity_correlated = { sigma = "2 cm/s", correlation_time = "10 min" }  # the master's own error, m/s and s
 # attitude_correlated = { sigma = "0.1 mrad", correlation_time = "1 h" }  # the same of its attitude, rad and s
