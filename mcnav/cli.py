@@ -43,7 +43,7 @@ GARBAGE_THRESHOLD = 50_000
 
 GROUPS: Final = {
     "Start": ("demo", "new", "check", "run", "docs"),
-    "Analyse": ("lincov", "sweep", "allocate", "linearity", "start-times", "identify", "judge"),
+    "Analyse": ("lincov", "sweep", "allocate", "linearity", "start-times", "identify", "judge", "filters"),
     "Look": ("show", "live", "report", "brief", "compare", "index", "figure", "export", "replay", "trajectory", "imu"),
     "Advanced": ("partials", "record", "schema", "compile", "reproduce", "calibrate"),
 }
@@ -1020,6 +1020,56 @@ def sweep(
     out.print()
     _print_written(files)
     _print_next(next_command.after_sweep(campaign, target, vary, against or (), confirm))
+
+
+@_command("filters", resumes=True)
+def filters(
+    campaign: CampaignFile,
+    kind: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND",
+            help="ekf, iterated, left-invariant, right-invariant or ukf; repeat [default: all].",
+            autocompletion=completion.filter_kinds,
+        ),
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUES",
+            help="""A key and its values, such as errors.heading="1, 10, 30 deg".""",
+            autocompletion=completion.for_words(completion.keys),
+        ),
+    ] = None,
+    samples: Annotated[int | None, typer.Option(min=1, help="Of each run [default: the campaign's].")] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs.")] = 2,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_filters].")] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Compare kinds of filters by Monte Carlo.
+
+    Each kind has the same samples and noise, by the reference engine; the verdict on each, its NEES, sigmas and cost
+    are a table. With --vary it is asked from which value on each is optimistic.
+
+    Example: mcnav filters campaigns/32_alignment_in_motion.toml --vary errors.heading="3, 10, 30 deg"
+    """
+    from mcnav.config.sweep_values import split_varied
+    from mcnav.report import filter_kinds as tables
+    from mcnav.report import progress
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.compare_filters import FilterPlan, compare_filters
+
+    plan = FilterPlan(kind or (), split_varied(vary or ()), samples, jobs)
+    with progress.shown(err) as shown:
+        target = output_folder(folder, Path("reports") / f"{campaign.stem}_filters")
+        result, files = compare_filters(campaign, plan, target, shown)
+    if form != "table":
+        _export(form, tables.frame(result).to_dict("records"), {"filters": tables.table(result)})
+        return
+    out.print(printed(tables.terminal(result)))
+    out.print()
+    _print_written(files)
+    _print_next(next_command.written("show", target / result.results[-1].folder))
 
 
 @_command("check")

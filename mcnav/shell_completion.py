@@ -108,6 +108,13 @@ def engines(incomplete: str) -> list[str]:
     return _beginning(dict.fromkeys((*names, MAP)), incomplete)
 
 
+def filter_kinds(incomplete: str) -> list[str]:
+    """Return the kinds of filters."""
+    from mcnav.systems.ins.filter.model import KINDS
+
+    return _beginning(KINDS, incomplete)
+
+
 def examples(incomplete: str) -> list[str]:
     """Return the example campaigns, which lie in the package or in the checkout."""
     package = Path(__file__).parent

@@ -1,0 +1,126 @@
+"""Would another filter have been consistent: a campaign with each kind of filter, by the same samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import thread_time
+from typing import Final
+
+import numpy as np
+
+from mcnav.analysis.filter_kinds import KindComparison, KindResult
+from mcnav.analysis.sweep import Variable
+from mcnav.config.overrides import VariedCampaign
+from mcnav.config.sweep_values import read_variables
+from mcnav.contract.samples import Batch
+from mcnav.contract.scenario import Scenario
+from mcnav.errors import CampaignError, Problem, suggestion
+from mcnav.files import indented_json, write_texts
+from mcnav.progress import SILENT, Phase, Progress
+from mcnav.report import filter_kinds as report
+from mcnav.report.html import page_html
+from mcnav.systems.ins.filter.model import KINDS
+from mcnav.systems.ins.recognition import is_ins
+from mcnav.workflow.run import run_campaign
+
+ENGINE: Final = "reference"
+"""Engine of every kind, so that only the filter differs."""
+
+POINTS: Final = 5
+"""Values of a range."""
+
+TIMED: Final = 2
+"""Samples of each kind that are timed."""
+
+RUNS: Final = "runs"
+CSV, JSON, PAGE = "filters.csv", "filters.json", "filters.html"
+
+
+@dataclass(frozen=True)
+class FilterPlan:
+    """What is compared.
+
+    Attributes
+    ----------
+    kinds : sequence of str
+        Of `KINDS`; all unless given.
+    varied : mapping of str to (str or sequence)
+        Values of one key by its path, or nothing.
+    samples : int, optional
+        Of each run; those of the campaign unless given.
+    jobs : int
+    """
+
+    kinds: Sequence[str] = ()
+    varied: Mapping[str, str | Sequence[object]] = field(default_factory=dict)
+    samples: int | None = None
+    jobs: int = 2
+
+
+def compare_filters(
+    campaign: str | Path, plan: FilterPlan, folder: Path, progress: Progress = SILENT
+) -> tuple[KindComparison, list[Path]]:
+    """Run the campaign with each kind, and write ``filters.csv``, ``filters.json`` and, last, a page.
+
+    Runs are in folders of their own below the folder, and are resumed there.
+
+    Raises
+    ------
+    CampaignError
+        When the campaign has no filter of aided inertial navigation, or a kind cannot do what it asks for.
+    """
+    progress.phase(Phase.PREPARING)
+    kinds, variable = _kinds(plan.kinds), _variable(plan.varied)
+    varied = VariedCampaign(campaign)
+    scenario = varied.campaign.scenario
+    if not is_ins(scenario) or scenario.navigation.filter is None:
+        message = "there is no filter of an aided inertial navigation (type = 'ins' with [[aiding]] and [filter])"
+        raise CampaignError([Problem(varied.campaign.file, "filter", message)])
+    samples = {} if plan.samples is None else {"samples": plan.samples}
+    points = [(value, kind) for value in ([None] if variable is None else variable.values.tolist()) for kind in kinds]
+    campaigns = []
+    for value, kind in points:  # all are read before the first runs
+        at = {} if variable is None or value is None else {variable.path: variable.written(value)}
+        campaigns.append(varied.at({"filter.kind": kind, **at, **samples}))
+    results = []
+    for number, ((value, kind), each) in enumerate(zip(points, campaigns, strict=True)):
+        name = kind if value is None else f"{number // len(kinds) + 1:02d}_{kind}"
+        summary = run_campaign(each, folder / RUNS / name, ENGINE, plan.jobs, progress=progress).results
+        results.append(KindResult(kind, value, f"{RUNS}/{name}", summary, _milliseconds(each.scenario)))
+    comparison = KindComparison(varied.campaign.name, kinds, variable, tuple(results))
+    progress.phase(Phase.REPORTING)
+    texts = {
+        CSV: report.frame(comparison).to_csv(index=False, float_format="%.10g"),
+        JSON: indented_json(report.table(comparison)) + "\n",
+        PAGE: page_html(report.page(comparison)),
+    }
+    return comparison, write_texts(folder, texts)
+
+
+def _kinds(asked: Sequence[str]) -> tuple[str, ...]:
+    for kind in asked:
+        if kind not in KINDS:
+            known = ", ".join(KINDS)
+            message = f"got {kind!r}; expected some of {known}{suggestion(kind, list(KINDS))}"
+            raise CampaignError([Problem("--kind", "", message)])
+    return tuple(kind for kind in KINDS if not asked or kind in asked)
+
+
+def _variable(varied: Mapping[str, str | Sequence[object]]) -> Variable | None:
+    if not varied:
+        return None
+    if len(varied) > 1:
+        raise CampaignError([Problem("--vary", "", f"got {len(varied)} keys; expected one")])
+    return read_variables(varied, POINTS)[0]
+
+
+def _milliseconds(scenario: Scenario) -> float:
+    """Measure the computing time of a sample on one thread: the mean of some without errors, after a first one."""
+    nothing = np.zeros((TIMED, len(scenario.sources)))
+    engine = scenario.engine(ENGINE, nothing[:1])
+    engine.simulate(Batch(np.arange(1), nothing[:1], 0), noise=False)
+    begun = thread_time()
+    engine.simulate(Batch(np.arange(TIMED), nothing, 0), noise=False)
+    return 1000.0 * (thread_time() - begun) / TIMED
