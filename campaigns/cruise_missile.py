@@ -18,7 +18,7 @@ def axes_at(along, across):
     """Return the directions along, to the right and down at two position angles, in those at the start: (n, 3, 3)."""
     c, s, of_c, of_s, none = np.cos(along), np.sin(along), np.cos(across), np.sin(across), np.zeros_like(along)
     rows = [[c, none, s], [-of_s * s, of_c, of_s * c], [-of_c * s, -of_s, of_c * c]]
-    return np.moveaxis(np.array(rows), -1, 0)
+    return np.array(rows).transpose(2, 0, 1)
 
 
 def accelerations(state, force):

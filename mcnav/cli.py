@@ -1466,7 +1466,6 @@ def reproduce(
     from mcnav.validation.reproduce.textbook import page as textbook_page
     from mcnav.validation.reproduce.tn_d1772 import page
     from mcnav.validation.reproduce.ukfm import page as ukfm_page
-    from mcnav.validation.reproduce.ukfm.simulation import SAMPLES
 
     if samples is not None and document != "ukfm":
         raise _fail(f"--samples is for ukfm alone; {document} has samples of its own")
@@ -1485,7 +1484,7 @@ def reproduce(
         _print_next(following)
         return
     if document == "ukfm":
-        summary, written = ukfm_page.write(target, samples or SAMPLES)
+        summary, written = ukfm_page.write(target, samples)
         out.print(summary)
         _print_written(written)
         _print_next(following)

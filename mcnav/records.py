@@ -50,7 +50,7 @@ Matrices = Annotated[Array, _Nested(list[list[list[float | None]]])]
 class Record(BaseModel):
     """A table of a file; keys that it does not know are ignored, and only fields that were set are written."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True, strict=True, populate_by_name=True)
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True, populate_by_name=True, defer_build=True)
 
     def completed(self, fields: Mapping[str, object]) -> Self:
         """Return the record with further fields, which are checked; those that are none stay unset."""

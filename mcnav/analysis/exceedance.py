@@ -57,7 +57,26 @@ class Event:
         """Return what is limited of all outputs, shape (n, outputs), or over time (n, m, outputs), as (n, limited)."""
         if not self.epochs:
             return values[:, self.outputs]
-        return values[:, self.epochs][:, :, self.outputs].reshape(len(values), -1)
+        return values[:, self.epochs][:, :, self.outputs].reshape(len(values), len(self.epochs) * len(self.outputs))
+
+    def worst_epoch(self, limited: Array) -> int:
+        """Return the place, among the event's epochs, of the farthest beyond the limit; ``limited`` is of `picked`."""
+        assert isinstance(self.limit, AnyEpoch)
+        return int(np.argmax(self.limit.margins(limited)[0]))
+
+    def distances(self, mean: Array, covariance: Array) -> Array:
+        """Return how far the mean lies from each side in sigmas, shape (m, sides).
+
+        Parameters
+        ----------
+        mean, covariance : ndarray, shapes (m, outputs), (m, outputs, outputs)
+            Of the event's outputs at its epochs, or at the end, m = 1.
+        """
+        limit = self.limit.limit if isinstance(self.limit, AnyEpoch) else self.limit
+        normals = limit.normals
+        sigma = np.sqrt(np.maximum(np.einsum("si,mij,sj->ms", normals, covariance, normals), 0.0))
+        left = limit.offsets - mean @ normals.T
+        return np.asarray(np.divide(left, sigma, out=np.full_like(left, np.inf), where=sigma > 0.0))
 
     def margin(self, values: Array) -> Array:
         """Return how far all outputs, shaped as for `picked`, lie beyond, shape (n,)."""

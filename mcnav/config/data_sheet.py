@@ -195,7 +195,7 @@ def _error(kind: SensorType, key: str) -> str:
     >>> _error(SENSOR_TYPES["gnss"], "lever_arm_error")
     'lever_arm'
     """
-    return kind.key(key, "noise") if key in kind.quantities else key.replace("lever_arm_error", "lever_arm")
+    return kind.key(key, "noise") if key in kind.quantities else key.removesuffix("_error")
 
 
 def believed_numbers(content: Mapping[str, Any]) -> list[DataSheetNumber]:

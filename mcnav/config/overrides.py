@@ -47,7 +47,8 @@ PRESENCE: Final = (PRESENT, "absent")
 """Values of a sensor or a state."""
 
 PROCESSES: Final = (
-    "bias_instability", "quantization", "correlated", "position_correlated", "velocity_correlated", "deflection",
+    "bias_instability", "quantization", "correlated", "position_correlated", "velocity_correlated",
+    "attitude_correlated", "flexure", "deflection",
     "anomaly",
 )  # fmt: skip
 """Keys whose tables have a ``sigma``."""

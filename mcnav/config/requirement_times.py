@@ -1,7 +1,8 @@
 """Epochs at which a requirement holds: ``after``, ``during`` or ``at`` a time.
 
 Errors of all samples are known at the epochs of a scenario, so that a requirement holds at each epoch in its span. The
-time of ``at`` becomes an epoch of an inertial navigation; that of a user's class must be one of its epochs.
+time of ``at``, and begin and end of ``after`` and ``during``, become epochs of an inertial navigation; the time of
+``at`` in a user's class must be one of its epochs.
 """
 
 from __future__ import annotations
@@ -44,13 +45,22 @@ def with_epochs(scenario: Ins, table: AcceptTable) -> Ins:
     """Return a scenario whose epochs contain the times at which requirements hold."""
     navigation = scenario.navigation
     entries = [entry for kind in (table.quantile, table.cep, table.r95, table.sep) for entry in kind]
-    asked = sorted({round(entry.at, DECIMALS) for entry in entries if entry.at is not None})
+    asked = sorted({round(time, DECIMALS) for entry in entries for time in _bounds(entry)})
     times = navigation.times
     far = [
         time for time in asked
         if navigation.start < time < navigation.end and np.abs(times - time).min() > same_times(navigation)
     ]  # fmt: skip
     return type(scenario)(replace(navigation, further=tuple(far)), scenario.remarks) if far else scenario
+
+
+def _bounds(entry: QuantileTable | CircularTable) -> tuple[float, ...]:
+    """Return the times that a requirement names, s: of a span its begin, and an instant just before its end."""
+    from mcnav.systems.ins.scenario import first_and_last  # a reentry has none of it
+
+    if isinstance(entry.during, list):
+        return first_and_last(*entry.during)
+    return tuple(time for time in (entry.at, entry.after) if time is not None)
 
 
 def read_epochs(

@@ -74,17 +74,25 @@ class ScalableEngine(Engine, Protocol):
 
 
 class ConditionalNoise(Protocol):
-    """Samples whose noise is given what it adds to the linear outcomes of some outputs, and is random otherwise."""
+    """Samples whose noise is given what it adds to m linear outcomes, and is random otherwise."""
 
-    def simulate(self, batch: Batch, added: Array) -> SimulationResult:
-        """Simulate samples whose noise adds so much to the linear outcomes of these outputs, shape (n, m), SI."""
+    @property
+    def factor(self) -> Array:
+        """What r standard normals of the noise add to the outcomes, shape (m, r), SI."""
+
+    def simulate(self, batch: Batch, normals: Array) -> SimulationResult:
+        """Simulate samples with these normals, shape (n, r); with histories where outcomes are those of epochs."""
 
 
 class ConditionalEngine(Engine, Protocol):
     """An engine that simulates samples under conditions on their noise."""
 
-    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalNoise:
-        """Return the samples with conditions on what noise adds to some outputs, by number."""
+    def conditional_noise(self, outputs: tuple[int, ...], epochs: tuple[int, ...] | None = None) -> ConditionalNoise:
+        """Return the samples with conditions on what noise adds to outputs, by number, at the end or at epochs.
+
+        Each output has its epoch, by number, and those of an epoch follow each other; without epochs all are those of
+        the end, and there are no histories. `ScenarioError` where what noise adds cannot be computed.
+        """
 
 
 def conditions_noise(engine: Engine) -> TypeGuard[ConditionalEngine]:

@@ -114,7 +114,7 @@ class Table(BaseModel):
         The key by which it is told from other tables, if messages about others should not list it.
     """
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
     rules: ClassVar[tuple[Rule, ...]] = ()
     expected: ClassVar[str] = ""
     refused: ClassVar[Mapping[str, str]] = {}

@@ -22,11 +22,12 @@ from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoo
 
 from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav._types import Array
-from mcnav.contract.engine import ConditionalNoise, Engine, conditions_noise
+from mcnav.contract.engine import ConditionalEngine, ConditionalNoise, Engine, conditions_noise
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.scenario import ScenarioError
 from mcnav.execution.chunks import (
     ChunkJob,
     SampleRange,
@@ -216,9 +217,18 @@ class IsolatedEngine:
 class ConditionalIsolatedEngine(IsolatedEngine):
     """The same of an engine that simulates samples under conditions on their noise."""
 
-    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalNoise:
+    def conditional_noise(self, outputs: tuple[int, ...], epochs: tuple[int, ...] | None = None) -> ConditionalNoise:
         """Return the samples with conditions on what noise adds to some outputs."""
-        return _IsolatedNoise(self, outputs)
+        found: ConditionalNoise | None = _in_one_worker(_conditional_noise, self.engine, outputs, epochs)
+        if found is None:
+            raise ScenarioError("type", "the process died that computes what noise adds to outputs")
+        return _IsolatedNoise(self, found)
+
+
+def _conditional_noise(
+    engine: ConditionalEngine, outputs: tuple[int, ...], epochs: tuple[int, ...] | None
+) -> ConditionalNoise:
+    return engine.conditional_noise(outputs, epochs)
 
 
 @dataclass(frozen=True)
@@ -226,21 +236,26 @@ class _IsolatedNoise:
     """Samples with conditions on their noise in a process of its own."""
 
     isolated: IsolatedEngine
-    outputs: tuple[int, ...]
+    conditional: ConditionalNoise
 
-    def simulate(self, batch: Batch, added: Array) -> SimulationResult:
+    @property
+    def factor(self) -> Array:
         """See `ConditionalNoise`."""
-        engine = _ErrorsAndNoise(self.isolated.engine, self.outputs)
-        widened = Batch(batch.index, np.column_stack([batch.errors, added]), batch.seed)
+        return self.conditional.factor
+
+    def simulate(self, batch: Batch, normals: Array) -> SimulationResult:
+        """See `ConditionalNoise`."""
+        engine = _ErrorsAndNoise(self.isolated.engine, self.conditional)
+        widened = Batch(batch.index, np.column_stack([batch.errors, normals]), batch.seed)
         return IsolatedEngine(engine, self.isolated.outputs, self.isolated.timeout).simulate(widened)
 
 
 @dataclass(frozen=True)
 class _ErrorsAndNoise:
-    """An engine of samples whose last errors are what noise adds to some outputs."""
+    """An engine of samples whose last errors are normals of their noise."""
 
     engine: Engine
-    given: tuple[int, ...]
+    conditional: ConditionalNoise
     epochs: Epochs | None = None
     filter: FilterSchema | None = None
     noisy: bool = True
@@ -262,10 +277,9 @@ class _ErrorsAndNoise:
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples."""
-        assert conditions_noise(self.engine)
-        errors, added = np.split(batch.errors, [batch.errors.shape[1] - len(self.given)], axis=1)
-        conditional = self.engine.conditional_noise(self.given)
-        return conditional.simulate(Batch(batch.index, errors, batch.seed), added)
+        own = batch.errors.shape[1] - self.conditional.factor.shape[1]
+        errors, normals = np.split(batch.errors, [own], axis=1)
+        return self.conditional.simulate(Batch(batch.index, errors, batch.seed), normals)
 
 
 def isolated_engine(engine: Engine, outputs: int, timeout: float | None) -> IsolatedEngine:

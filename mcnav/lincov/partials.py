@@ -33,7 +33,13 @@ to a million times where the ten runs are nearly alike. The third-order term is 
 RUNS_SEED: Final = 1963
 
 QUICK: Final = 1_024
-"""Smallest chunk of an engine that is fast enough for tens of thousands of further simulations."""
+"""Smallest chunk of an engine that is fast enough for thousands of further simulations."""
+
+FAST: Final = 8_192
+"""Smallest chunk of an engine that takes no notice of tens of thousands."""
+
+REDUCTION: Final = 8
+"""Number by which the flights on the side are divided for an engine that is quick but not fast."""
 
 
 METHODS: Final = ("variational", "differences", "runs")
@@ -42,9 +48,14 @@ sets on the reference engine."""
 
 
 def require_fast(engine: Engine) -> None:
-    """Raise `SimulationFailed` for an engine that is too slow for tens of thousands of further simulations."""
+    """Raise `SimulationFailed` for an engine that is too slow for thousands of further simulations."""
     if engine.chunk < QUICK:
         raise SimulationFailed("the engine is too slow for so many flights on the side")
+
+
+def affordable(flights: int, engine: Engine) -> int:
+    """Return how many of so many flights on the side an engine simulates without being waited for."""
+    return flights if engine.chunk >= FAST else max(flights // REDUCTION, 1)
 
 
 def simulate_or_raise(propagate: Propagate, errors: Array) -> Array:

@@ -16,8 +16,8 @@ from mcnav._types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.lincov.corrections import SimulatedBudget, SobolIndices, SourceBudget, VarianceTable, computed_or_reason
 from mcnav.lincov.covariance import propagated_covariance
-from mcnav.lincov.partials import Propagate, require_fast, simulate_or_raise
-from mcnav.lincov.sobol import estimate_sobol_indices
+from mcnav.lincov.partials import Propagate, affordable, require_fast, simulate_or_raise
+from mcnav.lincov.sobol import POINTS, estimate_sobol_indices
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.statistics.estimates import blocked_mean, paired_squares
@@ -44,6 +44,7 @@ def simulated_budgets(
     """
     count = min(DRAWS, samples)
     engine = prepare(errors.draw(design, seed, count, 0, min(PROBES, count)))
+    count = min(affordable(DRAWS, engine), samples)
 
     def alone() -> SourceBudget:
         require_fast(engine)
@@ -51,7 +52,7 @@ def simulated_budgets(
 
     def sobol() -> SobolIndices:
         require_fast(engine)
-        return estimate_sobol_indices(without_noise(engine), errors, seed)
+        return estimate_sobol_indices(without_noise(engine), errors, seed, affordable(POINTS, engine))
 
     return SimulatedBudget(computed_or_reason(alone), computed_or_reason(sobol))
 

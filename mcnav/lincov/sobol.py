@@ -23,8 +23,13 @@ _BITS: Final = 64
 """Binary digits of a coordinate."""
 
 
-def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) -> SobolIndices:
+def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int, points: int = POINTS) -> SobolIndices:
     """Estimate first-order and total Sobol indices of every output (Saltelli et al., 2010; Jansen's total index).
+
+    Parameters
+    ----------
+    points : int
+        Of each net; a power of two.
 
     They are zero for a source without dispersion. Raises `SimulationFailed` when the sources are correlated, so that
     the shares are undefined, or a sample fails.
@@ -38,16 +43,16 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) 
     sobol_indices = []
     for replicate in range(REPLICATES):
         generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(replicate,)))
-        uniforms = scrambled_net(generator, 2 * active.size, 0, POINTS, _BITS)
+        uniforms = scrambled_net(generator, 2 * active.size, 0, points, _BITS)
         normals = ndtri(np.clip(uniforms, 2.0**-54, 1.0 - 2.0**-53))
-        a, b = np.tile(errors.mean, (2, POINTS, 1))
+        a, b = np.tile(errors.mean, (2, points, 1))
         for place, j in enumerate(active):
             a[:, j] = errors.distributions[j].transform(normals[:, place])
             b[:, j] = errors.distributions[j].transform(normals[:, active.size + place])
         exchanged = np.tile(a, (active.size, 1, 1))
         exchanged[np.arange(active.size), :, active] = b[:, active].T
         simulated = simulate_or_raise(propagate, np.concatenate([a, b, exchanged.reshape(-1, a.shape[1])]))
-        sobol_indices.append(_indices(simulated.reshape(active.size + 2, POINTS, -1)))
+        sobol_indices.append(_indices(simulated.reshape(active.size + 2, points, -1)))
     stacked: Array = np.array(sobol_indices)  # (replicates, 2, outputs, active)
     mean, error = stacked.mean(axis=0), stacked.std(axis=0, ddof=1) / np.sqrt(REPLICATES)
 
@@ -56,7 +61,7 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) 
         table[:, active] = values
         return table
 
-    return SobolIndices(REPLICATES, POINTS, of_all(mean[0]), of_all(error[0]), of_all(mean[1]), of_all(error[1]))
+    return SobolIndices(REPLICATES, points, of_all(mean[0]), of_all(error[0]), of_all(mean[1]), of_all(error[1]))
 
 
 def _indices(simulated: Array) -> tuple[Array, Array]:

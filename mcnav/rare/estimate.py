@@ -14,19 +14,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from mcnav._types import Array, IndexArray
-from mcnav.rare.curvature import turned
+from mcnav.rare.curvature import ALL_PAIRS, turned
 from mcnav.rare.facets import Facets, Outputs, linear_facets
 from mcnav.rare.flights import Flown, Outcomes, Places
 from mcnav.rare.interval import weights_interval
-from mcnav.rare.limits import Limit
+from mcnav.rare.limits import AnyEpoch, Limit
 from mcnav.rare.lines import crossings
 from mcnav.rare.proposal import Proposal, hazard_at
 from mcnav.rare.search import Search, search_elsewhere
@@ -41,6 +42,9 @@ OTHERS: Final = 8
 
 DRAWS: Final = 1_000
 """Lines by which a fit is turned into a proposal; they are not flown."""
+
+SHARED_DRAWS: Final = 100
+"""The same for the shares of half-spaces that share their points."""
 
 FEWEST, MOST = 120, 1_000
 """Lines of the estimate."""
@@ -65,6 +69,15 @@ NEVER: Final = 37.0
 
 EACH: Final = 5
 """Lines that each cell gets at least: few cells carry much, but together the small ones may."""
+
+STRATA: Final = 16
+"""Groups of half-spaces that share their points, each with lines in proportion; those of a line are drawn."""
+
+SHARED_LINES: Final = 160
+"""Lines of the pilot along half-spaces that share their points, at least one each."""
+
+LINEAR: Final = 0.25
+"""Share of the lines of the estimate that half-spaces that share their points have by the linear model alone."""
 
 BEFORE: Final = "flights fail before the limit is reached along their line as well: it is crossed more than once"
 
@@ -99,25 +112,27 @@ class Rare:
 class _Lines:
     """Lines that were followed.
 
-    Facet, v, entry and whether a flight beyond it fails, shape (n,); entries as points with their noise; points before
-    the entry of a line that fail as well; flights to find the entries.
+    Facet, v, entry, whether a flight beyond it fails, and the share of that flight's point that is the facet's, shape
+    (n,); entries as points with their noise; points before the entry of a line that fail as well; flights to find the
+    entries.
     """
 
     facet: IndexArray
     across: Array
     entry: Array
     beyond: Array
+    share: Array
     points: Places
     before: Places
     begin: Array
     flights: int
 
     def weights(self, proposals: list[Proposal]) -> Array:
-        """Return ``ratio(v) Phi(-t*)``, zero where the flight beyond the entry is not in the event, shape (n,)."""
+        """Return ``ratio(v) Phi(-t*) pi``, zero where the flight beyond the entry is not in the event, shape (n,)."""
         ratio = np.empty(len(self.facet))
         for j, proposal in enumerate(proposals):
             ratio[self.facet == j] = proposal.ratio(self.across[self.facet == j])
-        return np.asarray(ratio * special.ndtr(-self.entry) * self.beyond)
+        return np.asarray(ratio * special.ndtr(-self.entry) * self.beyond * self.share)
 
 
 def estimate_probability(
@@ -156,8 +171,11 @@ def estimate_probability(
     if float(np.min(facets.distances)) <= 0.0:
         return _refused(flown, "the nominal itself lies beyond the limit", dimensions)
     expected = lambda points: limit.margin(linear(points))  # noqa: E731
-    facets = turned(facets, flown.outcomes(), limit, generator)
-    unseen = UnseenNoise.measure(flown, dimensions) if noisy else None
+    if isinstance(limit, AnyEpoch):
+        facets = replace(facets, shared=True)
+    if dimensions <= ALL_PAIRS or not facets.shared:
+        facets = turned(facets, flown.outcomes(), limit, generator)
+    unseen = UnseenNoise.measure(flown, facets, linear) if noisy else None
     plan = _Plan(flown, expected, facets, generator, unseen)
     pilot, proposals = plan.pilot()
     unforeseen = pilot.points[(pilot.facet >= facets.foreseen) & np.isfinite(pilot.entry)]
@@ -174,6 +192,16 @@ def estimate_probability(
     return plan.estimate(pilot, proposals, search, precision, confidence, most)
 
 
+def strata_of(shares: Array) -> IndexArray:
+    """Return the stratum of each half-space, shape (facets,): consecutive by their shares, with equal sums, about."""
+    order = np.argsort(-shares, kind="stable")
+    middle = np.cumsum(shares[order]) - 0.5 * shares[order]
+    groups = np.minimum((middle * STRATA).astype(np.int64), STRATA - 1)
+    strata = np.empty(len(shares), dtype=np.int64)
+    strata[order] = np.unique(groups, return_inverse=True)[1]
+    return strata
+
+
 def _refused(flown: Flown, reason: str, dimensions: int) -> Rare:
     return Rare(math.nan, math.nan, math.nan, flown.flights, reason, np.full(dimensions, math.nan))
 
@@ -187,6 +215,13 @@ class _Plan:
     facets: Facets
     generator: np.random.Generator
     unseen: UnseenNoise | None
+    few: NDArray[np.bool_] = field(init=False)
+    """Half-spaces with too few lines in the pilot for a fit: they enter where the linear model has it, shifted."""
+
+    shift: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.few = np.arange(len(self.facets.distances)) < (self.facets.foreseen if self.facets.shared else 0)
 
     def follow(self, facet: IndexArray, across: Array, proposals: list[Proposal], check: bool = True) -> _Lines:
         """Follow lines, and fly a point beyond the entry of each, if that is checked, and before that of some."""
@@ -195,7 +230,9 @@ class _Plan:
         nearest = float(np.min([each.constant for each in proposals]))
         ends = np.full(number, max(nearest, float(np.min(facets.distances))) + END)
         begins = np.maximum(facets.starts(facet, feet), -ends)
-        guesses = np.array([proposals[j].entry(v[None])[0] for j, v in zip(facet, across, strict=True)])
+        guesses = np.empty(number)
+        for j in np.unique(facet):
+            guesses[facet == j] = self.entry(int(j), across[facet == j], proposals[j])
         guesses = np.where((guesses > 0.0) & (guesses < ends), guesses, facets.distances[facet])
         step = 1e-4
         at = feet + facets.distances[facet][:, None] * along
@@ -206,6 +243,8 @@ class _Plan:
         entered = np.isfinite(entry)
         beyond, some = np.zeros(number), entered & (np.arange(number) % BETWEEN == 0)
         t = -special.ndtri(uniform[:, 0] * special.ndtr(-entry))
+        shared_at = np.where(entered, t if check else entry, 0.0)
+        share = facets.shares(facet, feet + shared_at[:, None] * along)
         if check:
             tails = feet[entered] + t[entered, None] * along[entered]
             beyond[entered] = ~(self.flown(tails, noise[entered]) <= 0.0)
@@ -215,39 +254,79 @@ class _Plan:
         earlier = Places(feet[some][inside] + t[inside, None] * along[some][inside], noise[some][inside])
         before = earlier[~(self.flown(earlier.points, earlier.noise) <= 0.0)]
         entries = Places(feet + np.where(entered, entry, 0.0)[:, None] * along, noise)
-        return _Lines(facet, across, entry, beyond, entries, before, begins, entered_at.flights)
+        return _Lines(facet, across, entry, beyond, share, entries, before, begins, entered_at.flights)
 
     def pilot(self) -> tuple[_Lines, list[Proposal]]:
         """Follow lines from the standard normal, and fit where those of the estimate are laid."""
         facets, d = self.facets, self.facets.directions.shape[1] - 1
-        likely = facets.probabilities / np.max(facets.probabilities)
-        likely[facets.foreseen : facets.foreseen + 1] = 0.0  # the opposite side
-        lines = np.maximum(OTHERS, np.ceil(max(PILOT, 2 * d + 12) * likely / max(1.0, likely.sum() / 3.0)).astype(int))
+        lines = self.pilot_lines()
         facet = np.repeat(np.arange(len(lines)), lines if d or self.unseen is not None else 1)
         plain = [Proposal.plain(d, float(each)) for each in facets.distances]
         followed = self.follow(facet, self.generator.standard_normal((len(facet), d)), plain, check=False)
         fitted = []
         normal = self.generator.standard_normal((DRAWS, d))
+        self.few = facets.shared & (lines <= d + 3) & (np.arange(len(lines)) < facets.foreseen)
+        self.shift = self.shifted(followed)
         for j, count in enumerate(lines):
             mine = facet == j
             mine &= np.isfinite(followed.entry) & (followed.entry > followed.begin)  # others enter with their cell
             entered = followed.entry[mine]
             fit = Proposal.plain(d, float(np.mean(entered)) if len(entered) else NEVER)
+            if self.few[j]:
+                fitted.append(plain[j])
+                continue
             if d and count > d + 3:
                 fit = Proposal.fitted(followed.across[mine], entered, fit.constant)
             if self.unseen is not None and fit.constant < NEVER:
                 fit = fit.with_scatter(*self.unseen.scatter(facets, j, self.flown.limit))
-            fitted.append(fit.improved(normal, partial(self.begins, j))[0] if fit.constant < NEVER else fit)
+            fitted.append(fit.improved(normal, partial(self.mass, j))[0] if fit.constant < NEVER else fit)
         return followed, fitted
 
-    def begins(self, facet: int, across: Array) -> Array:
-        """Return where lines of one facet begin, shape (n,)."""
-        facets = np.full(len(across), facet)
-        return self.facets.starts(facets, self.facets.feet(facets, across))
+    def pilot_lines(self) -> IndexArray:
+        """Return how many lines of the pilot are laid along each half-space, shape (facets,)."""
+        facets, d = self.facets, self.facets.directions.shape[1] - 1
+        likely = facets.probabilities / np.max(facets.probabilities)
+        likely[facets.foreseen : facets.foreseen + 1] = 0.0  # the opposite side
+        if facets.shared:
+            number = max(SHARED_LINES, 2 * d + 12)
+            lines = np.ceil(number * likely / likely.sum()).astype(int)
+            lines[facets.foreseen :] = np.maximum(lines[facets.foreseen :], OTHERS)
+            return np.asarray(np.maximum(lines, 1))
+        number = max(PILOT, 2 * d + 12)
+        return np.asarray(np.maximum(OTHERS, np.ceil(number * likely / max(1.0, likely.sum() / 3.0)).astype(int)))
+
+    def shifted(self, pilot: _Lines) -> float:
+        """Return how much later lines of half-spaces without a fit enter, by their probabilities, than expected."""
+        facets, mine = self.facets, self.few[pilot.facet]
+        if not mine.any():
+            return 0.0
+        facet, across = pilot.facet[mine], pilot.across[mine]
+        feet = facets.feet(facet, across)
+        at = np.maximum(facets.entries(facet, feet), 0.0)
+        expected = special.ndtr(-at) * facets.shares(facet, feet + at[:, None] * facets.directions[facet])
+        found = float(np.sum(special.ndtr(-pilot.entry[mine]) * pilot.share[mine])) / float(np.sum(expected))
+        return -math.log(found) / hazard_at(float(np.min(facets.distances))) if found > 0.0 else NEVER
+
+    def entry(self, facet: int, across: Array, proposal: Proposal) -> Array:
+        """Return the entries of lines at v of one facet that its fit expects, shape (n,)."""
+        if not self.few[facet]:
+            return proposal.entry(across)
+        return self.linear_entry(facet, across) + self.shift
+
+    def linear_entry(self, facet: int, across: Array) -> Array:
+        """Return the entries of lines at v of one facet by the linear model, shape (n,)."""
+        return self.facets.entries(np.full(len(across), facet), self.facets.feet_of(facet, across))
+
+    def mass(self, facet: int, across: Array, entry: Array) -> Array:
+        """Return ``Phi(-t*) pi`` of lines of one facet with their entries, or their begins, shape (n,)."""
+        facets, feet = np.full(len(across), facet), self.facets.feet_of(facet, across)
+        at = np.maximum(entry, self.facets.starts(facets, feet))
+        points = feet + at[:, None] * self.facets.directions[facet]
+        return np.asarray(special.ndtr(-at) * self.facets.shares(facets, points))
 
     def means(self, lines: _Lines) -> Array:
         """Return the probability of each cell by the pilot, shape (facets,)."""
-        plain = special.ndtr(-lines.entry)
+        plain = special.ndtr(-lines.entry) * lines.share
         return np.array([np.mean(plain[lines.facet == j]) for j in range(len(self.facets.distances))])
 
     def shares(self, pilot: _Lines, proposals: list[Proposal]) -> Array:
@@ -255,15 +334,22 @@ class _Plan:
 
         The fit alone knows what few lines of a small cell miss; where no line enters, it knows nothing.
         """
-        normal = self.generator.standard_normal((DRAWS, self.facets.directions.shape[1] - 1))
+        d, facets = self.facets.directions.shape[1] - 1, self.facets
+        normal = self.generator.standard_normal((DRAWS, d))
         means, fitted = self.means(pilot), np.zeros(len(proposals))
         for j, proposal in enumerate(proposals):
-            if proposal.constant < NEVER:
+            if proposal.constant < NEVER and not self.few[j]:
                 v = proposal.draw((np.arange(DRAWS) + 0.5) / DRAWS, normal)
-                entry = np.maximum(proposal.entry(v), self.begins(j, v))
-                fitted[j] = float(np.mean(proposal.ratio(v) * special.ndtr(-entry)))
+                fitted[j] = float(np.mean(proposal.ratio(v) * self.mass(j, v, proposal.entry(v))))
+        if facets.shared:
+            points = self.generator.standard_normal((SHARED_DRAWS, d + 1))
+            fitted = np.where(self.few, facets.expected_masses(points, self.shift)[0], fitted)
         shares = means / means.sum() + fitted / max(fitted.sum(), 1e-300)
-        return np.asarray(shares / shares.sum())
+        shares /= shares.sum()
+        if not facets.shared:
+            return np.asarray(shares)
+        linear, _ = facets.expected_masses(points, 0.0)
+        return np.asarray((1.0 - LINEAR) * shares + LINEAR * linear / linear.sum())
 
     def nearest(self, pilot: _Lines) -> float:
         """Return the distance of a half-space as probable as the event is by the pilot."""
@@ -285,9 +371,13 @@ class _Plan:
         per_line = pilot.flights / len(pilot.facet) + 1.0 + 1.0 / BETWEEN
         number = self.lines_needed(pilot, proposals, precision)
         number = int(np.clip(min(number, (most - self.flown.flights) / per_line), FEWEST, MOST))
-        lines_of = np.maximum(np.rint(number * shares), EACH).astype(np.int64)
-        facet, number = np.repeat(np.arange(len(shares)), lines_of), int(lines_of.sum())
-        shares = lines_of / number
+        strata = strata_of(shares) if self.facets.shared else np.arange(len(shares))
+        of_stratum = np.bincount(strata, shares)
+        lines_of = np.maximum(np.rint(number * of_stratum), EACH).astype(np.int64)
+        stratum, number = np.repeat(np.arange(len(of_stratum)), lines_of), int(lines_of.sum())
+        facet = self.drawn(stratum, strata, shares)
+        within = shares / of_stratum[strata] if self.facets.shared else 1.0
+        shares = (lines_of / number)[strata] * within
         uniform, normal = self.generator.random(number), self.generator.standard_normal((number, d - 1))
         across = np.empty((number, d - 1))
         for j, proposal in enumerate(proposals):
@@ -295,13 +385,25 @@ class _Plan:
             across[mine] = proposal.draw(uniform[mine], normal[mine])
         lines = self.follow(facet, across, proposals)
         weights = lines.weights(proposals) / shares[facet]
-        value, low, high = weights_interval(weights, facet, confidence)
+        value, low, high = weights_interval(weights, stratum, confidence)
         refusal = self.doubt(lines, weights, value, proposals, shares)
         if refusal:
             return _refused(self.flown, refusal, d)
         parts = np.array([weights[facet == j].sum() for j in range(len(shares))]) / number
-        point = self.likely(lines, weights)
+        point = self.likely(lines, weights, proposals)
         return Rare(value, low, high, self.flown.flights, "", point, int(np.count_nonzero(parts > 0.01 * value)))
+
+    def drawn(self, stratum: IndexArray, strata: IndexArray, shares: Array) -> IndexArray:
+        """Draw the half-space of each line from those of its stratum, shape (n,), by their shares."""
+        if not self.facets.shared:
+            return stratum
+        order = np.argsort(strata, kind="stable")
+        heaped = np.cumsum(shares[order])
+        ends = heaped[np.searchsorted(strata[order], np.arange(strata.max() + 1), side="right") - 1]
+        begins = np.append(0.0, ends[:-1])
+        at = begins[stratum] + self.generator.random(len(stratum)) * (ends - begins)[stratum]
+        place = np.minimum(np.searchsorted(heaped, at, side="right"), len(shares) - 1)
+        return np.asarray(order[place])
 
     def unseen_scatter(self, facet: int, proposals: list[Proposal]) -> float:
         """Return the variance of the logarithm of a line's probability by noise that the linear model does not see."""
@@ -315,6 +417,8 @@ class _Plan:
     def lines_needed(self, pilot: _Lines, proposals: list[Proposal], precision: float) -> float:
         """Return the lines that a relative standard error needs, from the scatter about the fit of the pilot."""
         j = int(np.argmax(self.means(pilot)))
+        if self.few[j]:
+            return self.few_lines_needed(pilot, precision)
         mine = (pilot.facet == j) & np.isfinite(pilot.entry) & (pilot.entry > pilot.begin)
         t, proposal = pilot.entry[mine], proposals[j]
         if len(t) < 8:
@@ -324,8 +428,22 @@ class _Plan:
         freedom = max(len(t) - 2.0 * len(proposal.mean) - 2.0, 1.0)
         scatter *= math.sqrt(len(t) / freedom)
         normal = self.generator.standard_normal((DRAWS, len(proposal.mean)))
-        fitted = proposal.improved(normal, partial(self.begins, j))[1]
+        fitted = proposal.improved(normal, partial(self.mass, j))[1]
         return (math.expm1(min(scatter**2, 20.0)) + fitted) / precision**2
+
+    def few_lines_needed(self, pilot: _Lines, precision: float) -> float:
+        """Return the same where half-spaces follow the linear model: from the scatter about it, and its shares'."""
+        facets, mine = self.facets, self.few[pilot.facet] & np.isfinite(pilot.entry) & (pilot.entry > pilot.begin)
+        if np.count_nonzero(mine) < 8:
+            return math.inf
+        facet = pilot.facet[mine]
+        expected = facets.entries(facet, facets.feet(facet, pilot.across[mine])) + self.shift
+        scatter = float(np.std(pilot.entry[mine] - expected)) * hazard_at(float(np.min(facets.distances)))
+        masses, variations = facets.expected_masses(
+            self.generator.standard_normal((SHARED_DRAWS, facets.directions.shape[1])), self.shift
+        )
+        shared = float(masses @ variations / np.sum(masses))
+        return (math.expm1(min(scatter**2, 20.0)) + shared) / precision**2
 
     def doubt(self, lines: _Lines, weights: Array, value: float, proposals: list[Proposal], shares: Array) -> str:
         """Say what contradicts the estimate; nothing where nothing does."""
@@ -348,19 +466,22 @@ class _Plan:
     def agreement(self, lines: _Lines, weights: Array, proposals: list[Proposal], shares: Array) -> float:
         """Return the weights of lines in the major cells over those that the fit of the pilot predicts."""
         predicted = np.zeros(len(lines.facet))
-        major = shares[lines.facet] > MINOR
+        major = (shares[lines.facet] > MINOR) | self.facets.shared
         for j, proposal in enumerate(proposals):
             mine = (lines.facet == j) & major
             v = lines.across[mine]
-            predicted[mine] = proposal.ratio(v) * special.ndtr(-np.maximum(proposal.entry(v), lines.begin[mine]))
+            predicted[mine] = proposal.ratio(v) * self.mass(j, v, self.entry(j, v, proposal))
         return float(np.sum(weights[major]) / np.sum(predicted / shares[lines.facet]))
 
-    def likely(self, lines: _Lines, weights: Array) -> Array:
+    def likely(self, lines: _Lines, weights: Array, proposals: list[Proposal]) -> Array:
         """Return the most likely point of failure: the mean of the entries of the heaviest cell, by their weights."""
         j = int(np.argmax(np.bincount(lines.facet, weights, len(self.facets.distances))))
         mine = (lines.facet == j) & (weights > 0.0)
         share = weights[mine] / weights[mine].sum()
-        feet = self.facets.feet(lines.facet[mine], lines.across[mine])
+        across = lines.across[mine]
+        if self.facets.shared and len(share) < 2 * self.facets.directions.shape[1]:
+            across = np.repeat(proposals[j].mean[None], len(share), axis=0)  # the mean of few is no centre
+        feet = self.facets.feet(lines.facet[mine], across)
         centre = share @ feet
         along = float(share @ lines.entry[mine])
         return np.asarray(centre + along * self.facets.directions[j])

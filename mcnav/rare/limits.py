@@ -103,7 +103,11 @@ class AnyEpoch:
 
     def margin(self, outputs: Array) -> Array:
         """Return how far outputs, shape (n, epochs times outputs), lie beyond, shape (n,); see `Sides.margin`."""
-        return np.asarray(np.max(self.limit.margin(self._apart(outputs)).reshape(len(outputs), self.epochs), axis=1))
+        return np.asarray(np.max(self.margins(outputs), axis=1))
+
+    def margins(self, outputs: Array) -> Array:
+        """Return the same at each epoch, shape (n, epochs)."""
+        return self.limit.margin(self._apart(outputs)).reshape(len(outputs), self.epochs)
 
     def reached(self, outputs: Array) -> Array:
         """Return the largest multiple of the limit that outputs reach, shape (n,)."""
@@ -120,12 +124,13 @@ class AnyEpoch:
         return np.tile(self.limit.offsets, self.epochs)
 
     def _apart(self, outputs: Array) -> Array:
-        return outputs.reshape(len(outputs) * self.epochs, -1)
+        return outputs.reshape(len(outputs) * self.epochs, outputs.shape[1] // self.epochs)
 
 
 def side_towards(limit: Limit, change: Array) -> Array:
-    """Return the normal of the side that a change of the outputs, shape (outputs,), approaches most directly."""
-    return np.asarray(limit.normals[int(np.argmax(limit.normals @ change))])
+    """Return the normal of the side that a change of the outputs, shape (outputs,), reaches first."""
+    scales = np.where(limit.offsets > 0.0, limit.offsets, 1.0)
+    return np.asarray(limit.normals[int(np.argmax(limit.normals @ change / scales))])
 
 
 Limit = Sides | Distance | AnyEpoch

@@ -87,19 +87,19 @@ class Proposal:
             self.curvature - half * np.mean(by**2, axis=0),
         )
 
-    def improved(self, normal: Array, begins: Callable[[Array], Array]) -> tuple[Proposal, float]:
+    def improved(self, normal: Array, mass: Callable[[Array, Array], Array]) -> tuple[Proposal, float]:
         """Match mean and variance to the lines that matter by the fit, and return the variation that is left.
 
-        ``normal`` are standard normals, shape (n, d - 1); ``begins`` returns where lines at v begin, shape (n,). The
-        moments are those of ``phi(v) Phi(-t*(v))`` with the fitted t*, by importance sampling (cross-entropy;
-        Rubinstein, 1999). The variation is the squared coefficient of the weights of lines laid so.
+        ``normal`` are standard normals, shape (n, d - 1); ``mass`` returns the probability w(v) of lines at v with
+        their entries, shape (n,). The moments are those of ``phi(v) w(v)`` with the fitted t*, by importance sampling
+        (cross-entropy; Rubinstein, 1999). The variation is the squared coefficient of the weights of lines laid so.
         """
         best = self
         variation = math.inf
         trial = self
         for _ in range(4):
             v = trial.draw((np.arange(len(normal)) + 0.5) / len(normal), normal)
-            weights = trial.ratio(v) * special.ndtr(-np.maximum(trial.entry(v), begins(v)))
+            weights = trial.ratio(v) * mass(v, trial.entry(v))
             total = float(np.sum(weights))
             if not total > 0.0:
                 break

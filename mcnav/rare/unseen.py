@@ -18,12 +18,16 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.rare.facets import Facets
+from mcnav.rare.facets import Facets, Outputs
 from mcnav.rare.flights import Flown
 from mcnav.rare.limits import Limit, side_towards
 
 FEWEST, MOST, FLIGHTS = 6, 12, 300
 """Noises that flights are compared with, and flights for them, about."""
+
+MANY: Final = 40
+NEAREST: Final = 8
+"""Dimensions above which flights go along so many half-spaces in place of along each error."""
 
 STEP: Final = 2.0
 """Step of differences, in standard deviations."""
@@ -41,14 +45,31 @@ class UnseenNoise:
     gradient: Array
 
     @classmethod
-    def measure(cls, flown: Flown, dimensions: int) -> UnseenNoise:
-        """Measure it by flights without errors and with each error, with the same noises."""
+    def measure(cls, flown: Flown, facets: Facets, linear: Outputs) -> UnseenNoise:
+        """Measure it by flights without errors and with each error, with the same noises.
+
+        In many dimensions flights go along the nearest half-spaces alone: gradients change by them, and are the linear
+        model's otherwise.
+        """
+        dimensions = facets.directions.shape[1]
+        if dimensions > MANY:
+            return cls._along(flown, facets, linear)
         points = np.vstack([np.zeros(dimensions), STEP * np.eye(dimensions)])
         noises = int(np.clip(FLIGHTS // len(points), FEWEST, MOST))
         outputs = np.stack([flown.outcomes()(points) for _ in range(noises)])
         gradients = (outputs[:, 1:] - outputs[:, :1]).swapaxes(1, 2) / STEP
         here = outputs[:, 0]
         return cls(here - here.mean(axis=0), gradients - gradients.mean(axis=0), gradients.mean(axis=0))
+
+    @classmethod
+    def _along(cls, flown: Flown, facets: Facets, linear: Outputs) -> UnseenNoise:
+        axes = facets.directions[np.argsort(facets.distances, kind="stable")[:NEAREST]]
+        points, identity = np.vstack([np.zeros(axes.shape[1]), STEP * axes]), STEP * np.eye(axes.shape[1])
+        outputs = np.stack([flown.outcomes()(points) for _ in range(MOST)])
+        slopes = (outputs[:, 1:] - outputs[:, :1]).swapaxes(1, 2) / STEP
+        tilts = (slopes - slopes.mean(axis=0)) @ np.linalg.pinv(axes.T)
+        here = outputs[:, 0]
+        return cls(here - here.mean(axis=0), tilts, (linear(identity) - linear(-identity)).T / (2.0 * STEP))
 
     def scatter(self, facets: Facets, j: int, limit: Limit) -> tuple[Array, Array]:
         """Return ``e_k(0)``, shape (K,), and its derivatives by v, shape (K, d - 1), of the lines of a half-space.

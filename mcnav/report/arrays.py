@@ -76,7 +76,8 @@ def _filter_sigmas(content: RunAnalysis) -> Array | None:
     return np.column_stack([output.filter for output in filtered.outputs])
 
 
-def _predicted_covariances(content: RunAnalysis) -> Array | None:
+def filter_covariances(content: RunAnalysis) -> Array | None:
+    """Return the covariances of the outputs that linear analysis has the filter state at the epochs; none without."""
     known, record = content.envelopes, content.manifest.model.filter
     prediction = None if record is None else record.prediction
     if known is None or prediction is None or len(prediction.covariance) != len(known.times):
@@ -84,7 +85,8 @@ def _predicted_covariances(content: RunAnalysis) -> Array | None:
     return prediction.covariance
 
 
-def _linear_covariances(content: RunAnalysis) -> Array | None:
+def linear_covariances(content: RunAnalysis) -> Array | None:
+    """Return the linear covariances of the outputs over time; none where they are not known."""
     history, development = content.development, content.manifest.model.development
     if history is None:
         return None
@@ -121,7 +123,7 @@ MATRICES: Final = (
     Matrix("C_plain_t", "Monte Carlo covariance at each epoch", AT_EPOCHS,
            lambda run: None if run.envelopes is None else run.envelopes.covariance, "covariance_plain_over_time"),
     Matrix("C_filter_t", "covariance of the filter of linear analysis at each epoch", AT_EPOCHS,
-           _predicted_covariances, "covariance_filter_linear_over_time"),
+           filter_covariances, "covariance_filter_linear_over_time"),
     Matrix("sigma_linear_t", "linear sigmas at each epoch", ("time", "output"),
            lambda run: None if run.envelopes is None else run.envelopes.linear_sigma),
     Matrix("sigma_plain_t", "Monte Carlo sigmas at each epoch", ("time", "output"),
@@ -133,7 +135,7 @@ MATRICES: Final = (
     Matrix("P_t", "partial derivatives of the errors at each of them", ("time_of_partials", "output", "source"),
            lambda run: None if run.development is None else run.development.partials, "partials_over_time",
            {"source": -1}),
-    Matrix("C_linear_t", "linear covariance", AT_PARTIALS, _linear_covariances, "covariance_linear_over_time"),
+    Matrix("C_linear_t", "linear covariance", AT_PARTIALS, linear_covariances, "covariance_linear_over_time"),
     Matrix("Q_variance_t", "variance that each process of noise has added",
            ("process", "time_of_partials", "output"), _process_variances, "variance_noise_over_time", {"output": 2}),
 )  # fmt: skip

@@ -14,7 +14,7 @@ from urllib.parse import quote
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from mcnav.report.document import LivePart, Page, Part, WhatIfPart
+from mcnav.report.document import Page, Part
 from mcnav.report.glossary import hints
 from mcnav.report.template_cache import TemplateCache
 
@@ -34,8 +34,8 @@ BOX: Final = "0 0 16 16"
 END: Final = "})();\n"
 """End of the page's script, before which those of some parts have their place."""
 
-ADDED: Final = {WhatIfPart: "what_if", LivePart: "live"}
-"""Parts that have a style sheet and a script of their own, in the order of these."""
+ADDED: Final = {"MovedFigure": "deck", "WhatIfPart": "what_if", "LivePart": "live"}
+"""Kinds of parts that have a style sheet and a script of their own, in the order of these."""
 
 
 def page_html(page: Page) -> str:
@@ -46,7 +46,7 @@ def page_html(page: Page) -> str:
     """
     environment = _environment()
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))
-    kinds = {type(part) for section in page.sections for part in section.parts}
+    kinds = {type(part).__name__ for section in page.sections for part in section.parts}
     for name in (name for kind, name in ADDED.items() if kind in kinds):
         style += _source(environment, f"{name}.css")
         script = script.removesuffix(END) + _source(environment, f"{name}.js") + END
@@ -54,7 +54,7 @@ def page_html(page: Page) -> str:
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     text = environment.get_template("page.html").render(
         page=page, style=Markup(style), script=Markup(script), script_hash=Markup(f"sha256-{digest}"), icon=icon,
-        live=LivePart in kinds, hints=hints(),
+        live="LivePart" in kinds, hints=hints(),
     )  # fmt: skip
     return _focusable(text)
 

@@ -15,6 +15,7 @@ from mcnav.report.document import Beside, Findings, Folded, Note, Page, Part, Se
 from mcnav.report.figure_words import words_on
 from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios, truth
 from mcnav.report.figures.combination import combination
+from mcnav.report.figures.deck import deck
 from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
@@ -29,6 +30,7 @@ from mcnav.report.sections.answers import answers
 from mcnav.report.sections.budget import budget_section
 from mcnav.report.sections.causes import causes_section
 from mcnav.report.sections.filter import filter_sections
+from mcnav.report.sections.improvements import improvements_section
 from mcnav.report.sections.joint import combination_section, joint_section
 from mcnav.report.sections.outputs import dispersion_section, requirements_section, sigmas_section
 from mcnav.report.sections.provenance import provenance_section, simulated_per_second
@@ -46,7 +48,7 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "nis_history": normalized_errors.nis_over_time, "sigma_history": sigma_ratios.sigma_ratios_over_time,
     "within_history": sigma_ratios.shares_within, "estimation": estimation, "combination": combination,
     "requirements_over_time": requirements_over_time, "tails": tails,
-    "dispersion_over_time": truth.dispersion_over_time, "landing_ellipses": truth.ellipses_at_end,
+    "deck": deck, "dispersion_over_time": truth.dispersion_over_time, "landing_ellipses": truth.ellipses_at_end,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
 
@@ -70,7 +72,7 @@ def figures(content: RunAnalysis) -> dict[str, Figure]:
     if content.dispersed:
         drawn |= {name: draw(content) for name, draw in FIGURES.items()}
     known = {name: drawing for name, drawing in drawn.items() if drawing is not None}
-    return {name: replace(drawing, shows=words_on(name, content)) for name, drawing in known.items()}
+    return {name: replace(drawing, shows=words_on(name, content) or drawing.shows) for name, drawing in known.items()}
 
 
 def render(content: RunAnalysis) -> str:
@@ -111,14 +113,17 @@ def _numbered(sections: Sequence[Section]) -> list[Section]:
 def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section]:
     """List the sections of the report; most are there where there is dispersion to show."""
     throughout, flown, dispersed = drawn.get("envelopes"), drawn.get("flight"), content.dispersed
+    moved = drawn.get("deck")
     sections = [
         combination_section(content, drawn),
+        None if moved is None else Section("deck", moved.title, [moved]),
         None if throughout is None else Section("throughout", throughout.title, [throughout]),
         truth_section(content, drawn) if dispersed else None,
         *filter_sections(content, drawn),
         smoother_section(content),
         None if flown is None else Section("flight", flown.title, [flown]),
         budget_section(content, drawn) if dispersed else None,
+        improvements_section(content.what_if, content.manifest.model.outputs),
         what_if_section(content.what_if, content.manifest.model.outputs, content.looped),
         joint_section(content, drawn) if dispersed else None,
         dispersion_section(content, drawn) if dispersed else None,
@@ -141,7 +146,8 @@ def _on_page(content: RunAnalysis, statement: Statement) -> Statement:
     if statement.subject == "linear":
         findings, further = sentences.findings(content.summary), _further(content)
         heading = heading_remark(content.history)
-        details = tuple(each for each in findings if each not in further)
+        growth = sentences.room_to_grow(content.summary)
+        details = (*(each for each in findings if each not in further), *([growth] if growth else []))
         warnings = (*warnings, *([heading] if heading else []))
     elif statement.subject == "filter" and content.filter is not None:
         where = filter_tables.at_worst(content.filter)

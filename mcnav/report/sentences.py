@@ -26,6 +26,9 @@ JOINT: Final = "joint distribution"
 BEYOND: Final = "beyond linear range"
 """What stands in place of a linear number that has no meaning."""
 
+LEAST_ROOM, MOST_ROOM = 1.1, 30.0
+"""Multiples of all errors below which, and above which, no number is told."""
+
 Subject = Literal["linear", "requirements", "filter", "smoother"]
 """What a verdict is on."""
 
@@ -287,6 +290,35 @@ def findings(summary: Summary) -> list[str]:
     alone, together = explanation(summary), joint_explanation(summary)
     ordered = [together, alone] if tone(summary) == "partly" else [alone, together]
     return [sentence for sentence in ordered if sentence]
+
+
+def room_to_grow(summary: Summary) -> str:
+    """Estimate by how much all errors may grow before a sigma leaves the tolerance; empty unless all are within it.
+
+    For symmetric errors about zero the ratio of sigmas is 1 + a k² + ... with all errors multiplied by k. The farther
+    end of its interval stands for a, so that few samples leave less room.
+    """
+    if summary.verdict != "agrees" or summary.beyond_range or summary.start_mean.any():
+        return ""
+    reach = {
+        name: max(abs(low - 1.0), abs(high - 1.0))
+        for name, ends in zip(summary.names, summary.sigma_ratio_paired_interval, strict=False)
+        if ends is not None
+        for low, high in [ends]
+        if low is not None and high is not None and low > 0.0 and math.isfinite(high)
+    }
+    if not reach:
+        return ""
+    name = max(reach, key=lambda each: reach[each])
+    multiple = math.sqrt(summary.tolerance / max(reach[name], 1e-12))
+    if multiple < LEAST_ROOM:
+        return ""
+    told = f"more than {MOST_ROOM:g}" if multiple > MOST_ROOM else f"at least {math.floor(10.0 * multiple) / 10.0:g}"
+    return (
+        f"All errors may grow to {told} times their size before a sigma may leave ±{100.0 * summary.tolerance:g} %, "
+        f"first that of {humanize(name)}, if departures grow with the square of the errors, as those of smooth systems "
+        "do at first; mcnav linearity measures it."
+    )
 
 
 def certain_but_small(summary: Summary) -> str:

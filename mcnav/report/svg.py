@@ -70,7 +70,7 @@ class _Plot:
             self.right = width - right
             self.x = Scale(*limit_x, self.left, self.right, panel.x.log)
             room = self.right - self.left
-            self.ticks_x = ([], []) if panel.x.names else ticks_along(
+            self.ticks_x = ([], []) if panel.x.names or panel.x.bare else ticks_along(
                 *limit_x, panel.x.log, room, lambda text: text_width(text, TICK)
             )  # fmt: skip
             labels = zip(*self.ticks_x, strict=True)
@@ -334,6 +334,12 @@ def _points(mark: m.Points, x: Array, y: Array) -> str:
     return f'{whole}{inner} stroke-width="{_n(max(size - 3.2, 1.0))}"/>'
 
 
+def plot_area(panel: m.Panel, width: float, height: float) -> Box:
+    """Return left, top, right and bottom of the area between the axes of a panel of so many pixels."""
+    plot = _Plot(panel, width, height)
+    return plot.left, plot.top, plot.right, plot.bottom
+
+
 def svg(panel: m.Panel, width: float, height: float, key: str, title: str, described_by: str = "") -> Markup:
     """Return a panel of so many pixels as SVG; ``key`` begins its only id, ``title`` is its name for screen readers."""
     plot = _Plot(panel, width, height)
@@ -343,6 +349,7 @@ def svg(panel: m.Panel, width: float, height: float, key: str, title: str, descr
     for name, axis in (("x", panel.x), ("y", panel.y)):
         data += f' data-{name}-label="{escape(axis.label)}" data-{name}-unit="{escape(axis.unit)}"'
         data += f' data-{name}-names=""' if axis.names else ""
+    data += ' data-even=""' if panel.even else ""
     data += f' data-link="{escape(panel.x.link)}"' if panel.x.link else ""
     corners = f'x="{_n(plot.left)}" y="{_n(plot.top - 3.0)}" width="{_n(plot.right - plot.left + 3.0)}"'
     clip = f'<clipPath id="{key}-c"><rect {corners} height="{_n(plot.bottom - plot.top + 3.0)}"/></clipPath>'

@@ -34,9 +34,9 @@ SECTIONS: Final[dict[Subject, tuple[str, ...]]] = {
 """Sections on each subject, the foremost first: that on the combination of outputs is only where they differ."""
 
 FURTHER: Final[dict[Subject, tuple[tuple[str, str], ...]]] = {
-    "requirements": (("Causes", "budget"), ("What would change it", "what-if")),
+    "requirements": (("Causes", "budget"), ("What to improve", "improve"), ("What would change it", "what-if")),
     "filter": (("What would change it", "what-if"),), "smoother": (),
-    "linear": (("Causes of the errors", "budget"),),
+    "linear": (("Causes of the errors", "budget"), ("What to improve", "improve")),
 }  # fmt: skip
 """Questions after each verdict, and the sections that answer them."""
 

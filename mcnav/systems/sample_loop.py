@@ -89,7 +89,8 @@ def simulate_alone(
 
 
 def join_results(results: Sequence[SimulationResult]) -> SimulationResult:
-    """Join the results of single samples; what one of them lacks, such as a history, is NaN."""
+    """Join the results of samples or of pieces; what one of them lacks, such as a history, is NaN."""
+    begins = np.cumsum([0] + [len(result.values) for result in results])
 
     def joined(name: str) -> Array | None:
         each = [getattr(result, name) for result in results]
@@ -100,7 +101,11 @@ def join_results(results: Sequence[SimulationResult]) -> SimulationResult:
 
     return SimulationResult(
         np.concatenate([result.values for result in results]),
-        {row: failure for row, result in enumerate(results) for failure in result.failures.values()},
+        {
+            int(begin) + row: failure
+            for begin, result in zip(begins, results, strict=False)
+            for row, failure in result.failures.items()
+        },
         sum(result.fallback_count for result in results),
         joined("linear_values"),
         joined("history"),

@@ -132,12 +132,16 @@ def titles(paths: Sequence[str | Path]) -> tuple[str, ...]:
 
 
 def page_name(paths: Sequence[str | Path]) -> str:
-    """Name the page of a comparison in a folder of its choice, such as ``mine_and_other.html``.
+    """Name the page of a comparison in a folder of its choice: by as many last parts of the paths as tell them apart.
 
-    >>> page_name(["reports/mine", "reports/other"])
-    'mine_and_other.html'
+    >>> page_name(["reports/mine", "reports/other"]), page_name(["one/run", "other/run"])
+    ('mine_and_other.html', 'one-run_and_other-run.html')
     """
-    return f"{'_and_'.join(Path(path).resolve().name for path in paths)}.html"
+    parts = [Path(path).resolve().parts[1:] for path in paths]
+    deepest = max(map(len, parts), default=1)
+    names = (["-".join(each[-count:]) for each in parts] for count in range(1, deepest + 1))
+    told = [each for each in names if len(set(each)) == len(each)] or [[each[-1] for each in parts]]
+    return f"{'_and_'.join(told[0])}.html"
 
 
 def same_draws(one: RunAnalysis, other: RunAnalysis) -> bool:

@@ -24,11 +24,10 @@ from mcnav.contract.engine import (
     without_noise,
 )
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Scenario, is_linear_over_time
+from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, is_linear_over_time
 from mcnav.execution.soundness import isolated
 from mcnav.rare.estimate import estimate_probability
-from mcnav.rare.facets import linear_facets
-from mcnav.sampling.copula import semidefinite_factor
+from mcnav.rare.facets import BEHIND, linear_facets
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.statistics.bisection import root_between
@@ -49,6 +48,9 @@ SHARE: Final = 5
 MOST_FLIGHTS: Final = 4_000
 """Flights of a campaign with noise, which scatters entries: one flight for so many samples, and at most so many."""
 
+MOST_NORMALS: Final = 400
+"""Standard normals of errors and noise on which a requirement depends, at most."""
+
 UNFELT: Final = 1e-6
 """Share of an output's linear sigma below which what noise adds to it is rounding."""
 
@@ -60,35 +62,79 @@ STREAM: Final = 1_000_003
 
 
 @dataclass(frozen=True)
-class _Noise:
-    """Noise that adds ``factor @ w`` of normals w to the linear outcomes of the requirement's outputs.
+class _Law:
+    """Linear law of an event's outputs at its epochs, or at the end, m = 1.
 
-    ``processes`` are the covariances that each process adds to them, shape (m, m). ``felt`` are the outputs, by their
-    place among these, to which noise adds more than rounding; the noise of ``samples`` is given for them.
+    ``mean`` has shape (m, outputs); ``processes`` are the covariances that each process of noise adds, shape
+    (m, outputs, outputs), and ``covariance`` is that of all causes.
+    """
+
+    mean: Array
+    covariance: Array
+    processes: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, event: Event, model: Model, errors: ErrorModel, throughout: LinearHistory | None) -> _Law:
+        """Return it by the model at the end or, of an event over time, throughout the flight."""
+        chosen = list(event.outputs)
+        if event.epochs and throughout is not None:
+            epochs = np.array(event.epochs)
+            partials, nominal = throughout.partials[epochs][:, chosen], throughout.nominal[epochs][:, chosen]
+            processes = {name: each[epochs][:, chosen][:, :, chosen] for name, each in throughout.processes.items()}
+        else:
+            partials, nominal = model.partials[None, chosen], model.nominal[None, chosen]
+            processes = {name: each[None][:, chosen][:, :, chosen] for name, each in model.processes.items()}
+        covariance = np.einsum("mis,st,mjt->mij", partials, errors.covariance, partials)
+        return cls(nominal + partials @ errors.mean, sum(processes.values(), covariance), processes)
+
+    @property
+    def of_noise(self) -> Array:
+        """Covariance of all noise."""
+        return np.asarray(sum(self.processes.values(), np.zeros_like(self.covariance)))
+
+
+@dataclass(frozen=True)
+class _Noise:
+    """Noise that adds ``factor @ w`` of normals w to what the linear model says of an event's outcomes.
+
+    ``factor`` has shape (limited, r). ``processes`` are those of `_Law`.
     """
 
     samples: ConditionalNoise
-    processes: Mapping[str, Array]
     factor: Array
-    felt: IndexArray
+    processes: Mapping[str, Array]
 
     @classmethod
-    def of(cls, engine: ConditionalEngine, model: Model, outputs: tuple[int, ...]) -> _Noise:
-        """Factor the covariance; a part without variance has no normals."""
-        processes = {name: covariance[np.ix_(outputs, outputs)] for name, covariance in model.processes.items()}
-        covariance = sum(processes.values(), np.zeros((len(outputs), len(outputs))))
-        whole = np.sqrt(np.diag(model.outcome_covariance)[list(outputs)])
-        sigma = np.sqrt(np.diag(covariance))
-        sigma = np.where(sigma > UNFELT * whole, sigma, 0.0)
-        felt = np.flatnonzero(sigma)
-        inverse = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
-        factor = sigma[:, None] * semidefinite_factor(inverse[:, None] * covariance * inverse)
-        samples = engine.conditional_noise(tuple(outputs[place] for place in felt))
-        return cls(samples, processes, factor[:, factor.any(axis=0)], felt)
+    def of(cls, engine: ConditionalEngine, event: Event, law: _Law) -> _Noise:
+        """Ask for conditions on what is felt of the noise, and near enough to its limits to matter."""
+        whole, noise = (np.sqrt(np.diagonal(each, axis1=1, axis2=2)) for each in (law.covariance, law.of_noise))
+        nearest = np.min(event.distances(law.mean, law.covariance), axis=1)
+        felt = (noise > UNFELT * whole) & (nearest < np.min(nearest) + BEHIND)[:, None]
+        places = np.flatnonzero(felt)
+        epochs, outputs = np.divmod(places, len(event.outputs))
+        at = tuple(event.epochs[epoch] for epoch in epochs) if event.epochs else None
+        samples = engine.conditional_noise(tuple(event.outputs[output] for output in outputs), at)
+        factor = np.zeros((felt.size, samples.factor.shape[1]))
+        factor[places] = samples.factor
+        return cls(samples, factor, law.processes)
 
     def added(self, normals: Array) -> Array:
-        """Return what noise adds to the linear outcomes, shape (n, m)."""
+        """Return what noise adds to the linear outcomes, shape (n, limited)."""
         return np.asarray(np.einsum("nr,mr->nm", normals, self.factor))
+
+    def sizes(self, added: Array, place: int) -> list[float]:
+        """Return the size of each process's normals in the most likely noise that adds so much, shape (outputs,).
+
+        ``place`` is that of the epoch among the event's.
+
+        With its covariance S_p of a total S, ``|z_p|^2 = y^T S^+ S_p S^+ y``.
+        """
+        parts = [each[place] for each in self.processes.values()]
+        covariance = sum(parts, np.zeros((len(added), len(added))))
+        sigma = np.sqrt(np.diag(covariance))
+        inverse = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
+        pulled = inverse * (np.linalg.pinv(inverse[:, None] * covariance * inverse, rcond=1e-10) @ (inverse * added))
+        return [math.sqrt(max(0.0, float(pulled @ part @ pulled))) for part in parts]
 
 
 @dataclass(frozen=True)
@@ -128,10 +174,12 @@ class _Normals:
         check_stopped()
         if not len(points):
             return np.zeros((0, len(self.linear(np.zeros((1, self.dimensions)))[0])))
-        if self.event.epochs:
+        if self.event.epochs and self.noise is None:
             return self.event.picked(_histories(self.engine, self.errors_of(points)))
         flown = self.simulate(points, numbers)
-        values = self.event.picked(flown.values).copy()
+        outcomes = flown.history if self.event.epochs else flown.values
+        assert outcomes is not None
+        values = self.event.picked(outcomes).copy()
         values[list(flown.failures)] = math.nan
         return values
 
@@ -141,8 +189,7 @@ class _Normals:
         if self.noise is None:
             return without_noise(self.engine)(errors)
         batch = Batch(numbers, errors, self._noise_seed)
-        added = self.noise.added(points[:, self.constants :])
-        return self.noise.samples.simulate(batch, added[:, self.noise.felt])
+        return self.noise.samples.simulate(batch, points[:, self.constants :])
 
     @cached_property
     def _noise_seed(self) -> int:
@@ -152,25 +199,21 @@ class _Normals:
         """Return the outputs by the linear model."""
         errors, throughout = self.errors_of(points), self.throughout
         if throughout is not None:
-            return self.event.picked(throughout.nominal + np.einsum("mos,ns->nmo", throughout.partials, errors))
-        outcomes = self.event.picked(self.model.nominal + errors @ self.model.partials.T)
+            outcomes = self.event.picked(throughout.nominal + np.einsum("mos,ns->nmo", throughout.partials, errors))
+        else:
+            outcomes = self.event.picked(self.model.nominal + errors @ self.model.partials.T)
         return np.asarray(outcomes if self.noise is None else outcomes + self.noise.added(points[:, self.constants :]))
 
     def departures(self, point: Array) -> tuple[list[str], Array]:
-        """Return the departures of sources and processes in a point, in sigmas.
-
-        That of a process is the size of its normals in the most likely noise that adds y,
-        ``|z_p|^2 = y^T S^+ S_p S^+ y`` with its covariance S_p of a total S.
-        """
+        """Return the departures of sources and processes in a point, in sigmas; of processes those where it fails."""
         spread = self.errors.standard_deviations
         departures = (self.errors_of(point[None])[0] - self.errors.mean) / np.where(spread > 0.0, spread, 1.0)
         names = list(self.errors.names)
         if self.noise is None:
             return names, departures
-        # with S = L L^T and y = L w, S^+ y solves L^T x = w
-        pulled = np.linalg.lstsq(self.noise.factor.T, point[self.constants :], rcond=None)[0]
-        sizes = [math.sqrt(max(0.0, float(pulled @ part @ pulled))) for part in self.noise.processes.values()]
-        return names + list(self.noise.processes), np.append(departures, sizes)
+        added = self.noise.added(point[None, self.constants :]).reshape(-1, len(self.event.outputs))
+        place = self.event.worst_epoch(self.linear(point[None])) if self.event.epochs else 0
+        return names + list(self.noise.processes), np.append(departures, self.noise.sizes(added[place], place))
 
 
 def estimate_exceedances(
@@ -184,18 +227,35 @@ def estimate_exceedances(
     engine = isolated(system.scenario, exact_part(system.engine), system.timeout)
     over_time = any(requirement.epochs for requirement in requirements)
     throughout = linear_at_epochs(system.scenario, exact_part(system.engine)) if over_time else None
+    noisy = has_noise(system.scenario, system.engine)
     for number, requirement in enumerate(requirements):
         if requirement.kind == "sigma_ratio":
             continue
-        if requirement.epochs and (reason := _refusal_over_time(engine, throughout)):
-            if is_rare(size_probability(requirement)):
-                records.append(_refused(number, reason))
+        over_time, rare = bool(requirement.epochs), is_rare(size_probability(requirement))
+        reason = _refusal(system, over_time, throughout)
+        if reason and (over_time or noisy):
+            records += [_refused(number, reason)] if rare else []
             continue
         draws = system.draws
-        normals, event = _normals(engine, draws.errors, draws.seed, model, requirement, number, throughout)
-        if not _is_beyond_counting(normals, event, requirement, system, confidence):
+        event = Event.of(requirement, model.sizes)
+        if noisy:
+            law = _Law.of(event, model, draws.errors, throughout)
+            distances = event.distances(law.mean, law.covariance)
+            share = float(np.max(np.sum(special.ndtr(-distances), axis=1)))
+            near = 0.0 < float(np.min(distances)) < RAREST
+            if not near or _is_counted(share, requirement, system, confidence):
+                continue
+        try:
+            normals, event = _normals(engine, noisy, draws.errors, draws.seed, model, requirement, number, throughout)
+        except ScenarioError as wrong:
+            records += [_refused(number, str(wrong))] if rare else []
             continue
-        reason = _refusal(system, bool(requirement.epochs))
+        if normals.dimensions > MOST_NORMALS:
+            reason = f"errors and noise have {normals.dimensions} normals there; at most {MOST_NORMALS} can be chosen"
+            records += [_refused(number, reason)] if rare else []
+            continue
+        if not (noisy and over_time) and not _is_beyond_counting(normals, event, requirement, system, confidence):
+            continue
         refused = _refused(number, reason)
         records.append(refused if reason else _estimate(number, normals, event, system.draws.samples, confidence))
     return tuple(records)
@@ -212,22 +272,21 @@ def _histories(engine: Engine, errors: Array) -> Array:
     return histories
 
 
+def has_noise(scenario: Scenario, engine: Engine) -> bool:
+    """Return whether the samples of an engine have noise at present."""
+    return engine.noisy and (not can_have_noise(scenario) or scenario.noisy)
+
+
 def linear_at_epochs(scenario: Scenario, engine: Engine) -> LinearHistory | None:
-    """Return the linear model at the epochs of an engine; none where it is not known there, or has noise."""
+    """Return the linear model at the epochs of an engine, with its noise; none where it is not known there."""
     known = linear_history(scenario, engine)
     if known is not None or engine.epochs is None or not is_linear_over_time(scenario):
         return known
     system = scenario.linear_over_time(len(engine.epochs.times))
-    if not same_times(system.times, engine.epochs.times) or any(each.any() for each in system.processes.values()):
+    if not same_times(system.times, engine.epochs.times):
         return None
     nominal = np.zeros(system.partials.shape[:2]) if system.nominal is None else system.nominal
-    return LinearHistory(engine.epochs, system.partials, nominal)
-
-
-def _refusal_over_time(engine: Engine, throughout: LinearHistory | None) -> str:
-    """Say why no flights are chosen for requirements over time; nothing where they are."""
-    known = throughout is not None and engine.filter is None
-    return "" if known else "over time flights are chosen without noise and filters alone"
+    return LinearHistory(engine.epochs, system.partials, nominal, system.processes)
 
 
 def _refused(number: int, reason: str) -> ExceedanceRecord:
@@ -235,16 +294,16 @@ def _refused(number: int, reason: str) -> ExceedanceRecord:
     return ExceedanceRecord(requirement=number, estimate=nothing, low=nothing, high=nothing, flights=0, refusal=reason)
 
 
-def _refusal(system: PreparedSystem, over_time: bool) -> str:
-    """Say why no flights are chosen; nothing where they are. ``over_time`` there is no noise."""
-    engine, draws = system.engine, system.draws
-    if not over_time and (engine.noisy or engine.filter is not None) and not conditions_noise(exact_part(engine)):
-        return (
-            "flights are chosen with the noise of type ins, of engines ensemble and shared-gains, and of closed loops"
-        )
+def _refusal(system: PreparedSystem, over_time: bool, throughout: LinearHistory | None) -> str:
+    """Say why no flights are chosen; nothing where they are."""
+    engine, draws, noisy = system.engine, system.draws, has_noise(system.scenario, system.engine)
+    if over_time and throughout is None:
+        return "over time flights are chosen where the linear model is known at all epochs"
+    if noisy and not conditions_noise(exact_part(engine)):
+        return "flights are chosen with the noise of other engines than reference: ensemble, shared-gains, single"
     if system.unsettled is not None:
         return "there is no linear model to choose flights with"
-    flights = NOISY_FLIGHTS if engine.noisy and not over_time else FLIGHTS
+    flights = NOISY_FLIGHTS if noisy else FLIGHTS
     if draws.samples < flights:
         return f"it takes about {flights:,} flights, more than the campaign has samples ({draws.samples:,})"
     return ""
@@ -254,19 +313,24 @@ def _is_beyond_counting(
     normals: _Normals, event: Event, requirement: Requirement, system: PreparedSystem, confidence: float
 ) -> bool:
     """Return whether counting samples cannot decide a requirement, if the linear model is right."""
-    if not normals.dimensions or normals.dimensions > 200:
+    if not normals.dimensions:
         return False
     facets = linear_facets(normals.linear, event.limit, normals.dimensions)
     distances = facets.distances[: facets.foreseen]
     if not len(distances) or not 0.0 < float(np.min(distances)) < RAREST:
         return False
-    expected, draws = float(np.sum(special.ndtr(-distances))), system.draws
+    return not _is_counted(float(np.sum(special.ndtr(-distances))), requirement, system, confidence)
+
+
+def _is_counted(expected: float, requirement: Requirement, system: PreparedSystem, confidence: float) -> bool:
+    """Return whether counting samples decides a requirement, if so many are expected beyond its limit."""
     if expected > MOST_SHARE:
-        return False
+        return True
+    draws = system.draws
     length = SamplingDesign.of(draws.design, draws.samples).block_length
     independent = draws.samples // length if length <= 2 else 0
     needed = samples_deciding(expected, allowed_share(requirement), confidence)
-    return needed is None or needed > independent
+    return needed is not None and needed <= independent
 
 
 def _estimate(number: int, normals: _Normals, event: Event, samples: int, confidence: float) -> ExceedanceRecord:
@@ -293,7 +357,10 @@ class FailingFlight:
     ----------
     errors : ndarray, shape (sources,)
     added : ndarray, shape (m,)
-        What noise adds to the linear outcomes of the requirement's ``outputs``; empty without noise.
+        What noise adds to the linear outcomes of the requirement's ``outputs``, over time at the epoch that is farthest
+        beyond the limit; empty without noise.
+    epoch : int or None
+        Number of that epoch; none of a requirement at the end.
     result : SimulationResult
     reached : float
         Multiple of the limit.
@@ -302,20 +369,21 @@ class FailingFlight:
     errors: Array
     outputs: tuple[int, ...]
     added: Array
+    epoch: int | None
     result: SimulationResult
     reached: float
 
 
 def fly_way_to_fail(
-    engine: Engine, errors: ErrorModel, seed: int, model: Model, requirement: Requirement, record: ExceedanceRecord,
-    throughout: LinearHistory | None,
+    engine: Engine, noisy: bool, errors: ErrorModel, seed: int, model: Model, requirement: Requirement,
+    record: ExceedanceRecord, throughout: LinearHistory | None,
 ) -> FailingFlight:  # fmt: skip
     """Fly the most likely way to fail of a requirement, moved along its direction to just beyond the limit.
 
     It is moved by at most a fifth of its distance: where the limit is not crossed there, it is flown as it is. Noise
     that the condition leaves random is that of flight 0.
     """
-    normals, event = _normals(engine, errors, seed, model, requirement, record.requirement, throughout)
+    normals, event = _normals(engine, noisy, errors, seed, model, requirement, record.requirement, throughout)
     point = np.array(record.point)
 
     def margin(multiple: float) -> float:
@@ -327,20 +395,24 @@ def fly_way_to_fail(
     multiple = root_between(margin, (low, below), (high, beyond), 1e-6)[1] if crossed else 1.0
     found = multiple * point[None]
     chosen = normals.errors_of(found)[0]
-    added = np.zeros(0) if normals.noise is None else normals.noise.added(found[:, normals.constants :])[0]
     number = np.zeros(1, dtype=np.int64)
-    reached = float(event.limit.reached(normals.fly(found, number))[0])
-    return FailingFlight(chosen, event.outputs, added, normals.simulate(found, number), reached)
+    flown = normals.fly(found, number)
+    place = event.worst_epoch(flown) if event.epochs else 0
+    added = np.zeros(0)
+    if normals.noise is not None:
+        added = normals.noise.added(found[:, normals.constants :]).reshape(-1, len(event.outputs))[place]
+    epoch = event.epochs[place] if event.epochs else None
+    reached = float(event.limit.reached(flown)[0])
+    return FailingFlight(chosen, event.outputs, added, epoch, normals.simulate(found, number), reached)
 
 
 def _normals(
-    engine: Engine, errors: ErrorModel, seed: int, model: Model, requirement: Requirement, number: int,
+    engine: Engine, noisy: bool, errors: ErrorModel, seed: int, model: Model, requirement: Requirement, number: int,
     throughout: LinearHistory | None,
 ) -> tuple[_Normals, Event]:  # fmt: skip
     """Return flights as functions of standard normals for a requirement by number, and what failing is."""
-    event = Event.of(requirement, model.sizes)
-    noise = None
-    if conditions_noise(engine) and not event.epochs:
-        noise = _Noise.of(engine, model, event.outputs)
+    event, noise = Event.of(requirement, model.sizes), None
+    if noisy and conditions_noise(engine):
+        noise = _Noise.of(engine, event, _Law.of(event, model, errors, throughout))
     over_time = throughout if event.epochs else None
     return _Normals(engine, errors, model, event, seed * STREAM + number, noise, over_time), event

@@ -243,7 +243,7 @@ def _tick(folder: Path, run: _Run) -> Markup:
     place = run.path if folder.is_absolute() else run.place.as_posix()
     return Markup(
         '<input type="checkbox" class="pick" value="{}" data-folder="{}" aria-label="Compare {}" hidden> '
-    ).format(shlex.quote(place), run.place.name, run.name)
+    ).format(shlex.quote(place), (Path(folder.resolve().name) / run.path).as_posix(), run.name)
 
 
 def _run_table(folder: Path, runs: Sequence[_Run]) -> Table[_Run]:

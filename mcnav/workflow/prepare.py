@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Final
 
 import numpy as np
@@ -53,12 +53,14 @@ DEVELOPMENT_POINTS: Final = 61
 class LinearHistory:
     """Partial derivatives at the epochs of an engine, shape (m, outputs, sources), and the errors of a perfect system.
 
-    ``nominal`` has shape (m, outputs); SI.
+    ``nominal`` has shape (m, outputs); SI. ``processes`` are the covariances that each process of noise adds, shape
+    (m, outputs, outputs), where they were asked for.
     """
 
     epochs: Epochs
     partials: Array
     nominal: Array
+    processes: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

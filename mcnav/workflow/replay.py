@@ -47,7 +47,7 @@ from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 from mcnav.systems.histories import with_errors
 from mcnav.units import conversion
 from mcnav.workflow.analyse import linear_model
-from mcnav.workflow.exceedance import fly_way_to_fail, linear_at_epochs
+from mcnav.workflow.exceedance import fly_way_to_fail, has_noise, linear_at_epochs
 from mcnav.workflow.prepare import exact_part
 
 STORED: Final = "stored"
@@ -137,7 +137,8 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
             own = isolated(scenario, exact_part(engines[engine_name]), campaign.sample_timeout)
             model = linear_model(manifest.model)
             throughout = linear_at_epochs(scenario, engines[engine_name]) if requirement.epochs else None
-            flight = fly_way_to_fail(own, campaign.errors, campaign.seed, model, requirement, record, throughout)
+            noisy = has_noise(scenario, engines[engine_name])
+            flight = fly_way_to_fail(own, noisy, campaign.errors, campaign.seed, model, requirement, record, throughout)
             others = [
                 _outcome(name, without_noise(engine)(flight.errors[None]))
                 for name, engine in engines.items()
@@ -152,8 +153,11 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
     units = {each.name: (conversion(each.unit, each.shown_in), each.shown_in) for each in scenario.outputs}
     names = list(units)
     predicted = model.nominal + model.partials @ flight.errors
+    if flight.epoch is None and len(flight.added):
+        predicted[list(flight.outputs)] += flight.added
+    at = _at(engines[engine_name].epochs, flight.epoch)
     noise = [
-        f"noise adds {added * units[names[i]][0]:.4g} {shown[i]} to {humanize(names[i])}, by linear analysis"
+        f"noise adds {added * units[names[i]][0]:.4g} {shown[i]} to {humanize(names[i])}{at}, by linear analysis"
         for i, added in zip(flight.outputs, flight.added, strict=False)
     ]
     limits = NamedRequirement(
@@ -178,6 +182,14 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
         requirement=number,
         limited=f"Required: {stated(limits, units)}. This flight reaches {flight.reached:.4f} times the limit.",
     )
+
+
+def _at(epochs: Epochs | None, epoch: int | None) -> str:
+    """Say when an epoch is; nothing of the end."""
+    if epochs is None or epoch is None:
+        return ""
+    unit = epochs.label.rpartition("[")[2].rstrip("]") if "[" in epochs.label else ""
+    return f" at {epochs.times[epoch]:.4g} {unit}".rstrip()
 
 
 def _way_to_fail(path: Path, manifest: Manifest, number: int) -> ExceedanceRecord:

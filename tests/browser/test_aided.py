@@ -62,6 +62,6 @@ def test_values_within_an_outage(browser: Browser, report: Path) -> None:
         tip = page.locator(".tip")
         tip.wait_for(state="visible")
         told = tip.inner_text()
-        assert "outage of gnss: 3.33 to 5 min" in told
+        assert "outage of gnss: 8.33 to 10 min" in told
         assert "filter's own, ±3σ" in told
         assert "samples" not in told

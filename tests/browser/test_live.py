@@ -42,3 +42,7 @@ def test_a_reader_tunes_confirms_and_changes_the_file(browser: Browser, filtered
         page.get_by_text("The requirement is not met").first.wait_for()
         page.locator(".live", has_text="of an earlier file").wait_for()
         page.locator(".alarm").wait_for(state="hidden")
+        assert box.input_value() == "9"  # the sliders stay, but those whose number the file has changed
+        filtered.write_text(FILTERED.replace('position = "3 m"', 'position = "4 m"'), encoding="utf-8")
+        page.wait_for_function("() => document.querySelector('.what-if .state')?.textContent.startsWith('As in')")
+        assert box.input_value() == "4"

@@ -16,7 +16,7 @@ from tests.browser.conftest import FOLDER, KINDS, NAME, Browser
 from tests.commands import invoke
 
 FIGURES = {
-    "report": 12, "many": 8, "aided": 15, "replay": 1, "comparison": 3, "index": 0, "start times": 5, "linearity": 2,
+    "report": 13, "many": 8, "aided": 16, "replay": 1, "comparison": 3, "index": 0, "start times": 5, "linearity": 2,
     "ins start times": 10, "lincov": 4, "allocate": 1, "sweep": 1, "contours": 1,
     "calibration": 12, "story": 10, "textbook": 0, "tn": 15, "ukfm": 1, "trajectory": 1,
 }  # fmt: skip
@@ -222,7 +222,7 @@ def test_the_same_bytes_again(page_of: Callable[[str], Path], tmp_path: Path) ->
 
 def test_two_ticked_runs_are_compared(browser: Browser, page_of: Callable[[str], Path], tmp_path: Path) -> None:
     """The command that stands there is accepted, and writes the page that is linked from then on."""
-    for name in ("first run", "second"):
+    for name in ("first one/run", "second/run"):
         shutil.copytree(page_of("report").parent, tmp_path / name)
     (tmp_path / "none").mkdir()
     written, *_ = index.write_index(tmp_path)
@@ -234,7 +234,7 @@ def test_two_ticked_runs_are_compared(browser: Browser, page_of: Callable[[str],
         boxes.first.check()
         assert said.locator("a").count() == 0
         command = said.locator("code").inner_text()
-        assert command == "mcnav compare second 'first run' --out ."
+        assert command == "mcnav compare second/run 'first one/run' --out ."
         boxes.last.uncheck()
         assert said.inner_text() == ""
     done = invoke(*shlex.split(command)[1:], cwd=tmp_path)
@@ -243,6 +243,6 @@ def test_two_ticked_runs_are_compared(browser: Browser, page_of: Callable[[str],
     with browser.opened(written, 1280) as page:
         for box in (page.locator("input.pick").last, page.locator("input.pick").first):
             box.check()
-        assert page.locator("[data-compare] a").get_attribute("href") == "second_and_first%20run.html"
-        assert (tmp_path / "second_and_first run.html").exists()
+        assert page.locator("[data-compare] a").get_attribute("href") == "second-run_and_first%20one-run.html"
+        assert (tmp_path / "second-run_and_first one-run.html").exists()
         assert page.locator("#all-studies tbody tr").count() == 1

@@ -11,7 +11,7 @@ import pytest
 from mcnav.contract.engine import conditions_noise
 from mcnav.contract.samples import Batch
 from mcnav.execution.chunks import DrawPlan
-from mcnav.systems.closed_loop.conditional import noise_covariance, noise_partials
+from mcnav.systems.closed_loop.conditional import noise_partials, rows_of
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from tests.closed_loops import campaign
 
@@ -35,19 +35,21 @@ def test_partials_of_the_noise_and_conditions(name: str) -> None:
     forwards = sum((system.model.processes or {}).values(), np.zeros((outputs, outputs)))
     sigma = np.sqrt(np.diag(forwards))
     felt = np.flatnonzero(sigma > 1e-6 * np.sqrt(np.diag(_whole(system))))
-    partials = noise_partials(setup.plan, setup.maps, setup.true, setup.readout, tuple(felt.tolist()))
-    backwards = noise_covariance(partials, len(felt))
+    chosen, end = tuple(felt.tolist()), setup.plan.end
+    rows, _ = rows_of([noise_partials(setup.plan, setup.maps, setup.true, setup.readout, chosen, end)])
+    backwards = rows @ rows.T
     scale = np.outer(sigma[felt], sigma[felt])
     np.testing.assert_allclose(backwards / scale, forwards[np.ix_(felt, felt)] / scale, atol=1e-7)
 
     (first,) = felt[:1].tolist()
     batch = system.draws.batch(0, 8)
-    added = sigma[first] * np.linspace(-4.0, 4.0, 8)[:, None]
-    result = engine.conditional_noise((first,)).simulate(batch, added)
+    samples, normals = engine.conditional_noise((first,)), np.linspace(-4.0, 4.0, 8)[:, None]
+    added = normals @ samples.factor.T
+    result = samples.simulate(batch, normals)
     assert result.linear_values is not None
     told = (system.model.nominal + batch.errors @ system.model.partials.T)[:, first] + added[:, 0]
     np.testing.assert_allclose((result.linear_values[:, first] - told) / sigma[first], 0.0, atol=1e-7)
-    pieces = replace(engine, chunk=3).conditional_noise((first,)).simulate(batch, added)
+    pieces = replace(engine, chunk=3).conditional_noise((first,)).simulate(batch, normals)
     np.testing.assert_array_equal(pieces.values, result.values)
 
 
@@ -65,10 +67,11 @@ def test_random_conditions_leave_the_noise_as_it_is() -> None:
     names = [output.name for output in system.model.outputs]
     one, other = names.index("true_position"), names.index("velocity")
     count = 2_000
-    added = np.sqrt(forwards[one, one]) * np.random.default_rng(3).standard_normal((count, 1))
+    normals = np.random.default_rng(3).standard_normal((count, 1))
     batch = Batch(np.arange(count), np.zeros((count, len(system.model.sources))), 8)
-    values = engine.conditional_noise((one,)).simulate(batch, added).values
-    np.testing.assert_allclose(values[:, one], added[:, 0], atol=1e-9)
+    samples = engine.conditional_noise((one,))
+    values = samples.simulate(batch, normals).values
+    np.testing.assert_allclose(values[:, one], (normals @ samples.factor.T)[:, 0], atol=1e-9)
     share = np.mean(values[:, other] ** 2) / forwards[other, other]
     assert share == pytest.approx(1.0, abs=3.9 * np.sqrt(2.0 / count))
     cosine = np.mean(values[:, one] * values[:, other])

@@ -61,8 +61,30 @@ def test_all_noise_has_the_linear_covariance(flown):
     of, made = flown()
     expected = sum(each[-1] for each in of.linear_over_time(2).processes.values())
     sigma = np.sqrt(np.diag(expected))
-    covariance = made.noise.covariance(tuple(range(9)))
+    rows = made.noise.rows(tuple(range(9)))
+    covariance = np.einsum("iz,jz->ij", rows, rows)
     np.testing.assert_allclose(covariance / np.outer(sigma, sigma), expected / np.outer(sigma, sigma), atol=GRIDS)
+
+
+@pytest.mark.parametrize("flown", [aided, free])
+def test_noise_at_an_epoch_has_the_linear_covariance_and_what_it_is_told(flown):
+    """Of two epochs, whose conditions are met in the histories of samples without errors, to second order."""
+    of, made = flown()
+    assert made.epochs is not None
+    epochs, outputs = (17, 40), (0, 5)
+    system = of.linear_over_time(len(made.epochs.times))
+    np.testing.assert_allclose(system.times, made.epochs.times, rtol=1e-9)
+    samples = made.conditional_noise((0, 5, 0, 5), (17, 17, 40, 40))
+    for k, epoch in enumerate(epochs):
+        expected = sum(each[epoch] for each in system.processes.values())[np.ix_(outputs, outputs)]
+        sigma = np.sqrt(np.diag(expected))
+        factor = samples.factor[2 * k : 2 * k + 2] / sigma[:, None]
+        np.testing.assert_allclose(factor @ factor.T, expected / np.outer(sigma, sigma), atol=GRIDS + 2e-4)
+    wanted = np.random.default_rng(1).standard_normal((8, samples.factor.shape[1]))
+    errors = np.zeros((8, len(of.sources)))
+    history = samples.simulate(Batch(np.arange(8), errors, 7), wanted).history[:, epochs][:, :, outputs]
+    told = (wanted @ samples.factor.T).reshape(8, 2, 2)
+    np.testing.assert_allclose(history / sigma, told / sigma, atol=0.05)
 
 
 @pytest.mark.parametrize("flown", [aided, free])
@@ -70,11 +92,11 @@ def test_twins_have_the_linear_errors_that_are_given(flown):
     of, made = flown()
     outputs, count = (2, 3, 8), 16
     errors = draw(count, SIGMAS | NEGLECTED, 3, of)
-    sigma = np.sqrt(np.diag(made.noise.covariance(outputs)))
-    wanted = 4.0 * sigma * np.random.default_rng(1).standard_normal((count, 3))
     samples = made.conditional_noise(outputs)
+    sigma = np.sqrt(np.sum(samples.factor**2, axis=1))
+    wanted = 4.0 * np.random.default_rng(1).standard_normal((count, samples.factor.shape[1]))
     result = samples.simulate(Batch(np.arange(count), errors, 7), wanted)
-    by_errors = result.linear_values[:, outputs] - wanted
+    by_errors = result.linear_values[:, outputs] - wanted @ samples.factor.T
     without = samples.simulate(Batch(np.arange(count), errors, 7), 0.0 * wanted).linear_values[:, outputs]
     scale = np.abs(result.linear_values[:, outputs]).max(axis=0) + sigma
     np.testing.assert_allclose(by_errors / scale, without / scale, rtol=0.0, atol=ROUNDING)
@@ -88,16 +110,16 @@ def test_variates_add_their_partials_to_the_linear_errors(flown):
     """Of samples without errors: the compiled recursion forwards has what the partials add up to."""
     _, made = flown()
     index = np.arange(8)
-    variates = made.noise.draw(3, index)
+    normals = made.noise.draw(3, index)
+    variates = made.noise.parted(normals)
     given, nothing = made.noise.given(variates), np.zeros((8, 39))
     if isinstance(made, AidedEngine):
         nothing = np.zeros((8, len(aided()[0].sources)))
         linear = simulate_aided(made.tables, nothing, 0, index, made.own, given).linear
     else:
         linear = simulate_given(made.tables, nothing, given.added).linear
-    expected = sum(np.einsum("nz,oz->no", z.reshape(8, n[0].size), n.reshape(9, n[0].size))
-                   for z, n in zip(variates, made.noise.partials, strict=True))  # fmt: skip
-    sigma = np.sqrt(np.diag(made.noise.covariance(tuple(range(9)))))
+    rows = made.noise.rows(tuple(range(9)))
+    expected, sigma = np.einsum("nz,oz->no", normals, rows), np.sqrt(np.sum(rows**2, axis=1))
     np.testing.assert_allclose(linear / sigma, expected / sigma, rtol=0.0, atol=ROUNDING)
 
 
@@ -106,10 +128,9 @@ def test_noise_that_is_not_given_is_as_random_as_under_the_condition():
     _, made = free()
     outputs, count = (0,), 200
     noise = made.noise
-    given = noise.conditioned(noise.draw(11, np.arange(count)), outputs, np.zeros((count, 1)))
-    linear = sum(np.einsum("nz,oz->no", z.reshape(count, n[0].size), n.reshape(9, n[0].size))
-                 for z, n in zip(given, noise.partials, strict=True))  # fmt: skip
-    total = noise.covariance(tuple(range(9)))
+    met = made.conditional_noise(outputs).conditions.met(noise.draw(11, np.arange(count)), np.zeros((count, 1)))
+    rows = noise.rows(tuple(range(9)))
+    linear, total = np.einsum("nz,oz->no", met, rows), np.einsum("iz,jz->ij", rows, rows)
     left = (total - np.outer(total[0], total[0]) / total[0, 0])[1:, 1:]
     square = float(np.einsum("ni,ij,nj->", linear[:, 1:], np.linalg.inv(left), linear[:, 1:]))
     low, high = stats.chi2.ppf([0.5e-4, 1.0 - 0.5e-4], 8 * count)

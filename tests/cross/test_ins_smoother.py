@@ -63,8 +63,8 @@ def test_held_values_of_a_double_integrator(
     )  # fmt: skip
     added = np.zeros((STEPS, 3, 3))
     added[:, :2, :2] = NOISE
-    nothing = (np.zeros((STEPS, 2)), np.ones(STEPS))
-    seen, measured = np.zeros((STEPS, 1, 2)), np.stack([np.zeros((STEPS, 1)), np.full((STEPS, 1), VARIANCE)], axis=2)
+    nothing = (np.zeros((STEPS, 2, 1)), np.ones((STEPS, 1)))
+    seen, measured = np.zeros((STEPS, 1, 2, 1)), np.stack([np.zeros((STEPS, 1)), np.full((STEPS, 1), VARIANCE)], axis=2)
     processes = SmoothedProcesses(
         (nothing[0], nothing[0]), (nothing[1], nothing[1]), (added, np.zeros_like(added)), seen, measured
     )  # fmt: skip
@@ -268,7 +268,7 @@ def smoothed_samples(of: Ins, loop: ClosedLoop, readings: Array, count: int) -> 
     states = len(loop.filter.constants)
     x = np.zeros((count, 9 + states))
     x[:, :9] = errors[:, :9] @ np.linalg.inv(output_map(loop.truth, float(loop.times[0]))).T
-    bias = np.stack([np.sqrt(p.variance) * generator.standard_normal(count) for p in processes.values()])
+    bias = np.stack([np.sqrt(p.variance[0, 0]) * generator.standard_normal(count) for p in processes.values()])
     true_state = np.zeros((count, states))
 
     def errors_of_states() -> Array:
@@ -285,7 +285,7 @@ def smoothed_samples(of: Ins, loop: ClosedLoop, readings: Array, count: int) -> 
         for u in range(loop.first_updates[k], loop.first_updates[k + 1]):
             n = x @ true.updates.rows[u].T + errors @ disturbances[u].T
             for b, process in enumerate(processes.values()):
-                n += bias[b][:, None] * process.seen[u]
+                n += bias[b][:, None] * process.seen[u, :, 0]
                 n += np.sqrt(process.measured[u]) * generator.standard_normal(n.shape)
             x = x - n @ true.gains[u].T
             h, r = rows[u], np.diag(loop.filter.variances[u])
@@ -305,7 +305,7 @@ def smoothed_samples(of: Ins, loop: ClosedLoop, readings: Array, count: int) -> 
             scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
             values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
             noise = generator.standard_normal((count, 10)) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T * scale
-            following += bias[b][:, None] * process.response[k] + noise[:, :9]
+            following += bias[b][:, None] * process.response[k, :, 0] + noise[:, :9]
             bias[b] = process.decay[k] * bias[b] + noise[:, 9]
         x = np.concatenate([following, x[:, 9:] * loop.filter.decay[k]], axis=1)
         p = transitions[k] @ p @ transitions[k].T + noises[k]

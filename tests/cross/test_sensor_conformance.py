@@ -23,7 +23,7 @@ from mcnav.config.json_schema.campaign import campaign_schema
 from mcnav.config.read import parse_campaign
 from mcnav.config.templates.ins import NewIns, new_ins
 from mcnav.systems.ins.aided import AidedNavigation
-from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.earth import WGS84, local_axes
 from mcnav.systems.ins.filter.model import estimated_kinds
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
 from mcnav.systems.ins.reference.aided import AidedMechanization
@@ -54,6 +54,13 @@ UNIT = Imu(Noise(np.full(3, 1e-6)), Noise(np.full(3, 1e-4)))
 SIGMAS = {
     "position": 2.0, "velocity": 0.1, "tilt": 1e-4, "heading": 3e-4, "gyro_bias": 1e-6, "accelerometer_bias": 1e-3,
 }  # fmt: skip
+LANDMARK = np.radians([45.7, 10.6])
+ARRANGEMENTS = {
+    "beam": np.array([[0.383, 0.0, 0.924, 300.0], [-0.191, 0.331, 0.924, 300.0], [0.0, 0.0, 1.0, 300.0]]),
+    "landmark": np.concatenate([WGS84.from_geodetic(*LANDMARK, np.array(400.0))[None], local_axes(*LANDMARK)]),
+}
+"""Beams to the ground at 300 m, and a landmark, of the quantities that begin so."""
+
 STEPS = np.repeat([1e-4, 0.1, 100.0], 3)
 """Steps of differences: rad, m/s, m."""
 
@@ -70,7 +77,9 @@ def differences(function: Callable[[Array], Array], step: Array) -> Array:
 
 def sensor_of(quantity: str, times: Array) -> Sensor:
     """Measure all axes of a quantity, on a lever arm, with noise of the usual size of its errors."""
-    return make_sensor("sensor", times, {quantity: QUANTITIES[quantity].usual}, lever_arm=(2.0, 0.3, -1.0))
+    sensor = make_sensor("sensor", times, {quantity: QUANTITIES[quantity].usual}, lever_arm=(2.0, 0.3, -1.0))
+    offsets = next((kind.offsets for kind in SENSOR_TYPES.values() if quantity in kind.quantities.values()), ())
+    return replace(sensor, offsets=offsets, arrangement=ARRANGEMENTS.get(quantity.partition("_")[0], np.zeros((0, 3))))
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
@@ -166,7 +175,12 @@ def test_engines_and_linear_analysis_agree_on_every_sample(quantity: str) -> Non
     names = (*CONSTANTS, *aiding_constants(of.sensors))
     sizes = sized(of.sensors, SIGMAS)
     usual = QUANTITIES[quantity].usual
-    own = {name: 1e-3 if "scale_factor" in name else usual for name in sensor.constants() if "lever_arm" not in name}
+    others = {"scale_factor": 1e-3, "boresight": 1e-4, "map": 1.0}
+    own = {
+        name: next((size for kind, size in others.items() if kind in name), usual)
+        for name in sensor.constants()
+        if "lever_arm" not in name
+    }
     errors = np.zeros((2 + len(own), len(names)))
     errors[0, :9] = 0.01 * sizes[:9]
     errors[1, names.index("gyro_bias_y")] = 0.01 * sizes[names.index("gyro_bias_y")]
@@ -261,8 +275,8 @@ def test_an_incomplete_type_of_sensor_is_refused(changes: dict[str, object], mes
 @pytest.mark.parametrize(
     ("estimated", "message"),
     [
-        ("bais", "sensor 'altimeter': estimated has 'bais'; its constant errors are bias, scale_factor"),
-        ("lever_arm", "sensor 'altimeter': estimated has 'lever_arm'; its constant errors are bias, scale_factor"),
+        ("bais", "sensor 'altimeter': estimated has 'bais'; its errors are bias, scale_factor"),
+        ("lever_arm", "sensor 'altimeter': estimated has 'lever_arm'; its errors are bias, scale_factor"),
     ],
 )
 def test_an_estimated_error_that_a_sensor_has_not_is_refused(estimated: str, message: str) -> None:

@@ -25,6 +25,9 @@ PAIRS: Final = 10
 NOTABLE: Final = 6
 """Pairs shown first, of more than `PAIRS`: half those that differ most from linear, half the most correlated."""
 
+MOST: Final = 36
+"""Pairs drawn at most, those of nine outputs: each takes some 12 kB of a page."""
+
 LABELLED: Final = 3
 """Farthest samples of a pair that carry their index."""
 
@@ -39,7 +42,10 @@ FARTHEST_OF_KINDS: Final = Series("farthest", "farthest from the mean, with samp
 
 
 def ordered_pairs(content: RunAnalysis) -> list[tuple[int, int]]:
-    """Return all pairs of outputs; of more than `PAIRS` the notable ones come first."""
+    """Return the pairs of outputs, of many the `MOST` most different or most correlated ones.
+
+    Of more than `PAIRS` the notable ones come first.
+    """
     pairs = list(combinations(content.moving, 2))
     if len(pairs) <= PAIRS:
         return pairs
@@ -50,7 +56,8 @@ def ordered_pairs(content: RunAnalysis) -> list[tuple[int, int]]:
     notable = sorted(pairs, key=lambda pair: -abs(flown[pair] - linear[pair]))[: NOTABLE // 2]
     others = sorted(set(pairs) - set(notable), key=lambda pair: (-abs(flown[pair]), pair))
     notable = sorted(notable + others[: NOTABLE - len(notable)])
-    return notable + [pair for pair in pairs if pair not in notable]
+    kept = set([pair for pair in [*notable, *others] if pair not in notable][: MOST - len(notable)])
+    return notable + [pair for pair in pairs if pair in kept and pair not in notable]
 
 
 def scatter(content: RunAnalysis) -> Figure | None:
@@ -71,6 +78,10 @@ def scatter(content: RunAnalysis) -> Figure | None:
              units[j])
             for k, distance in far
         ]  # fmt: skip
+    every = len(list(combinations(content.moving, 2)))
+    left_out = (
+        f" Of {every:,} pairs, the {len(pairs)} most different or most correlated are drawn." if every > MOST else ""
+    )
     headings = ("pair", "sample", "distance, linear σ", "x", "x unit", "y", "y unit")
     return Figure(
         name="scatter",
@@ -82,7 +93,7 @@ def scatter(content: RunAnalysis) -> Figure | None:
         columns=dict(zip(headings, zip(*rows, strict=True), strict=True)),
         size=THIRD,
         caption=f"{len(points):,} of {len(flown):,} samples are drawn; ellipses use all. The table lists the samples "
-        "farthest from the mean.",
+        f"farthest from the mean.{left_out}",
         shown=NOTABLE if len(pairs) > PAIRS else 0,
     )
 

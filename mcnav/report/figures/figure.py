@@ -172,6 +172,13 @@ class Figure:
         return re.sub(r"var\(--([\w-]+)\)", lambda result: colours[result[1]], whole)
 
 
+@dataclass(frozen=True, eq=False)
+class MovedFigure(Figure):
+    """A figure of one instant, which the page's script moves through time by what ``json`` has of all instants."""
+
+    json: str = ""
+
+
 def _plain(values: NDArray[Any]) -> list[str]:
     return [
         (f"{value:.6g}" if math.isfinite(value) else "") if isinstance(value, float) else str(escape(value))

@@ -251,13 +251,17 @@ def extent(mark: Mark) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Panel:
-    """One diagram, with a key of its own where it has series that the figure's key lacks."""
+    """One diagram, with a key of its own where it has series that the figure's key lacks.
+
+    Both axes of an ``even`` one have the same scale, which zooming keeps.
+    """
 
     title: str
     x: Axis
     y: Axis
     marks: Sequence[Mark]
     key: Sequence[Series] = field(default=())
+    even: bool = False
 
     def reaches(self) -> tuple[Array, Array]:
         """Return all that the marks reach along x and along y."""

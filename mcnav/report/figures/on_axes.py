@@ -123,8 +123,11 @@ def draw(panel: m.Panel, axes: Axes, font_scale: float = 1.0, room: tuple[float,
     ticks = [max(2, min(most, round(most * size))) for most, size in zip((5, 6), room, strict=True)]
     for side, axis, reach, most in zip("xy", (panel.x, panel.y), panel.reaches(), ticks, strict=True):
         _scale(axes, side, axis, reach, most)
+    if panel.even:
+        axes.set_aspect("equal", adjustable="box")
     if panel.key:
-        axes.legend(handles=[_handle(series) for series in panel.key], fontsize=8.0 * font_scale)
+        handles = [_handle(series) for series in panel.key]
+        axes.legend(handles=handles, fontsize=8.0 * font_scale, frameon=True, framealpha=0.85, edgecolor="none")
 
 
 def _scale(axes: Axes, side: str, axis: m.Axis, reach: Any, most: int) -> None:

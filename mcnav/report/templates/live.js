@@ -23,6 +23,24 @@
       alarm.hidden = !words;
     };
 
+    // The sliders stay where they are when the file changes, but those whose number it has changed.
+    const KEPT = `mcnav-live ${location.pathname}`;
+    const keep = () => {
+      try {
+        sessionStorage.setItem(KEPT, JSON.stringify([sliders.factors(), sliders.sizes()]));
+      } catch { /* a browser may refuse it */ }
+    };
+    const restore = () => {
+      try {
+        const [factors, before] = JSON.parse(sessionStorage.getItem(KEPT) || "[{}, {}]");
+        sessionStorage.removeItem(KEPT);
+        const now = sliders.sizes();
+        const same = Object.entries(factors).filter(([path]) => now[path] !== undefined && now[path] === before[path]);
+        if (same.length) sliders.choose(Object.fromEntries(same));
+      } catch { /* nothing is kept */ }
+    };
+    if (sliders) restore();
+
     // Requests; what is refused comes as one line.
     const ask = async (path, content) => {
       let answer;
@@ -36,8 +54,10 @@
       gone = false;
       if (content) refused = answer.ok ? "" : await answer.text();
       if (answer.ok) state = await answer.json();
-      if (state.revision !== revision) location.reload();
-      else show();
+      if (state.revision !== revision) {
+        if (sliders) keep();
+        location.reload();
+      } else show();
       return answer.ok;
     };
     const title = ({ title: words }) => words;

@@ -145,6 +145,12 @@
     },
     text: (own, v, factor) => (factor === 1 || !v ? own : number(v * factor, own.split("·")[0].replace(/\D/g, "").replace(/^0+/, "").length || 4)) };
 
+  // The instant that all figures over one time show together, as a line in each: who moves it sets the link of their axes.
+  // Figures ask for another instant; zoom is the part of the time that they show.
+  const clock = { link: "", at: NaN, zoom: null, everywhere: false, events: new EventTarget(),
+    tell(name) { this.events.dispatchEvent(new Event(name)); },
+    ask(at) { this.asked = at; this.tell("ask"); } };
+
   const axisOf = (svg, name) => {
     const [low, high, from, to, log] = get(svg, `data-${name}`).split(" ").map(Number);
     const [bent, straight] = log ? [log10, (v) => 10 ** v] : [(v) => v, (v) => v];
@@ -195,7 +201,7 @@
         read = all(".marks path:is(.line, .points, .band, .steps)", svg).map((path) => {
           let [px, py] = [0, 0];
           const points = [];
-          for (const [, command, a, b] of get(path, "d").matchAll(PAIR)) {
+          for (const [, command, a, b] of (path.dataset.d || get(path, "d")).matchAll(PAIR)) {
             [px, py] = command === "M" ? [+a, +b] : [px + +a, py + +b];
             if (command === "M" || !("fixed" in path.dataset)) points.push([px, py]);
           }
@@ -298,13 +304,35 @@
         }
       });
       axes.forEach(ticks);
+      line();
       if (same) again.remove(); else plot.append(again);
     };
+    const cursor = set(made("path"), { class: "cursor" });
+    const moved = svg.dataset.link && plot.closest("figure").querySelector(":scope > script");
+    const timed = () => clock.link && svg.dataset.link === clock.link;
+    const line = () => {
+      if (!timed() || !(moved || clock.everywhere)) return;
+      const at = x.place(x.at(clock.at));
+      set(cursor, { d: at < x.from - 1 || at > x.to + 1 ? "" : `M${at.toFixed(1)} ${y.from}V${y.to}` });
+      svg.append(cursor);
+    };
+    clock.events.addEventListener("move", line);
     convention.changed.addEventListener("change", () => {
       axes.forEach((axis) => { axis.convert(); ticks(axis); });
     });
-    const self = { link: svg.dataset.link,
+    const self = { link: svg.dataset.link, svg, x, y,
+      // Put a curve through points in the units of the axes, or a dot at a single one, in place of a mark.
+      shape(path, points) {
+        const [first, ...others] = points.map(([a, b]) => [Math.round(x.at(a)), Math.round(y.at(b))]);
+        let [px, py] = first;
+        const d = `M${px} ${py}${others.map(([a, b]) => { const step = `l${a - px} ${b - py}`; [px, py] = [a, b]; return step; }).join("") || "h0"}`;
+        path.dataset.d = d;
+        set(path, { d });
+        read = null;
+      },
+      redraw: () => { if (!(x.all && y.all)) redraw(); },
       window(limits) {
+        if (timed()) { clock.zoom = limits; clock.tell("zoom"); }
         const found = limits ? limits.map((v) => within(x.at(v), x.whole)) : x.whole;
         if (found[1] - found[0] > 1) x.window = found;
         if (!limits) y.window = y.whole;
@@ -313,6 +341,13 @@
     const together = (limits) => plots.filter((each) => each === self || (self.link && each.link === self.link)).forEach((each) => each.window(limits));
     const show = (across, upward) => {
       if (x.named) return;
+      if ("even" in svg.dataset) { // one scale for both axes
+        const wide = max(...axes.map((axis, n) => abs([across, upward][n][1] - [across, upward][n][0]) / abs(axis.to - axis.from)));
+        [across, upward] = axes.map((axis, n) => {
+          const [middle, half] = [([across, upward][n][0] + [across, upward][n][1]) / 2, wide * (axis.to - axis.from) / 2];
+          return [middle - half, middle + half];
+        });
+      }
       const enough = (axis, [a, b]) => abs(b - a) > abs(axis.to - axis.from) / 2000;
       if (!y.named && enough(y, upward)) y.window = upward;
       if (enough(x, across)) together(across.map(x.value));
@@ -326,7 +361,9 @@
       return [((clientX - own.left) / own.width) * size.width, ((clientY - own.top) / own.height) * size.height];
     };
     const origin = (at) => axes.map((axis, n) => axis.origin(at[n]));
-    let [begun, waiting] = [null, 0];
+    let [begun, dragged, waiting] = [null, false, 0];
+    const grabs = (at, touch) => timed() && (touch ? Boolean(moved) : abs(x.place(x.at(clock.at)) - at[0]) < 160 && Boolean(cursor.parentNode));
+    const drag = (at) => clock.ask(x.value(within(x.origin(at[0]), x.window)));
     const framed = (end) => axes.map((axis, n) => order(n && (y.named || abs(end[1] - begun[1]) < 300) ? [...y.whole]
       : [begun[n], end[n]].map((v) => within(v, axis.whole))));
     const on = (name, action, options) => svg.addEventListener(name, action, options);
@@ -336,6 +373,7 @@
       keys = false;
       cancelAnimationFrame(waiting);
       waiting = requestAnimationFrame(() => {
+        if (dragged) { drag(under(event)); return; }
         if (!begun) { point(origin(under(event)), event.target); return; }
         const [[a, c], [b, d]] = framed(under(event));
         set(frame, { d: `M${a} ${b}H${c}V${d}H${a}z` });
@@ -347,7 +385,12 @@
     });
     on("pointerdown", (event) => {
       const at = under(event);
-      if (event.pointerType !== "mouse") point(origin(at), event.target);
+      if (!event.button && grabs(at, event.pointerType !== "mouse")) {
+        say([]);
+        dragged = true;
+        svg.setPointerCapture(event.pointerId);
+        drag(at);
+      } else if (event.pointerType !== "mouse") point(origin(at), event.target);
       else if (!event.button && !x.named && at[0] === within(at[0], x.whole)) {
         say([]);
         begun = at;
@@ -355,8 +398,11 @@
         svg.setPointerCapture(event.pointerId);
       }
     });
+    on("pointercancel", () => { dragged = false; });
     on("pointerup", (event) => {
+      if (dragged) { dragged = false; return; }
       if (!begun) return;
+      if (timed() && hypot(...under(event).map((v, n) => v - begun[n])) < 60) drag(begun); // a click
       const [across, upward] = framed(under(event));
       stop();
       if (across[1] - across[0] > 120) show(across.map((v) => x.origin(v)), (y.from > y.to ? upward.reverse() : upward).map((v) => y.origin(v)));
@@ -514,7 +560,7 @@
     };
     all("main > header, main > section").forEach((part) => {
       const seen = new Set();
-      textsOf(part).filter((each) => each.data.trim() && !each.parentElement.closest("script, style, svg, math, code, pre, select, h1, .hidden, .switches, .what-if, .live, details.data")).forEach((each) => {
+      textsOf(part).filter((each) => each.data.trim() && !each.parentElement.closest("script, style, svg, math, code, pre, select, h1, .hidden, .switches, .key, .what-if, .live, details.data")).forEach((each) => {
         const made_ = pieces(each.data, seen, each.parentElement.closest("button, a, summary, label"));
         if (made_) each.replaceWith(...made_);
       });
@@ -591,7 +637,10 @@
       if (chosen.length < 2) return;
       const code = document.createElement("code");
       code.textContent = `mcnav compare ${chosen.map((each) => each.value).join(" ")} --out ${place.dataset.out}`;
-      const page = pages[`${chosen.map((each) => each.dataset.folder).join("_and_")}.html`];
+      const names = (count) => chosen.map(({ dataset }) => dataset.folder.split("/").slice(-count).join("-"));
+      let count = 1; // of the last parts of the folders, as many as tell them apart
+      while (count < 9 && new Set(names(count)).size < chosen.length) count += 1;
+      const page = pages[`${names(count).join("_and_")}.html`];
       const link = document.createElement("a");
       if (page) { link.href = page; link.textContent = "the comparison"; }
       place.append(...(page ? [link, " · "] : []), code, place.dataset.where ? ` ${place.dataset.where}` : "");

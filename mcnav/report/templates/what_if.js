@@ -382,6 +382,7 @@
     };
     // What a live page asks: factors of the numbers that are changed, by their keys; and the other way about.
     root_.factors = () => Object.fromEntries(sliders.map(({ path }, n) => [path, factors[n]]).filter(([, factor]) => factor !== 1));
+    root_.sizes = () => Object.fromEntries(sliders.map(({ path, sizes, shown: largest }) => [path, sizes[largest].join(" ")]));
     root_.choose = (chosenFactors) => {
       sliders.forEach(({ path }, n) => { factors[n] = chosenFactors[path] ?? 1; rows[n].show(); });
       update();

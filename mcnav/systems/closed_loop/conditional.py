@@ -1,17 +1,12 @@
 """Samples of a loop whose noise is given what it adds to the linear outcomes of some outputs, and is random otherwise.
 
 The noise of a sample is a vector z of independent standard normals, numbers of its streams in the order in which they
-are drawn, and adds ``N z`` to the linear outcomes at the end. With random z,
-
-    z' = z + N^T (N N^T)^+ (y - N z)
-
-has the distribution of z under the condition ``N z = y`` (Journel and Huijbregts, *Mining Geostatistics*, 1978, of
-conditional simulation).
+are drawn, and adds ``N z`` to the linear outcomes at an instant; conditions are those of `mcnav.systems.conditions`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -23,13 +18,16 @@ from mcnav.systems.closed_loop.readout import Readout
 from mcnav.systems.closed_loop.sizes import Sizes
 
 
-def noise_partials(plan: Plan, maps: Maps, true: Sizes, readout: Readout, outputs: tuple[int, ...]) -> dict[int, Array]:
-    """Compute N of some outputs by stream, shape (m, numbers of the stream), backwards along the plan."""
-    last = plan.instants[plan.end]
-    response = readout.partials(last.nominal, plan.steps, plan.end_time)[list(outputs)]
+def noise_partials(
+    plan: Plan, maps: Maps, true: Sizes, readout: Readout, outputs: tuple[int, ...], end: int
+) -> dict[int, Array]:
+    """Compute N of some outputs at an instant by number, by stream, shape (m, numbers), backwards along the plan."""
+    last = plan.instants[end]
+    time = plan.end_time if end == plan.end else last.instant.time
+    response = readout.partials(last.nominal, plan.steps, time)[list(outputs)]
     parts: dict[int, list[Array]] = {}
     impulses: dict[int, Array] = {}
-    for number in range(plan.end, -1, -1):
+    for number in range(end, -1, -1):
         planned = plan.instants[number]
         for each in reversed(planned.updates):
             if each.kind == "measure":
@@ -53,34 +51,45 @@ def noise_partials(plan: Plan, maps: Maps, true: Sizes, readout: Readout, output
     return partials | {CORRECTIONS + number: each for number, each in impulses.items()}
 
 
-def noise_covariance(partials: Mapping[int, Array], outputs: int) -> Array:
-    """Return ``N N^T``, shape (outputs, outputs)."""
-    return sum((np.einsum("is,js->ij", each, each) for each in partials.values()), np.zeros((outputs, outputs)))
+def rows_of(partials: Sequence[Mapping[int, Array]]) -> tuple[Array, dict[int, int]]:
+    """Put N of several instants below each other, shape (m, Z); return also the numbers of each stream.
+
+    Of an earlier instant it is shorter, since what is drawn later adds nothing.
+    """
+    counts: dict[int, int] = {}
+    for each in partials:
+        for stream, part in each.items():
+            counts[stream] = max(counts.get(stream, 0), part.shape[1])
+    rows = []
+    for each in partials:
+        number = len(next(iter(each.values()))) if each else 0
+        padded = [np.zeros((number, count)) for count in counts.values()]
+        for place, stream in zip(padded, counts, strict=True):
+            if stream in each:
+                place[:, : each[stream].shape[1]] = each[stream]
+        rows.append(np.concatenate(padded, axis=1) if padded else np.zeros((number, 0)))
+    return np.concatenate(rows), counts
 
 
 class ConditionalDraws(Noise):
-    """Noise of samples that adds a wanted amount to the linear outcomes of some outputs, shape (n, m)."""
+    """Noise of samples under conditions: normals w, shape (n, r), along directions by stream, (r, numbers)."""
 
-    def __init__(self, seed: int, index: IndexArray, partials: Mapping[int, Array], wanted: Array) -> None:
+    def __init__(self, seed: int, index: IndexArray, directions: Mapping[int, Array], wanted: Array) -> None:
         super().__init__(seed, index)
         random, missing = Noise(seed, index), wanted.copy()
-        for stream, each in partials.items():
-            missing -= np.einsum("kn,mk->nm", random.draw(stream, each.shape[1]), each)
-        covariance = noise_covariance(partials, wanted.shape[1])
-        scale = np.sqrt(np.diag(covariance))
-        inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0.0)
-        weights = inverse[:, None] * np.linalg.pinv(inverse[:, None] * covariance * inverse, rcond=1e-12) * inverse
-        self._moved, self._partials = np.einsum("nm,mk->nk", missing, weights), partials
+        for stream, each in directions.items():
+            missing -= np.einsum("kn,rk->nr", random.draw(stream, each.shape[1]), each)
+        self._moved, self._directions = missing, directions
         self._place: dict[int, int] = {}
 
     def draw(self, stream: int, count: int) -> Array:
         """Draw the next numbers of a stream, as `Noise`."""
         drawn, begin = super().draw(stream, count), self._place.get(stream, 0)
         self._place[stream] = begin + count
-        partials = self._partials.get(stream)
-        if partials is None or begin >= partials.shape[1]:
+        directions = self._directions.get(stream)
+        if directions is None or begin >= directions.shape[1]:
             return drawn
-        chosen = partials[:, begin : begin + count]
+        chosen = directions[:, begin : begin + count]
         drawn = drawn.copy()
-        drawn[: chosen.shape[1]] += np.einsum("mk,nm->kn", chosen, self._moved)
+        drawn[: chosen.shape[1]] += np.einsum("rk,nr->kn", chosen, self._moved)
         return drawn

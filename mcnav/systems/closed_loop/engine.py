@@ -6,11 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from mcnav._types import Array
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.systems.closed_loop.conditional import ConditionalDraws, noise_partials
+from mcnav.systems.closed_loop.conditional import ConditionalDraws, noise_partials, rows_of
 from mcnav.systems.closed_loop.declarations import Filter
 from mcnav.systems.closed_loop.filter import FilterStates, read_filter
 from mcnav.systems.closed_loop.maps import Maps
@@ -22,6 +24,7 @@ from mcnav.systems.closed_loop.simulation import simulate
 from mcnav.systems.closed_loop.sizes import LoopSizes, difference_steps
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.timeline import read_timeline
+from mcnav.systems.conditions import Conditions
 from mcnav.systems.sample_loop import join_results, simulate_alone
 from mcnav.systems.timeouts import SampleTimeout, within_limit
 from mcnav.systems.user.code import UserScenarioSpec
@@ -88,9 +91,17 @@ class ClosedLoopEngine:
         plan, last = self.plan.scaled(multiple), {self.plan.end: 0}
         return replace(self, sizes=sizes, plan=plan, instants=last, epochs=None, filter=None)
 
-    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalLoop:
+    def conditional_noise(self, outputs: tuple[int, ...], epochs: tuple[int, ...] | None = None) -> ConditionalLoop:
         """Return the samples with conditions on what noise adds to some outputs."""
-        return ConditionalLoop(self, outputs)
+        setup, numbers = self.set_up(), {epoch: number for number, epoch in self.instants.items()}
+        asked: dict[int, list[int]] = {} if outputs else {self.plan.end: []}
+        for output, epoch in zip(outputs, (-1,) * len(outputs) if epochs is None else epochs, strict=True):
+            asked.setdefault(numbers.get(epoch, self.plan.end), []).append(output)
+        partials = [noise_partials(setup.plan, setup.maps, setup.true, setup.readout, tuple(chosen), number)
+                    for number, chosen in asked.items()]  # fmt: skip
+        rows, counts = rows_of(partials)
+        engine = replace(self, filter=None)
+        return ConditionalLoop(engine, Conditions.on(rows), counts, over_time=epochs is not None)
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples; without noise their final outputs alone."""
@@ -115,27 +126,38 @@ class ClosedLoopEngine:
 
 @dataclass(frozen=True)
 class ConditionalLoop:
-    """Samples of a loop with conditions on what noise adds to some outputs at the end."""
+    """Samples of a loop with conditions on what noise adds to some outputs, at the end or at epochs.
+
+    ``counts`` are the numbers of each stream that the conditions know, in the order of the columns.
+    """
 
     engine: ClosedLoopEngine
-    outputs: tuple[int, ...]
+    conditions: Conditions
+    counts: Mapping[int, int]
+    over_time: bool
 
-    def simulate(self, batch: Batch, added: Array) -> SimulationResult:
-        """Simulate samples whose noise adds so much to these outputs, shape (n, m), SI; final outputs alone."""
+    @property
+    def factor(self) -> Array:
+        """What the normals add to the outcomes; those of an epoch follow each other."""
+        return self.conditions.factor
+
+    def simulate(self, batch: Batch, normals: Array) -> SimulationResult:
+        """Simulate samples with these normals of their noise, shape (n, r)."""
         setup = self.engine.set_up()
-        partials = noise_partials(setup.plan, setup.maps, setup.true, setup.readout, self.outputs)
+        parts = np.split(self.conditions.directions, np.cumsum(list(self.counts.values()))[:-1], axis=1)
+        directions = dict(zip(self.counts, parts, strict=True))
 
         def some(rows: slice) -> SimulationResult:
             part = batch[rows]
-            draws = ConditionalDraws(part.seed, part.index, partials, added[rows])
-            return simulate(setup, part, True, over_time=False, draws=draws)
+            draws = ConditionalDraws(part.seed, part.index, directions, normals[rows])
+            return simulate(setup, part, True, over_time=self.over_time, draws=draws)
 
         def together(begin: int) -> SimulationResult:
-            end = min(begin + self.engine.chunk, len(added))
+            end = min(begin + self.engine.chunk, len(normals))
 
             def of_piece(rows: slice) -> SimulationResult:
                 return some(slice(begin + int(rows.start or 0), begin + int(rows.stop)))
 
             return self.engine.each_alone(batch[begin:end], of_piece)
 
-        return join_results([together(begin) for begin in range(0, len(added), self.engine.chunk)])
+        return join_results([together(begin) for begin in range(0, len(normals), self.engine.chunk)])

@@ -32,6 +32,7 @@ from mcnav.systems.ins.imu.gravity import cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import respond_from_rest
 from mcnav.systems.ins.imu.sample_noise import SampleNoise
+from mcnav.systems.ins.linear.adjoint import Adjoint, adjoint_of_closed
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ClosedLoopErrors, close_loop, propagate_closed_loop
 from mcnav.systems.ins.linear.closed_loop_covariance import ClosedLoopCovariance, propagate_covariance
 from mcnav.systems.ins.linear.covariance import biased_processes
@@ -450,11 +451,17 @@ class AidedEngine:
     @cached_property
     def noise(self) -> NoiseSystem:
         """The noise of samples as a linear system."""
+        if self.tables.flexures:
+            raise ScenarioError("aiding", "noise with flexure cannot be given conditions yet; leave the flexure out")
         return NoiseSystem(self.tables.ensemble, self.tables.adjoint, Measured.of(self.tables))
 
-    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalSamples:
+    def conditional_noise(self, outputs: tuple[int, ...], epochs: tuple[int, ...] | None = None) -> ConditionalSamples:
         """Return the samples with conditions on what noise adds to some outputs."""
-        return ConditionalSamples(self.noise, outputs, self.chunk, self._simulate_given)
+        return ConditionalSamples.of(self.noise, outputs, epochs, self._adjoint_at, self.chunk, self._simulate_given)
+
+    def _adjoint_at(self, epoch: int) -> Adjoint:
+        shared = self.tables.ensemble
+        return adjoint_of_closed(self.tables.loop, int(shared.epochs[epoch]), shared.output_maps[epoch])
 
     def _simulate_given(self, batch: Batch, noise: GivenNoise) -> SimulationResult:
         return self._result(simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own, noise))

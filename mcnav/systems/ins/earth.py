@@ -1,8 +1,9 @@
-"""The rotating earth: figure, gravitation, and the local directions at a place.
+"""The rotating earth, moon and Mars: figure, gravitation, and the local directions at a place.
 
 The gravitation is that of the reference ellipsoid itself, as a series of even zonal harmonics in earth-centred axes.
 On the ellipsoid it reproduces Somigliana's formula, and above it both the vertical gradient and the small north
-component, which formulas that continue gravity straight upwards lack.
+component, which formulas that continue gravity straight upwards lack. Of a body whose figure is not that of its field,
+such as the moon and Mars, the field has a J2 of its own.
 
 Frames: i, earth-centred inertial, which coincides with e at the first instant of a trajectory; e, earth-fixed; n,
 north, east, down at the geodetic position.
@@ -47,12 +48,18 @@ class Earth:
         m^3/s^2.
     rotation_rate : float
         rad/s.
+    j2 : float, optional
+        The field's only zonal harmonic, at the equatorial radius; unless given the field is the figure's own.
+    body : str
+        What it is: `earth`, `moon` or `mars`.
     """
 
     radius: float
     flattening: float
     gravitational_parameter: float
     rotation_rate: float
+    j2: float | None = None
+    body: str = "earth"
 
     @property
     def eccentricity_squared(self) -> float:
@@ -63,6 +70,8 @@ class Earth:
     def zonals(self) -> Array:
         """Even zonal harmonics of the ellipsoid's own field (Heiskanen and Moritz 1967, eqs. 2-90 and 2-92)."""
         squared = self.eccentricity_squared
+        if self.j2 is not None:
+            return np.array([self.j2, *np.zeros(ZONALS - 1)])
         if squared == 0.0:
             return np.zeros(ZONALS)
         second = np.sqrt(squared / (1.0 - squared))
@@ -141,6 +150,18 @@ class Earth:
 
 WGS84: Final = Earth(6_378_137.0, 1.0 / 298.257223563, 3.986004418e14, 7.292115e-5)
 """World Geodetic System 1984 (NIMA TR8350.2), with the rotation rate of its definition."""
+
+
+MOON: Final = Earth(1_737_400.0, 0.0, 4.902_800_118e12, 2.661_699_5e-6, 2.027e-4, "moon")
+"""The moon: the sphere and the rotation of the IAU (Archinal and others 2018, *Celestial Mechanics* 130:22), the
+gravitational parameter of GRAIL (DE440), and J2 of NASA's Moon Fact Sheet."""
+
+MARS: Final = Earth(3_396_190.0, 1.0 / 169.894_447, 4.282_837_5e13, 7.088_218e-5, 1.960_45e-3, "mars")
+"""Mars: the ellipsoid (3396.19 and 3376.20 km) and the rotation (350.892 deg/day) of the IAU (as for `MOON`), the
+gravitational parameter and J2 of NASA's Mars Fact Sheet."""
+
+BODIES: Final = {"wgs84": WGS84, "moon": MOON, "mars": MARS}
+"""Bodies by the entry ``earth`` of a scenario."""
 
 
 def local_axes(latitude: Array, longitude: Array) -> Array:

@@ -45,6 +45,7 @@ from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import NoiseResponse
+from mcnav.systems.ins.linear.adjoint import Adjoint, adjoint_of_free
 from mcnav.systems.ins.linear.closed_loop_covariance import ClosedLoopCovariance
 from mcnav.systems.ins.linear.covariance import LinearErrors, propagate
 from mcnav.systems.ins.linear.recent_responses import recent_responses
@@ -53,7 +54,7 @@ from mcnav.systems.ins.linear.start_times import LinearStarts, propagate_starts
 from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor, gate_limits
-from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources
+from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources, flexure_rates
 from mcnav.systems.ins.truth.gravity import GravityPath
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 from mcnav.systems.sample_loop import simulate_each
@@ -126,7 +127,7 @@ NOISE: Final = (
 GRAVITY: Final = tuple(Output(name, *PROCESS_UNITS[cause_of(name)]) for name in DISTURBANCES)
 """Gravity disturbances as states of a filter."""
 
-BEFORE_OUTAGES_END: Final = 1.0
+BEFORE_END: Final = 1.0
 """Time before the end of an outage at which errors are read out, s; less in a short outage."""
 
 REVISION: Final = 6
@@ -140,6 +141,7 @@ EPOCHS: Final = 60
 """Intervals between instants at which the errors of all samples are read out; fewer in a shorter navigation."""
 
 HISTORY_TIME: Final = "time [min]"
+"""Time of the trajectory, as campaigns and linear analysis have it."""
 HISTORY_POINTS: Final = 401
 ENSEMBLE_CHUNK: Final = 2_048
 REFERENCE_CHUNK: Final = 8
@@ -156,6 +158,11 @@ SHORTEST: Final = 1.0
 FEWEST_PROBES: Final = 2
 
 START_CLOCK: Final = StartClock("min of the trajectory", aligned="at the navigation's own start")
+
+
+def first_and_last(begin: float, end: float) -> tuple[float, float]:
+    """Return the begin of a span of time, and an instant just before its end, s."""
+    return begin, end - min(BEFORE_END, 0.01 * (end - begin))
 
 
 @dataclass(frozen=True)
@@ -200,8 +207,7 @@ class Navigation:
     def times(self) -> Array:
         """Epochs, the start first, s; begin and end of each outage are among them, and further times."""
         times = np.linspace(self.start, self.end, EPOCHS + 1)
-        outages = (outage for sensor in self.sensors for outage in sensor.outages)
-        ends = ((begin, end - min(BEFORE_OUTAGES_END, 0.01 * (end - begin))) for begin, end in outages)
+        ends = (first_and_last(*outage) for sensor in self.sensors for outage in sensor.outages)
         faults = (span for sensor in self.sensors for span in _around_faults(sensor))
         for added in (*ends, *faults, *((time,) for time in self.further)):
             inside = [time for time in added if self.start < time < self.end]
@@ -211,14 +217,14 @@ class Navigation:
 
     @property
     def epochs(self) -> Epochs:
-        """Epochs in minutes of navigation."""
+        """Epochs in minutes of the trajectory."""
         events = {
-            f"{sensor.name} outage {number} {edge}": (float(time) - self.start) / 60.0
+            f"{sensor.name} outage {number} {edge}": float(time) / 60.0
             for sensor in self.sensors
             for number, outage in enumerate(sensor.outages, 1)
             for edge, time in zip(("begins", "ends"), outage, strict=True)
         }
-        return Epochs(HISTORY_TIME, (self.times - self.start) / 60.0, events)
+        return Epochs(HISTORY_TIME, self.times / 60.0, events)
 
     @cached_property
     def aided(self) -> AidedNavigation | None:
@@ -327,9 +333,13 @@ class EnsembleEngine:
         tables = self.tables
         return NoiseSystem(tables, tables.adjoint, Measured.nothing(len(tables.durations), len(tables.sizes)))
 
-    def conditional_noise(self, outputs: tuple[int, ...]) -> ConditionalSamples:
+    def conditional_noise(self, outputs: tuple[int, ...], epochs: tuple[int, ...] | None = None) -> ConditionalSamples:
         """Return the samples with conditions on what noise adds to some outputs."""
-        return ConditionalSamples(self.noise, outputs, self.chunk, self._simulate_given)
+        return ConditionalSamples.of(self.noise, outputs, epochs, self._adjoint_at, self.chunk, self._simulate_given)
+
+    def _adjoint_at(self, epoch: int) -> Adjoint:
+        tables = self.tables
+        return adjoint_of_free(tables.motion, int(tables.epochs[epoch]), tables.output_maps[epoch])
 
     def _simulate_given(self, batch: Batch, noise: GivenNoise) -> SimulationResult:
         return self._result(simulate_given(self.tables, batch.errors, noise.added))
@@ -519,7 +529,8 @@ class Ins:
         if navigation.filter is None:
             return None
         known: list[Source | Output] = [
-            *self.sources, *NOISE, *GRAVITY, *aiding_outputs(navigation.filter.beliefs.sensors)
+            *self.sources, *NOISE, *GRAVITY, *aiding_outputs(navigation.filter.beliefs.sensors),
+            *flexure_rates(navigation.filter.beliefs.sensors),
         ]  # fmt: skip
         units = {each.name: (each.unit, each.shown_in) for each in known}
         return filter_schema(navigation.sensors, navigation.filter, units)
@@ -817,7 +828,7 @@ class Ins:
         _, velocity = truth.earth_fixed(times)
         heading, pitch, roll = np.degrees(truth.angles(times)).T
         columns = {
-            HISTORY_TIME: (times - navigation.start) / 60.0,
+            HISTORY_TIME: times / 60.0,
             "latitude [deg]": np.degrees(latitude),
             "longitude [deg]": np.degrees(np.unwrap(longitude)),
             "altitude [m]": altitude,
@@ -829,9 +840,7 @@ class Ins:
             "angular rate [deg/s]": np.degrees(np.linalg.norm(states.rate, axis=1)),
         }
         outages = {
-            sensor.name: tuple(
-                ((begin - navigation.start) / 60.0, (end - navigation.start) / 60.0) for begin, end in sensor.outages
-            )
+            sensor.name: tuple((begin / 60.0, end / 60.0) for begin, end in sensor.outages)
             for sensor in navigation.sensors if sensor.outages
         }  # fmt: skip
         return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS, outages)

@@ -12,6 +12,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from mcnav._types import Array
+
 SAMPLES: Final = 0
 """Stream of a campaign's samples: the highest word of the counter."""
 
@@ -20,6 +22,10 @@ MEASURED: Final = 1
 
 CHECKED: Final = 2
 """Stream of the checks before a run."""
+
+
+NORMALS: Final = 3
+"""Stream of the standard normals of samples whose noise is under conditions."""
 
 
 def _bits(seed: int, index: int, stream: int) -> np.random.Philox:
@@ -75,6 +81,37 @@ class ScaledNoise(np.random.Generator):
     def uniform(self, low: Any = 0.0, high: Any = 1.0, size: Any = None) -> Any:
         """Draw as `numpy.random.Generator.uniform`, scaled about the middle."""
         return self._about(0.5 * (np.asarray(low) + np.asarray(high))[()], self._full.uniform(low, high, size))
+
+
+class GivenNoise(np.random.Generator):
+    """The generator of a sample's noise whose first standard normals are given, in the order in which they are drawn.
+
+    Those of `numpy.random.Generator.normal` and of `multivariate_normal`, which draws by `standard_normal`, are among
+    them. Further normals, times ``size``, and all other variates are drawn. ``used`` counts the normals.
+    """
+
+    def __init__(self, seed: int, index: int, given: Array, size: float = 1.0) -> None:
+        bits = _bits(seed, index, SAMPLES)
+        super().__init__(bits)
+        self._drawn, self._given, self._size, self.used = np.random.Generator(bits), given, size, 0
+
+    def standard_normal(self, size: Any = None, dtype: Any = np.float64, out: Any = None) -> Any:
+        """Draw as `numpy.random.Generator.standard_normal`."""
+        shape = np.shape(out) if size is None and out is not None else () if size is None else size
+        count = int(np.prod(shape))
+        given = self._given[self.used : self.used + count]
+        self.used += count
+        further = self._size * self._drawn.standard_normal(count - len(given))
+        normals = np.concatenate([given, further]).astype(dtype).reshape(shape)
+        if out is None:
+            return normals if normals.shape else normals[()]
+        out[...] = normals
+        return out
+
+    def normal(self, loc: Any = 0.0, scale: Any = 1.0, size: Any = None) -> Any:
+        """Draw as `numpy.random.Generator.normal`."""
+        shape = np.broadcast_shapes(np.shape(loc), np.shape(scale)) if size is None else size
+        return loc + np.multiply(scale, self.standard_normal(shape or None))
 
 
 def _unscalable(name: str) -> Callable[..., Any]:

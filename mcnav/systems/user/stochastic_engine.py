@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -15,10 +15,15 @@ from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.scenario import ScenarioError
+from mcnav.systems.conditions import Conditions
 from mcnav.systems.sample_loop import SampleFailed, simulate_each
 from mcnav.systems.user.code import UserScenarioSpec
 from mcnav.systems.user.flown import Flown, record_of
-from mcnav.systems.user.sample_noise import SAMPLES, ScaledNoise, sample_noise
+from mcnav.systems.user.sample_noise import NORMALS, SAMPLES, GivenNoise, ScaledNoise, sample_noise
+
+MOST_NORMALS: Final = 2_000
+"""Standard normals of a sample's noise, each of which takes a flight or two to see what it adds."""
 
 SCALE: Final = 0.01
 """Scale of the noise in differences: the third-order term, their error, falls with its square to 1e-4, and rounding or
@@ -63,6 +68,10 @@ class StochasticUserEngine:
         """Simulate samples, with their noise or without."""
         if not noise:
             return self.without_noise(batch.errors)[0]
+        return self.with_noise_of(batch, lambda row: sample_noise(batch.seed, int(batch.index[row])))
+
+    def with_noise_of(self, batch: Batch, noise: Callable[[int], np.random.Generator]) -> SimulationResult:
+        """Simulate samples with the noise of a generator for each row."""
         instance = self.spec.build().value
         count, outputs, times = (
             len(batch.errors),
@@ -77,7 +86,7 @@ class StochasticUserEngine:
 
         def simulate(row: int) -> Array:
             key, errors = (batch.seed, int(batch.index[row])), batch.errors[row]
-            flown = self._fly(instance, errors, sample_noise(*key))
+            flown = self._fly(instance, errors, noise(row))
             over_time = flown.errors.reshape(-1, outputs)
             if not np.isfinite(over_time[-1]).all():
                 raise SampleFailed(Failure.of(Reason.NOT_FINITE))
@@ -113,6 +122,47 @@ class StochasticUserEngine:
         failures = simulate_each(simulate, range(len(errors)), values, file=self.spec.code.file)
         over_time[list(failures)] = np.nan
         return SimulationResult(values, failures), over_time
+
+    def conditional_noise(self, outputs: tuple[int, ...], epochs: tuple[int, ...] | None = None) -> ConditionalFlights:
+        """Return the samples with conditions on what noise adds to some outputs.
+
+        There are none where the class draws no normals, or more than `MOST_NORMALS`: all noise is random then. Raises
+        `ScenarioError` where a flight with one of them fails.
+        """
+        of_normals = self._of_normals()
+        last = of_normals.shape[1] - 1
+        rows = of_normals[:, [last] * len(outputs) if epochs is None else list(epochs), list(outputs)]
+        return ConditionalFlights(replace(self, linear=None, filter=None), Conditions.on(rows.T))
+
+    def _of_normals(self) -> Array:
+        """Compute what each standard normal of the noise adds by the linear system, shape (Z, m, outputs).
+
+        By ``fly_linear``, or by differences of ``fly`` about a flight without normals.
+        """
+        instance = self.spec.build().value
+        none, fly, step = np.zeros(len(instance.sources)), self._fly_linear, 1.0
+        if not self.own_linear:
+            step = SCALE
+
+            def fly(instance: Any, errors: Array, noise: np.random.Generator) -> Array:
+                return np.asarray(self._fly(instance, errors, noise).errors.reshape(-1, len(self.outputs)))
+
+        counted = GivenNoise(0, 0, np.zeros(0), 0.0)
+        begun = fly(instance, none, counted)
+        if not 0 < counted.used <= MOST_NORMALS:
+            return np.zeros((0, *begun.shape))
+
+        def added(k: int) -> Array:
+            impulse = np.append(np.zeros(k), step)
+            there = fly(instance, none, GivenNoise(0, 0, impulse, 0.0))
+            before = begun if self.own_linear else fly(instance, none, GivenNoise(0, 0, -impulse, 0.0))
+            return np.asarray((there - before) / (step if self.own_linear else 2.0 * step)).ravel()
+
+        values = np.empty((counted.used, begun.size))
+        failures = simulate_each(added, range(counted.used), values, file=self.spec.code.file)
+        for failure in failures.values():
+            raise ScenarioError("type", f"a flight with one normal of its noise failed: {failure}")
+        return values.reshape(counted.used, *begun.shape)
 
     def nominal(self) -> Flown:
         """Simulate without errors and noise; what ``fly`` raises is raised."""
@@ -172,6 +222,30 @@ class StochasticUserEngine:
         if values.shape != self.shape:
             raise ValueError(f"fly must return shape {self.shape}; got {values.shape}")
         return replace(flown, errors=values)
+
+
+@dataclass(frozen=True)
+class ConditionalFlights:
+    """Samples of the user's class with conditions on what the normals of its noise add to some outputs."""
+
+    engine: StochasticUserEngine
+    conditions: Conditions
+
+    @property
+    def factor(self) -> Array:
+        """What the normals add to the outcomes."""
+        return self.conditions.factor
+
+    def simulate(self, batch: Batch, normals: Array) -> SimulationResult:
+        """Simulate samples with these normals of their noise, shape (n, r); final errors, and those at epochs."""
+        known = self.conditions.directions.shape[1]
+
+        def noise(row: int) -> np.random.Generator:
+            key = batch.seed, int(batch.index[row])
+            drawn = sample_noise(*key, NORMALS).standard_normal((1, known))
+            return GivenNoise(*key, self.conditions.met(drawn, normals[row : row + 1])[0])
+
+        return self.engine.with_noise_of(batch, noise)
 
 
 def without_linear(engine: Engine) -> Engine:

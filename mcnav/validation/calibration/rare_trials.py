@@ -19,7 +19,7 @@ from scipy import integrate, special, stats
 
 from mcnav._types import Array, IndexArray
 from mcnav.rare.estimate import Rare, estimate_probability
-from mcnav.rare.limits import Distance, Limit, Sides
+from mcnav.rare.limits import AnyEpoch, Distance, Limit, Sides
 from mcnav.validation.calibration.cells import Cell, Tally, tally
 
 SEED: Final = 8_000
@@ -32,7 +32,7 @@ HOLDS: Final = "probability of a rare event"
 NOT_WRONG: Final = "probability of a rare event, or refused"
 """Statements: the interval holds where one is stated; it holds, or none is stated."""
 
-FLIGHTS: Final = 1_000
+FLIGHTS, OVER_TIME_FLIGHTS = 1_000, 2_000
 """Flights of an event, about."""
 
 
@@ -57,7 +57,10 @@ class RareEvent:
         def fly(points: Array, noise: IndexArray) -> Array:
             return self.outputs(np.hstack([points, hidden_noise(self.hidden, seed, noise)]))
 
-        return estimate_probability(fly, self.linear, self.limit, self.dimensions, seed, noisy=self.hidden > 0)
+        most = OVER_TIME_FLIGHTS if isinstance(self.limit, AnyEpoch) else FLIGHTS
+        return estimate_probability(
+            fly, self.linear, self.limit, self.dimensions, seed, most=most, noisy=self.hidden > 0
+        )
 
 
 @dataclass(frozen=True)
@@ -216,6 +219,41 @@ def second_region(dimensions: int) -> RareEvent:
     return RareEvent("a second half-space", outputs, first, upper(5.0), dimensions, exact)
 
 
+def passage(correlation: float, epochs: int, c: float, a: float = 0.0) -> RareEvent:
+    """Return ``|(1 + a h) y_k| > c`` at any epoch of a stationary Gauss-Markov process, with h hidden in noise."""
+    lags = np.abs(np.subtract.outer(np.arange(epochs), np.arange(epochs)))
+    root = np.linalg.cholesky(correlation**lags)
+    name = f"first passage within {epochs} epochs, correlation {correlation:g}" + (f", gain 1 + {a:g} h" if a else "")
+    nodes, weights = np.polynomial.hermite_e.hermegauss(40 if a else 1)
+    exact = sum(
+        w * first_passage(correlation, epochs, c / abs(1.0 + a * h)) for h, w in zip(nodes, weights, strict=True)
+    ) / np.sqrt(2.0 * np.pi)  # fmt: skip
+
+    def linear(u: Array) -> Array:
+        return np.asarray(np.einsum("nd,kd->nk", u[:, :epochs], root))
+
+    def outputs(u: Array) -> Array:
+        return linear(u) * (1.0 + a * u[:, epochs:]) if a else linear(u)
+
+    return RareEvent(name, outputs, linear, AnyEpoch(both(c), epochs), epochs, float(exact), int(a > 0.0))
+
+
+def first_passage(correlation: float, epochs: int, c: float, nodes: int = 200) -> float:
+    """Integrate the density of a Gauss-Markov process within its limits, epoch by epoch, by Gauss and Legendre's rule.
+
+    What leaves them is added up, which keeps its digits.
+    """
+    x, w = np.polynomial.legendre.leggauss(nodes)
+    x, w, step = c * x, c * w, np.sqrt(1.0 - correlation**2)
+    leaving = special.ndtr((correlation * x - c) / step) + special.ndtr((-correlation * x - c) / step)
+    moved = stats.norm.pdf((x[:, None] - correlation * x) / step) / step * w
+    within, passed = stats.norm.pdf(x), 2.0 * float(special.ndtr(-c))
+    for _ in range(epochs - 1):
+        passed += float(np.sum(w * within * leaving))
+        within = moved @ within
+    return passed
+
+
 def circle(radius: float, dimensions: int) -> RareEvent:
     """Return the outside of a circle in two independent outputs, whose linear model has every direction."""
     exact = float(np.exp(-0.5 * radius**2))
@@ -248,7 +286,15 @@ HIDDEN: Final = (
 """The linear model does not know of a part of the event."""
 
 
-EVENTS: Final = (*CURVED, *PRODUCTS, *NOISY, *HIDDEN, circle(5.0, 4))
+OVER_TIME: Final = (
+    passage(0.0, 24, 5.0),
+    passage(0.9, 24, 5.0),
+    passage(0.99, 24, 5.0),
+    passage(0.9, 24, 4.5, a=0.04),
+)
+"""Noise over time, whose outcomes at all epochs are among the coordinates of the lines."""
+
+EVENTS: Final = (*CURVED, *PRODUCTS, *NOISY, *HIDDEN, circle(5.0, 4), *OVER_TIME)
 
 
 def run_rare_trials(trials: int, jobs: int) -> Tally:
@@ -263,7 +309,8 @@ def _count(number: int, seeds: Sequence[int], result: Tally) -> None:
         rare = event.estimate(SEED + seed)
         right = rare.low <= event.exact <= rare.high
         if event in HIDDEN or not rare.refusal:
-            cell = Cell("coverage", f"{RARE}, {event.name}", statement, "normal", "random", FLIGHTS)
+            flights = OVER_TIME_FLIGHTS if event in OVER_TIME else FLIGHTS
+            cell = Cell("coverage", f"{RARE}, {event.name}", statement, "normal", "random", flights)
             result.add(cell, bool(rare.refusal) or right)
 
 

@@ -15,7 +15,7 @@ from mcnav.contract.failure import Failure
 from mcnav.contract.samples import SimulationResult
 from mcnav.execution.chunks import PROBES
 from mcnav.lincov.corrections import Uncomputed
-from mcnav.lincov.partials import QUICK, SimulationFailed
+from mcnav.lincov.partials import FAST, QUICK, REDUCTION, SimulationFailed
 from mcnav.lincov.simulated_budget import simulate_each_source_alone, simulated_budgets
 from mcnav.lincov.sobol import estimate_sobol_indices
 from mcnav.sampling.distributions import Fixed, Normal, Uniform
@@ -61,6 +61,21 @@ def test_probes_are_the_first_draws_of_the_campaign(samples: int) -> None:
     for each in (found.alone, found.sobol):
         assert isinstance(each, Uncomputed)
         assert "too slow" in each.failed
+
+
+def test_a_quick_engine_that_is_not_fast_simulates_fewer_flights_beside_a_run() -> None:
+    flights = dict[int, int]()
+    for chunk in (FAST, FAST - 1):
+        flights[chunk] = 0
+
+        def simulate(batch: Any, noise: bool, chunk: int = chunk) -> SimulationResult:
+            flights[chunk] += len(batch.errors)
+            return _linear(batch.errors)
+
+        engine = SimpleNamespace(chunk=chunk, simulate=simulate)
+        found = simulated_budgets(lambda _, engine=engine: engine, ERRORS, PARTIALS, "random", 1, 10_000)
+        assert not isinstance(found.sobol, Uncomputed)
+    assert flights[FAST] == REDUCTION * flights[FAST - 1]
 
 
 def test_interaction_shows_in_all_but_one() -> None:

@@ -28,7 +28,7 @@ from mcnav.systems.steady.ensemble import simulate_histories as steady_histories
 
 K, U, M, N, R = 3, 2, 2, 11, 5
 STEPS = Steps(np.zeros((K, 9, N)), np.ones((K, N - 9)))
-NOISE = StepNoise(np.zeros((K, 9, 9)), np.zeros((K, 9, N - 9)), np.zeros((K, N - 9)))
+NOISE = StepNoise(np.zeros((K, 9, 9)), np.zeros((K, 9, N - 9)), np.zeros((K, N - 9)), np.zeros((K, N - 9)))
 UPDATES = Updates(np.array([0, 0, 1, 2, 2]), np.array([2, 1]), np.ones((U, M, N)))
 READINGS = ReadingTimes(np.array([1, 3]), np.array([True, False]))
 UNIT = np.eye(N)

@@ -1,5 +1,7 @@
 """Probabilities of rare events with known values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import special, stats
@@ -10,6 +12,7 @@ from mcnav.rare.limits import Distance, Sides
 from mcnav.validation.calibration.rare_trials import (
     CURVED,
     NOISY,
+    OVER_TIME,
     Coverage,
     circle,
     curved,
@@ -50,11 +53,39 @@ def quiet(outputs):
 
 @pytest.mark.parametrize("event", NOISY, ids=lambda event: event.name)
 def test_noise_moves_the_entries_of_lines(event):
-    """Intervals of 40 seeds, at 94 %: so few hold with a probability of 1e-4; refused are at most 2 % of the trials."""
-    result = Coverage.of(event, 40)
-    assert 40 * result.refused <= stats.binom.isf(1e-4, 40, 0.02)
-    assert 40 * result.wrong <= stats.binom.isf(1e-4, 40, 0.06)
+    """Intervals of 15 seeds, at 94 %: so few hold with a probability of 1e-4; refused are at most 2 % of the trials."""
+    result = Coverage.of(event, 15)
+    assert 15 * result.refused <= stats.binom.isf(1e-4, 15, 0.02)
+    assert 15 * result.wrong <= stats.binom.isf(1e-4, 15, 0.06)
     assert result.most_flights < 1_200
+
+
+@pytest.mark.parametrize("event", OVER_TIME, ids=lambda event: event.name)
+def test_first_passages_of_noise_have_their_exact_probability(event):
+    """As above, with ten seeds; the probability is an integral over the density within the limits."""
+    result = Coverage.of(event, 10)
+    assert result.refused == 0.0
+    assert 10 * result.wrong <= stats.binom.isf(1e-4, 10, 0.06)
+    assert result.error < 0.15
+    assert result.most_flights < 2_200
+
+
+def test_epochs_without_correlation_pass_as_if_alone():
+    beyond = 2.0 * special.ndtr(-5.0)
+    assert OVER_TIME[0].exact == pytest.approx(-np.expm1(24.0 * np.log1p(-beyond)), rel=1e-9, abs=0.0)
+
+
+def test_shares_of_points_add_up_to_one():
+    """At any point, over all half-spaces; on lines of each by the feet and by the projections alone."""
+    facets = replace(linear_facets(OVER_TIME[2].linear, OVER_TIME[2].limit, 24), shared=True)
+    points = 3.0 * np.random.default_rng(4).standard_normal((20, 24))
+    each = [facets.shares(np.full(20, j), points) for j in range(len(facets.distances))]
+    np.testing.assert_allclose(np.sum(each, axis=0), 1.0, rtol=1e-12)
+    masses, _ = facets.expected_masses(points, 0.1)
+    feet = points - (points @ facets.directions[0])[:, None] * facets.directions[0]
+    at = np.maximum(facets.entries(np.zeros(20, dtype=int), feet) + 0.1, 0.0)
+    shares = facets.shares(np.zeros(20, dtype=int), feet + at[:, None] * facets.directions[0])
+    assert masses[0] == pytest.approx(np.mean(special.ndtr(-at) * shares), rel=1e-9, abs=0.0)
 
 
 def test_noise_of_the_output_itself_has_its_exact_value():

@@ -73,9 +73,13 @@ def test_tiles_are_only_of_what_there_is() -> None:
 def test_tiles_lead_to_what_one_asks_next() -> None:
     """Only to sections that the page has."""
     summary = run("agrees", 10.0, requirement("met"))
-    made = tiles(summary, sentences.statements(summary), {"filter", "linear", "budget", "what-if"})
+    made = tiles(summary, sentences.statements(summary), {"filter", "linear", "budget", "improve", "what-if"})
     sections = {each.subject: [section for _, section in each.further] for each in made}
-    assert sections == {"Filter": ["what-if"], "Requirements": ["budget", "what-if"], "Linear analysis": ["budget"]}
+    assert sections == {
+        "Filter": ["what-if"],
+        "Requirements": ["budget", "improve", "what-if"],
+        "Linear analysis": ["budget", "improve"],
+    }
     assert not any(each.further for each in tiles_of(summary))
 
 
@@ -142,3 +146,23 @@ def test_a_rare_event_is_shown_by_its_probability() -> None:
     asked = requirement("met", kind="quantile", outputs=["x"], probability=1.0 - 1e-6, exceedance=beyond)
     (tile,) = (each for each in tiles_of(run("agrees", 0.0, asked)) if each.subject == "Requirements")
     assert (tile.value, tile.of) == ("2.35·10⁻⁷", "beyond the limit (1.00·10⁻⁷ to 4.00·10⁻⁷); allowed 1.00·10⁻⁶")
+
+
+@pytest.mark.parametrize(
+    ("ends", "mean", "words"),
+    [
+        ([0.99, 1.03], 0.0, "at least 1.8 times their size before a sigma may leave ±10 %, first that of y rate,"),
+        ([0.9999, 1.0], 0.0, "at least 3.1 times their size before a sigma may leave ±10 %, first that of x,"),
+        ([0.99, 1.09], 0.0, ""), ([None, None], 0.0, "at least 3.1 times"), ([0.99, 1.03], 0.1, ""),
+    ],
+)  # fmt: skip
+def test_room_to_grow(ends: list[float | None], mean: float, words: str) -> None:
+    """Of x the interval is 0.99 to 1.01: sqrt(0.1 / 0.01) = 3.16; sqrt(0.1 / 0.03) = 1.82."""
+    summary = run(
+        tolerance=0.1, sigma_ratio_paired_interval=[[0.99, 1.01], ends],
+        start_mean=[mean, *([0.0] * (len(run().start_mean) - 1))],
+    )  # fmt: skip
+    told = sentences.room_to_grow(summary)
+    assert words in told
+    assert bool(told) == bool(words)
+    assert sentences.room_to_grow(run("differs")) == ""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
-from mcnav.systems.ins.earth import WGS84, ZONALS, Earth, local_axes
+from mcnav.systems.ins.earth import MARS, MOON, WGS84, ZONALS, Earth, local_axes
 from mcnav.systems.ins.reference.normal_field import DEEPEST, HEADER, field_constants, normal_gravitation_at
 
 LATITUDES = np.radians([0.0, 1e-9, 15.0, 45.0, 51.0, 60.0, 89.9, 90.0, -30.0, -90.0])
@@ -78,6 +78,32 @@ def test_sphere_is_central() -> None:
     radius = np.linalg.norm(position, axis=-1, keepdims=True)
     expected = -earth.gravitational_parameter * position / radius**3
     assert np.max(np.abs(gravitation(position, earth) - expected)) <= ROUNDING
+
+
+@pytest.mark.parametrize(
+    ("body", "equator", "tolerance"), [(MOON, 1.62, 0.005), (MARS, 3.69, 0.025)], ids=["moon", "mars"]
+)
+def test_moon_and_mars_have_the_field_of_their_j2(body: Earth, equator: float, tolerance: float) -> None:
+    """The gradient of ``mu / r [1 - J2 (a / r)^2 P2]``; gravity at the surface is NASA's, with two decimals.
+
+    Differences over 200 m err by 1e-9 of gravitation, and the rounding of a potential of 3e6 to 1e7 m^2/s^2 by 4e-11.
+    """
+    latitude, longitude = LATITUDES, LONGITUDES
+    position = body.from_geodetic(latitude, longitude, np.full(len(latitude), 2e3))
+    np.testing.assert_allclose(gravitation(position, body), body.gravitation(position), rtol=0.0, atol=ROUNDING)
+    assert body.j2 is not None
+
+    def potential(at: Array) -> Array:
+        r, z = np.linalg.norm(at, axis=-1), at[:, 2]
+        second = 0.5 * (3.0 * (z / r) ** 2 - 1.0)
+        return np.asarray(body.gravitational_parameter / r * (1.0 - (body.j2 or 0.0) * (body.radius / r) ** 2 * second))
+
+    columns = [(potential(position + 100.0 * e) - potential(position - 100.0 * e)) / 200.0 for e in np.eye(3)]
+    found = body.gravitation(position)
+    np.testing.assert_allclose(found, np.stack(columns, axis=-1), rtol=0.0, atol=1e-8 * np.abs(found).max())
+    surface = body.from_geodetic(*np.zeros((3, 1)))
+    spun = np.linalg.norm(gravitation(surface, body) + body.rotation_rate**2 * surface)
+    assert spun == pytest.approx(equator, abs=tolerance)
 
 
 def test_curvature_of_the_zonal_harmonics() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, Literal
 
@@ -14,15 +14,15 @@ from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
 from mcnav.systems.closed_loop.declarations import Attitude, GaussMarkov, Unit, White
 from mcnav.systems.closed_loop.strapdown.planet_axes import PlanetAxes, turned
+from mcnav.systems.ins import earth
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
 from mcnav.systems.ins.imu.readings import compensate, reading_errors, response_matrix
 from mcnav.systems.ins.tables.imu import CONSTANTS
 from mcnav.systems.ins.tables.imu_catalogue import KINDS
 
-MOON: Final = Earth(1_737_400.0, 0.0, 4.902_800_118e12, 2.661_699_5e-6)
-"""The moon as a sphere: mean radius (IAU 2015), gravitational parameter of GRAIL (Konopliv et al. 2013), rotation of a
-sidereal month of 27.321661 d."""
+MOON: Final = replace(earth.MOON, j2=None)
+"""The moon as a sphere whose field is central."""
 
 PLANETS: Final[Mapping[str, Earth]] = {"earth": WGS84, "moon": MOON}
 

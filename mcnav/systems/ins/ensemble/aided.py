@@ -38,6 +38,7 @@ from mcnav.systems.ins.ensemble.filters import (
     project_along_truth,
     update_covariances,
 )
+from mcnav.systems.ins.ensemble.flexures import SensorFlexure, draw_flexures, sensor_flexures
 from mcnav.systems.ins.ensemble.free import EnsembleTables
 from mcnav.systems.ins.ensemble.normalization import share_covariances
 from mcnav.systems.ins.ensemble.propagation import propagate_covariances
@@ -87,7 +88,7 @@ from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import CONSTANTS
 from mcnav.systems.ins.imu.variates import IMU_STREAM, draw_normals
 from mcnav.systems.ins.linear.adjoint import Adjoint, add_linear, adjoint_of_closed
-from mcnav.systems.ins.linear.closed_loop import ClosedLoop, own_covariances
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs, own_covariances
 from mcnav.systems.ins.sensors.aiding import gate_limits
 from mcnav.systems.ins.sensors.measurements import rate_error, white_sigmas
 
@@ -306,11 +307,19 @@ class AidedTables:
         """Tables of the epochs and of the start, for compiled code."""
         shared, model = self.ensemble, self.loop.filter
         chosen = np.flatnonzero(model.corrected)
+        covariances = share_covariances(self.covariances, chosen, shared.output_maps)
+        if (pairs := ShownPairs.of(self.loop, shared.epochs)) is not None:
+            covariances = covariances._replace(variances=pairs.of_covariances(self.covariances[:, 9:, 9:]))
         return EpochTables(
-            shared.epochs, shared.truth, shared.output_maps,
-            share_covariances(self.covariances, chosen, shared.output_maps), self.loop.first_updates, shared.sizes,
+            shared.epochs, shared.truth, shared.output_maps, covariances, self.loop.first_updates, shared.sizes,
             blocks_of(model.initial), self.biases, self.drifts, self.drift_sigmas, self.faded, chosen,
+            np.ascontiguousarray(model.natural[shared.epochs]), model.partners,
         )  # fmt: skip
+
+    @cached_property
+    def flexures(self) -> tuple[SensorFlexure, ...]:
+        """Flexures of the sensors."""
+        return sensor_flexures(self.loop, self.ensemble.epochs)
 
 
 def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str, ...]) -> AidedTables:
@@ -378,7 +387,7 @@ class _Given(NamedTuple):
 
 
 class _Noise(NamedTuple):
-    """Noise of n samples: drawn by counter, or given as `GivenNoise` has it, flat."""
+    """Noise of n samples: drawn by counter, or given as `GivenNoise` has it, flat; and what flexures add, if any."""
 
     seed: np.uint64
     drawn: bool
@@ -386,6 +395,7 @@ class _Noise(NamedTuple):
     drifting: bool
     added: Array
     disturbances: Array
+    flexed: Array
 
 
 class _LaneRooms(NamedTuple):
@@ -452,7 +462,7 @@ class GivenNoise:
     added : ndarray, shape (n, K, 9 + b)
         What the instruments' processes add to psi, v, x and the biases in each step; biases start at zero.
     measured : ndarray, shape (n, U, M)
-        What white noise and correlated errors add to each measurement.
+        What white noise, correlated errors and flexures add to each measurement.
     """
 
     added: Array
@@ -481,11 +491,16 @@ def simulate_aided(
     count, epochs = len(errors), len(shared.epochs)
     of_samples, active, active_aiding = _share_errors(tables, errors, samples)
     nothing = np.zeros((0, 0))
+    flexed = nothing
+    if given is None and tables.flexures:
+        added, values = draw_flexures(tables.flexures, tables.loop, seed, samples)
+        of_samples = of_samples._replace(of_states=of_samples.of_states + values)
+        flexed = added.reshape(count, -1)
     noise = _Noise(
         np.uint64(seed), given is None and bool(shared.factors.any() or shared.sizes.any()), given is None,
         given is None and bool(tables.correlated.any()),
         nothing if given is None else np.ascontiguousarray(given.added.reshape(count, -1)),
-        nothing if given is None else np.ascontiguousarray(given.measured.reshape(count, -1)),
+        nothing if given is None else np.ascontiguousarray(given.measured.reshape(count, -1)), flexed,
     )  # fmt: skip
     steps = tables.steps(active)
     rooms = _lane_rooms(tables, count, len(active), len(active_aiding), steps.factors.shape[2], own, noise.drifting)
@@ -547,8 +562,8 @@ def _share_errors(tables: AidedTables, errors: Array, samples: IndexArray) -> tu
     linear += np.einsum("ns,is->ni", estimates, of_start[:, NAVIGATION:])
     given = _Given(
         samples.astype(np.uint64), np.ascontiguousarray(instruments[:, active]),
-        np.ascontiguousarray(aiding[:, active_aiding]), of_states, estimates, deviate(shared.start, errors[:, :9]),
-        linear,
+        np.ascontiguousarray(aiding[:, active_aiding]), of_states[:, None], estimates,
+        deviate(shared.start, errors[:, :9]), linear,
     )  # fmt: skip
     return given, active, active_aiding
 
@@ -662,6 +677,10 @@ def _disturb(
         for i in range(LANES):
             for c in range(m):
                 own.disturbance[c, i] = noise.disturbances[begin + min(i, size - 1), u * most + c]
+    if len(noise.flexed) > 0:
+        for i in range(LANES):
+            for c in range(m):
+                own.disturbance[c, i] += noise.flexed[begin + min(i, size - 1), u * most + c]
     if len(own.aiding) > 0:
         add_constant_errors(u, m, updates, own)
     if updates.faulty[u]:

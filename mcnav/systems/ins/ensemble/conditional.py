@@ -1,29 +1,25 @@
 """Samples whose noise is given what it adds to the linear errors of some outputs, and is random otherwise.
 
 The noise of a sample is a vector z of independent standard normals, and adds ``N z`` to the linear errors of outputs
-at the last epoch. With random z,
-
-    z' = z + N^T (N N^T)^+ (y - N z)
-
-has the distribution of z under the condition ``N z = y`` (Journel and Huijbregts, *Mining Geostatistics*, 1978, of
-conditional simulation).
+at an epoch; conditions are those of `mcnav.systems.conditions`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.contract.failure import Failure
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.systems.conditions import Conditions
 from mcnav.systems.ins.ensemble.aided import AidedTables, GivenNoise
 from mcnav.systems.ins.ensemble.free import EnsembleTables
 from mcnav.systems.ins.linear.adjoint import Adjoint
+from mcnav.systems.sample_loop import join_results
 
 STREAM: Final = 1 << 20
 """Highest word of the counter, apart from those of `mcnav.systems.ins.imu.sample_noise`."""
@@ -142,40 +138,29 @@ class NoiseSystem:
                 later[component] = measured.memory[u, c] * response
         return partials
 
-    def covariance(self, outputs: tuple[int, ...]) -> Array:
-        """Return ``N N^T`` of some outputs, shape (m, m)."""
-        rows = self._rows(outputs)
-        return np.asarray(sum(np.einsum("is,js->ij", each, each) for each in rows))
+    def rows(self, outputs: tuple[int, ...]) -> Array:
+        """Return rows of N of some outputs, flat, shape (m, Z)."""
+        chosen = list(outputs)
+        return np.concatenate([each[chosen].reshape(len(chosen), each[0].size) for each in self.partials], axis=1)
 
-    def _rows(self, outputs: tuple[int, ...]) -> list[Array]:
-        """Return rows of N, flat."""
-        return [each[list(outputs)].reshape(len(outputs), each[0].size) for each in self.partials]
-
-    def draw(self, seed: int, indices: IndexArray) -> Variates:
-        """Draw z for samples, each from the counter-based generator keyed by seed and index; `Variates`, (n, ...)."""
-        shapes = [each.shape[1:] for each in self.partials]
-        sizes = [int(np.prod(shape)) for shape in shapes]
-        places = np.cumsum(sizes)[:-1]
+    def draw(self, seed: int, indices: IndexArray) -> Array:
+        """Draw z for samples, each from the counter-based generator keyed by seed and index, shape (n, Z)."""
         counter = np.array([0, 0, 0, STREAM], dtype=np.uint64)
-        drawn = np.empty((len(indices), sum(sizes)))
+        drawn = np.empty((len(indices), sum(self._sizes)))
         for row, index in enumerate(indices):
             key = np.array((seed, index), dtype=np.uint64)
             np.random.Generator(np.random.Philox(counter=counter, key=key)).standard_normal(out=drawn[row])
-        parts = np.split(drawn, places, axis=1)
-        return Variates(*(part.reshape(len(indices), *shape) for part, shape in zip(parts, shapes, strict=True)))
+        return drawn
 
-    def conditioned(self, variates: Variates, outputs: tuple[int, ...], wanted: Array) -> Variates:
-        """Return z' of z, with the linear errors of some outputs that are wanted, shape (n, m)."""
-        rows = self._rows(outputs)
-        flat = [z.reshape(len(wanted), n.shape[1]) for z, n in zip(variates, rows, strict=True)]
-        missing = wanted - sum(np.einsum("ns,is->ni", z, n) for z, n in zip(flat, rows, strict=True))
-        covariance = self.covariance(outputs)
-        scale = np.sqrt(np.diag(covariance))
-        inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0.0)
-        weights = inverse[:, None] * np.linalg.pinv(inverse[:, None] * covariance * inverse, rcond=1e-12) * inverse
-        moved = np.einsum("ni,ij->nj", missing, weights)
-        changed = (z + np.einsum("ni,is->ns", moved, n) for z, n in zip(flat, rows, strict=True))
-        return Variates(*(z.reshape(each.shape) for z, each in zip(changed, variates, strict=True)))
+    def parted(self, normals: Array) -> Variates:
+        """Return z, shape (n, Z), by what it drives."""
+        parts = np.split(normals, np.cumsum(self._sizes)[:-1], axis=1)
+        shapes = [each.shape[1:] for each in self.partials]
+        return Variates(*(part.reshape(len(normals), *shape) for part, shape in zip(parts, shapes, strict=True)))
+
+    @property
+    def _sizes(self) -> list[int]:
+        return [each[0].size for each in self.partials]
 
     def given(self, variates: Variates) -> GivenNoise:
         """Return what z adds to steps and measurements."""
@@ -203,31 +188,43 @@ class NoiseSystem:
     @property
     def together(self) -> int:
         """Samples whose variates are in memory together."""
-        return max(1, LARGEST // max(1, int(sum(each[0].size for each in self.partials))))
+        return max(1, LARGEST // max(1, sum(self._sizes)))
 
 
 @dataclass(frozen=True)
 class ConditionalSamples:
-    """Samples with conditions on what noise adds to the linear errors of some outputs at the last epoch.
+    """Samples with conditions on what noise adds to the linear errors of some outputs, at the end or at epochs.
 
     ``engine`` simulates samples with given noise, no more than ``most`` at a time.
     """
 
     noise: NoiseSystem
-    outputs: tuple[int, ...]
+    conditions: Conditions
     most: int
     engine: Callable[[Batch, GivenNoise], SimulationResult]
 
-    def simulate(self, batch: Batch, added: Array) -> SimulationResult:
-        """Simulate samples whose noise adds so much to these outputs, shape (n, m), SI; final errors alone."""
-        values, linear = np.full((2, len(added), 9), np.nan)
-        failures: dict[int, Failure] = {}
-        step = min(self.most, self.noise.together)
-        for begin in range(0, len(added), step):
-            piece, wanted = batch[begin : begin + step], added[begin : begin + step]
-            variates = self.noise.draw(batch.seed, piece.index)
-            result = self.engine(piece, self.noise.given(self.noise.conditioned(variates, self.outputs, wanted)))
-            values[begin : begin + step] = result.values
-            linear[begin : begin + step] = result.linear_values
-            failures |= {begin + row: failure for row, failure in result.failures.items()}
-        return SimulationResult(values, failures, linear_values=linear)
+    @classmethod
+    def of(
+        cls, noise: NoiseSystem, outputs: tuple[int, ...], epochs: tuple[int, ...] | None,
+        adjoint_at: Callable[[int], Adjoint], most: int, engine: Callable[[Batch, GivenNoise], SimulationResult],
+    ) -> ConditionalSamples:  # fmt: skip
+        """Find the conditions; ``adjoint_at`` runs the linear system backwards from an epoch."""
+        rows = [] if epochs else [noise.rows(outputs)]
+        for epoch in dict.fromkeys(epochs or ()):
+            there = tuple(output for output, at in zip(outputs, epochs or (), strict=True) if at == epoch)
+            rows.append(replace(noise, adjoint=adjoint_at(epoch)).rows(there))
+        return cls(noise, Conditions.on(np.concatenate(rows)), most, engine)
+
+    @property
+    def factor(self) -> Array:
+        """What the normals add to the outcomes; those of an epoch follow each other."""
+        return self.conditions.factor
+
+    def simulate(self, batch: Batch, normals: Array) -> SimulationResult:
+        """Simulate samples with these normals of their noise, shape (n, r)."""
+        results, step = list[SimulationResult](), min(self.most, self.noise.together)
+        for begin in range(0, len(normals), step):
+            piece, wanted = batch[begin : begin + step], normals[begin : begin + step]
+            met = self.conditions.met(self.noise.draw(batch.seed, piece.index), wanted)
+            results.append(self.engine(piece, self.noise.given(self.noise.parted(met))))
+        return join_results(results)

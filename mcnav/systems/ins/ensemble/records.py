@@ -44,6 +44,9 @@ class EpochTables(NamedTuple):
         Covariance of the filter at the start, as blocks.
     chosen : ndarray of int
         Numbers of the states that are estimated.
+    natural, partners : ndarray, shapes (m, q, 2), (q,)
+        What states that are shown have of themselves and of others, as
+        `mcnav.systems.ins.filter.tables.FilterTables` has it.
     """
 
     numbers: IndexArray
@@ -58,6 +61,8 @@ class EpochTables(NamedTuple):
     drift_sigmas: Array
     faded: Array
     chosen: IndexArray
+    natural: Array
+    partners: IndexArray
 
 
 class ReadingRooms(NamedTuple):
@@ -136,16 +141,17 @@ def change_correlated_errors(reached: int, epochs: EpochTables, normals: Array, 
 
 @allocation_free_part
 def _collect_errors(
-    begin: int, size: int, epochs: EpochTables, of_states: Array, samples: Deviations, own: Estimates,
+    reached: int, begin: int, size: int, epochs: EpochTables, of_states: Array, samples: Deviations, own: Estimates,
     rooms: ReadingRooms,
 ) -> None:  # fmt: skip
     """Compute the errors of the filters' states.
 
     Parameters
     ----------
-    of_states : ndarray, shape (n, q)
-        Constant errors that the other states model.
+    of_states : ndarray, shape (n, m, q) or (n, 1, q)
+        Constant errors and flexures that the other states model.
     """
+    at = min(reached, of_states.shape[1] - 1)
     errors = rooms.normalization.errors
     rotation_vectors(samples.turn, own.rotation)
     for r in range(3):
@@ -154,7 +160,7 @@ def _collect_errors(
         store(errors, 3 + r, load(samples.moved, r))
     for s in range(len(own.estimate)):
         for i in range(LANES):
-            errors[9 + s, i] = of_states[begin + min(i, size - 1), s]
+            errors[9 + s, i] = of_states[begin + min(i, size - 1), at, s]
         x = load(errors, 9 + s) - load(own.estimate, s)
         if epochs.biases[s] >= 0:
             x += load(samples.bias, epochs.biases[s])
@@ -185,11 +191,21 @@ def _record(reached: int, epochs: EpochTables, own_gains: bool, own: Estimates, 
         store(record, within + 9 + r, where(size <= 3.0 * sigma, 1.0, 0.0))
     at += 18
     for s in range(states):
-        store(record, at + s, load(errors, 9 + s))
-        if own_gains:
+        e = epochs.partners[s]
+        if e == s:
+            store(record, at + s, load(errors, 9 + s))
+        else:
+            # of a flexure: the angle or its rate, a combination of two states
+            a, b = epochs.natural[reached, s, 0], epochs.natural[reached, s, 1]
+            store(record, at + s, a * load(errors, 9 + s) + b * load(errors, 9 + e))
+        if not own_gains:
+            store(record, at + states + s, nothing + shared.variances[reached, s])
+        elif e == s:
             store(record, at + states + s, load(p, (9 + s, 9 + s)))
         else:
-            store(record, at + states + s, nothing + shared.variances[reached, s])
+            a, b = epochs.natural[reached, s, 0], epochs.natural[reached, s, 1]
+            variance = a * a * load(p, (9 + s, 9 + s)) + b * b * load(p, (9 + e, 9 + e))
+            store(record, at + states + s, variance + 2.0 * a * b * load(p, (9 + max(s, e), 9 + min(s, e))))
     at += 2 * states
     for sensor in range(len(own.tally)):
         for c in range(COUNTS):
@@ -215,12 +231,12 @@ def read(
 
     Parameters
     ----------
-    of_states : ndarray, shape (n, q)
-        Constant errors that the other states model.
+    of_states : ndarray, shape (n, m, q) or (n, 1, q)
+        Constant errors and flexures that the other states model.
     p : ndarray, shape (9 + q, 9 + q, LANES)
         Covariances of the filters, where each has its own.
     """
-    _collect_errors(begin, size, epochs, of_states, samples, own, rooms)
+    _collect_errors(reached, begin, size, epochs, of_states, samples, own, rooms)
     if own_gains:
         normalize_by_own(p, epochs.chosen, epochs.output_maps[reached], rooms.normalization)
     else:

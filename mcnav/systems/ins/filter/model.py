@@ -16,8 +16,10 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.gates import USUAL, GateQuestion
 from mcnav.systems.ins.imu.gravity import DISTURBANCES, cause_of
-from mcnav.systems.ins.imu.instruments import AXES, Imu
+from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, Imu
 from mcnav.systems.ins.sensors.aiding import Sensor
+from mcnav.systems.ins.sensors.flexure import FlexureState
+from mcnav.systems.ins.sensors.quantity import BEAMS, LEVEL_AXES
 
 NAVIGATION: Final = 9
 """States of attitude, velocity and position."""
@@ -66,6 +68,9 @@ class FilterState:
     considered : bool
     correlation_length : float
         Of a Gauss-Markov error of the distance travelled, m; infinite for others.
+    flexure : FlexureState, optional
+        Of an angle of a flexure or its rate, each of which follows the other in the order of the states: the sigma is
+        that of the natural state, and the correlation time that of the state that only decays.
     """
 
     name: str
@@ -74,6 +79,7 @@ class FilterState:
     walk: float
     considered: bool
     correlation_length: float = np.inf
+    flexure: FlexureState | None = None
 
 
 @dataclass(frozen=True)
@@ -131,6 +137,15 @@ def _states_of(kind: str, beliefs: Beliefs, considered: bool) -> list[FilterStat
     for name, sigma, correlation_time in _correlated_of(kind, beliefs):
         if sigma > 0.0:
             states.append(FilterState(name, sigma, correlation_time, 0.0, considered))
+    for sensor in beliefs.sensors:
+        if sensor.flexure is not None and kind == f"{sensor.name}_flexure":
+            of_axes = (
+                FlexureState(sensor.name, sensor.flexure, axis, rate)
+                for axis in sensor.flexure.axes
+                for rate in (False, True)
+            )
+            time = 1.0 / sensor.flexure.decay_rate
+            states += [FilterState(each.name, each.sigma, time, 0.0, considered, flexure=each) for each in of_axes]
     gravity = beliefs.imu.gravity
     return states + [
         FilterState(name, gravity.sigma(name), np.inf, 0.0, considered, gravity.length(name))
@@ -148,9 +163,10 @@ def estimated_kinds(constants: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _kind(name: str) -> str:
-    """Return the kind of a source: its name without the axis."""
-    stem, _, axis = name.rpartition("_")
-    return stem if axis in ("x", "y", "z", "xy", "xz", "yx", "yz", "zx", "zy", "north", "east", "down") else name
+    """Return the kind of a source or a state: its name without the axis; of a flexure's rate that of the flexure."""
+    stem, _, axis = name.replace("_flexure_rate_", "_flexure_").rpartition("_")
+    axes = (*AXES, *CROSS_AXES, *LEVEL_AXES, *BEAMS)
+    return stem if axis in axes else name
 
 
 def _constants_of(kind: str, beliefs: Beliefs) -> list[str]:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
+from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel, FilterState
 from mcnav.systems.ins.imu.gravity import DISTURBANCES
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
 from mcnav.systems.ins.linear.covariance import output_map, process_systems
 from mcnav.systems.ins.linear.response import StepResponses, respond
-from mcnav.systems.ins.sensors.aiding import aiding_constants
-from mcnav.systems.ins.sensors.measurements import Measurements, rate_error, white_sigmas
+from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.sensors.measurements import Measurements, flexure_rows, rate_error, white_sigmas
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 
@@ -41,6 +41,13 @@ class FilterTables:
         Number of the constant source that a state models, -1 for none.
     processes : tuple of tuple of str
         Processes that each state models.
+    parts : tuple of int
+        Number of the bias of these processes that a state models: 1 for the second of a flexure, else 0.
+    natural : ndarray, shape (K + 1, q, 2)
+        What a state that is shown has of the state itself and of the other one of its pair, at the times of the grid:
+        one and zero but for flexure.
+    partners : ndarray of int, shape (q,)
+        Number of that other one; of a state without one its own.
     rate_errors : ndarray of int, shape (q,)
         Number of the gyros' constant error as which a state enters the rate that a lever arm needs, -1 for none.
     """
@@ -55,6 +62,9 @@ class FilterTables:
     constants: IndexArray
     processes: tuple[tuple[str, ...], ...]
     rate_errors: IndexArray
+    parts: tuple[int, ...]
+    natural: Array
+    partners: IndexArray
 
 
 def tabulate_filter(
@@ -68,7 +78,9 @@ def tabulate_filter(
     sources = {name: number for number, name in enumerate((*CONSTANTS, *aiding_constants(beliefs.sensors)))}
     components = [component for sensor in beliefs.sensors for component in sensor.components]
     sigmas = white_sigmas(beliefs.sensors, measurements)
-    modelled = tuple(_process_of(state.name, sources) for state in states)
+    modelled = tuple(
+        _process_of(state.name, sources) if state.flexure is None else state.flexure.process for state in states
+    )
     tables = FilterTables(
         np.zeros((steps, NAVIGATION, count)), np.ones((steps, count)),
         np.zeros((steps, NAVIGATION + count, NAVIGATION + count)), _initial_covariance(truth, responses, model),
@@ -77,6 +89,8 @@ def tabulate_filter(
         np.array([sources.get(state.name, -1) for state in states], dtype=np.int64),
         tuple(() if name in sources else (name,) for name in modelled),
         np.array([rate_error(state.name) for state in states], dtype=np.int64),
+        tuple(0 if state.flexure is None else int(state.flexure.rate) for state in states),
+        np.tile(np.array([1.0, 0.0]), (steps + 1, count, 1)), np.arange(count),
     )  # fmt: skip
     for place, (state, name) in enumerate(zip(states, modelled, strict=True)):
         tables.decay[:, place] = np.exp(-np.diff(responses.times) / state.correlation_time)
@@ -95,8 +109,30 @@ def tabulate_filter(
                 tables.noise[:, NAVIGATION + place, NAVIGATION + place] = state.sigma**2 * added
         if tables.rate_errors[place] >= 0 and measurements.swings.size:
             tables.rows[:, :, place] = measurements.swings[:, :, tables.rate_errors[place]]
+    _fill_flexures(tables, states, responses.times, beliefs.sensors, measurements)
     _add_noise(tables.noise, systems, {name: NAVIGATION + n for n, name in enumerate(modelled) if name in systems})
     return tables
+
+
+def _fill_flexures(
+    tables: FilterTables, states: Sequence[FilterState], times: Array, sensors: Sequence[Sensor],
+    measurements: Measurements,
+) -> None:  # fmt: skip
+    """Fill in what pairs of states that are flexures have besides their decay."""
+    numbers = {sensor.name: number for number, sensor in enumerate(sensors)}
+    since = times - times[0]
+    for place, state in enumerate(states):
+        of = state.flexure
+        if of is None or of.rate:
+            continue
+        pair, variance = slice(place, place + 2), of.flexure.sigma[of.axis] ** 2
+        within = slice(NAVIGATION + place, NAVIGATION + place + 2)
+        tables.rows[:, :, pair] = flexure_rows(measurements, numbers[of.sensor], of.flexure, of.axis, float(times[0]))
+        tables.noise[:, within, within] = variance * of.flexure.noise(since)
+        tables.initial[within, within] = variance * of.flexure.covariance(since[:1])[0]
+        natural = of.flexure.natural(since)
+        tables.natural[:, place], tables.natural[:, place + 1] = natural[:, 0], natural[:, 1, ::-1]
+        tables.partners[pair] = place + 1, place
 
 
 def _process_of(name: str, sources: Mapping[str, int]) -> str:

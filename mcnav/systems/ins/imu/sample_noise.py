@@ -16,6 +16,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.imu.fine_noise import boundary_values, draw_noise, gravity_values, gyro_drifts, process_values
 from mcnav.systems.ins.imu.instruments import Imu
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
+from mcnav.systems.ins.sensors.flexure import FlexureState
 from mcnav.systems.ins.sensors.measurements import swings
 from mcnav.systems.ins.sensors.quantity import MOST_AXES
 from mcnav.systems.ins.sensors.registry import KINDS
@@ -23,6 +24,9 @@ from mcnav.systems.ins.truth.gravity import GravityPath
 
 FIRST_STREAM: Final = 18
 """Number of the counter's highest word; lower ones are those of the instruments' processes."""
+
+FLEXURE_STREAM: Final = (1 << 21) + 1
+"""Number of the counter's highest word of flexures."""
 
 KINDS_OF_STREAM: Final = 6
 """Quantities with one highest word: a quantity that is added changes no sample of the others."""
@@ -41,7 +45,10 @@ class SampleNoise:
         missing have none.
     processes : mapping of str to ndarray, shape (m,)
         Values at the epochs of the processes that a filter may estimate: bias instability and rate random walk of the
-        instruments, gravity disturbances, correlated errors of the sensors. Those that are missing are zero.
+        instruments, gravity disturbances, correlated errors of the sensors, angles and rates of their flexures. Those
+        that are missing are zero.
+    flexures : mapping of str to ndarray, shape (u, 6)
+        Angles of the flexure of each sensor about the body's axes, and their rates, at its measurements.
     drifts : ndarray, shape (S, 3), optional
         Bias instability and rate random walk of the gyros at the ends of the steps, rad/s, for sensors that measure an
         antenna's velocity on a lever arm; none for zero.
@@ -52,6 +59,7 @@ class SampleNoise:
     measurements: Mapping[str, Array] = field(default_factory=dict)
     processes: Mapping[str, Array] = field(default_factory=dict)
     drifts: Array | None = None
+    flexures: Mapping[str, Array] = field(default_factory=dict)
 
 
 def draw_sample_noise(
@@ -77,7 +85,36 @@ def draw_sample_noise(
     if path is not None:
         processes |= gravity_values(path, imu.gravity, epochs, seed, index)
     drifts = gyro_drifts(imu, step_times, seed, index) if any(swings(sensor) for sensor in sensors) else None
-    return SampleNoise(gyro, accelerometer, measurements, processes | correlated, drifts)
+    flexures, bent = draw_flexures(sensors, step_times, epochs, seed, index)
+    return SampleNoise(gyro, accelerometer, measurements, processes | correlated | bent, drifts, flexures)
+
+
+def draw_flexures(
+    sensors: Sequence[Sensor], step_times: Array, epochs: IndexArray, seed: int, index: int
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Draw the flexures of one sample, stationary from the first boundary of steps.
+
+    Returns
+    -------
+    tuple of dict
+        Angles and rates at the measurements of each sensor that flexes, shape (u, 6), by its name; values at the
+        epochs, shape (m,), by the names of a filter's states.
+    """
+    flexures, values = {}, {}
+    for number, sensor in enumerate(sensors):
+        if sensor.flexure is None:
+            continue
+        instants = np.concatenate([step_times[:1], sensor.times, step_times[epochs]])
+        times, places = np.unique(instants, return_inverse=True)
+        words = np.array([0, 0, number, FLEXURE_STREAM], dtype=np.uint64)
+        philox = np.random.Philox(counter=words, key=np.array((seed, index), dtype=np.uint64))
+        drawn = sensor.flexure.draw(times, np.random.Generator(philox).standard_normal((len(times), 3, 2)))
+        measured, read = np.split(drawn[places[1:]], [len(sensor.times)])
+        flexures[sensor.name] = measured.swapaxes(1, 2).reshape(len(measured), 6)
+        for axis in sensor.flexure.axes:
+            for rate in (False, True):
+                values[FlexureState(sensor.name, sensor.flexure, axis, rate).name] = read[:, axis, int(rate)]
+    return flexures, values
 
 
 def draw_measurement_errors(

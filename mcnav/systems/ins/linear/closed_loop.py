@@ -43,7 +43,8 @@ from mcnav.systems.ins.linear.recursions import (
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.linear.same_content import same_content
 from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
-from mcnav.systems.ins.sensors.measurements import Measurements, measure, rate_error, white_sigmas
+from mcnav.systems.ins.sensors.flexure import Flexure, flexure_process
+from mcnav.systems.ins.sensors.measurements import Measurements, flexure_rows, measure, rate_error, white_sigmas
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 NOWHERE: Final = np.zeros(0, dtype=np.int64)
@@ -175,6 +176,7 @@ def _geometry(sensors: tuple[Sensor, ...]) -> tuple[object, ...]:
         (
             sensor.name, sensor.times, sensor.lever_arm, sensor.has_lever_arm,
             tuple((each.quantity, each.axis, each.label) for each in sensor.components), sensor.faults,
+            sensor.flexure is not None, sensor.offsets, sensor.arrangement,
         )
         for sensor in sensors
     )  # fmt: skip
@@ -201,15 +203,20 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
     names, covariances = propagate_processes(loop, readings, after)
     maps = np.stack([output_map(loop.truth, float(time)) for time in loop.times[readings]])
     count = len(loop.filter.constants)
-    state_partials = -estimates
+    state_partials, pairs = -estimates, ShownPairs.of(loop, readings)
     for place, number in enumerate(loop.filter.constants):
         if number >= 0:
             state_partials[:, place, number] += 1.0
+    if pairs is not None:
+        state_partials = pairs.of_values(state_partials)
     state_variances = {}
     processes = {}
     for number, name in enumerate(names):
         covariance = covariances[..., number]
         processes[name] = maps @ covariance[:, :NAVIGATION, :NAVIGATION] @ maps.swapaxes(1, 2)
+        if pairs is not None:
+            state_variances[name] = pairs.of_covariances(_left_of_states(loop, readings, name, covariance))
+            continue
         variance = np.diagonal(covariance, axis1=1, axis2=2)[:, NAVIGATION : NAVIGATION + count].copy()
         for place, modelled in enumerate(loop.filter.processes):
             if name in modelled:
@@ -223,8 +230,71 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
         np.einsum("mij,mj->mi", maps, faulted[:, :NAVIGATION]),
         state_partials,
         add_by_cause(state_variances),
-        np.diagonal(own, axis1=1, axis2=2)[:, NAVIGATION:].copy(),
+        (
+            np.diagonal(own, axis1=1, axis2=2)[:, NAVIGATION:].copy()
+            if pairs is None
+            else pairs.of_covariances(own[:, NAVIGATION:, NAVIGATION:])
+        ),
     )
+
+
+@dataclass(frozen=True)
+class ShownPairs:
+    """States as they are shown at m readings: of a flexure the angle and its rate.
+
+    Attributes
+    ----------
+    natural, partners : ndarray, shapes (m, q, 2), (q,)
+        As `mcnav.systems.ins.filter.tables.FilterTables` has them.
+    """
+
+    natural: Array
+    partners: IndexArray
+
+    @classmethod
+    def of(cls, loop: ClosedLoop, readings: IndexArray) -> ShownPairs | None:
+        """Return those of a loop; none where all states are shown as they are."""
+        tables = loop.filter
+        if np.array_equal(tables.partners, np.arange(len(tables.partners))):
+            return None
+        return cls(tables.natural[readings], tables.partners)
+
+    def of_values(self, values: Array) -> Array:
+        """Return values of the states, shape (m, q, s), as they are shown."""
+        own, other = self.natural[:, :, 0, None], self.natural[:, :, 1, None]
+        return np.asarray(own * values + other * values[:, self.partners])
+
+    def of_covariances(self, covariance: Array) -> Array:
+        """Return the variances of the states as shown from their covariance, shapes (m, q), (m, q, q)."""
+        rows = self.of_values(covariance)
+        both = self.of_values(rows.swapaxes(1, 2))
+        return np.diagonal(both, axis1=1, axis2=2).copy()
+
+
+def _left_of_states(loop: ClosedLoop, readings: IndexArray, name: str, covariance: Array) -> Array:
+    """Return the covariance of the errors of the states' estimates by a process, shape (m, q, q).
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (m, 9 + q + b, 9 + q + b)
+        Of y, the estimates and the process's biases.
+    """
+    count = len(loop.filter.constants)
+    first, true = NAVIGATION + count, {sensor.name: sensor.flexure for sensor in loop.sensors}
+    errors = np.zeros((len(readings), count, covariance.shape[1]))
+    errors[:, :, NAVIGATION:first] = -np.eye(count)
+    for place, (modelled, state) in enumerate(zip(loop.filter.processes, loop.model.states, strict=True)):
+        if name not in modelled:
+            continue
+        of = state.flexure
+        if of is None:
+            errors[:, place, first] = 1.0
+        elif not of.rate and (flexure := true[of.sensor]) is not None:
+            # the filter's states s of the true angle and rate
+            since = loop.times[readings] - loop.times[0]
+            true_states = np.linalg.solve(of.flexure.natural(since), flexure.natural(since))
+            errors[:, place : place + 2, first : first + 2] = true_states
+    return np.asarray(errors @ covariance @ errors.swapaxes(1, 2))
 
 
 def own_covariances(loop: ClosedLoop, readings: IndexArray, after: Array) -> Array:
@@ -241,9 +311,11 @@ def _filter_steps(transition: Array, tables: FilterTables) -> tuple[Steps, StepN
     """Return F and Q of the filter's own states."""
     white, cross = tables.noise[:, :NAVIGATION, :NAVIGATION], tables.noise[:, :NAVIGATION, NAVIGATION:]
     driven = np.diagonal(tables.noise, axis1=1, axis2=2)[:, NAVIGATION:]
+    paired = np.zeros_like(driven)
+    paired[:, 1:] = np.diagonal(tables.noise[:, NAVIGATION:, NAVIGATION:], -1, axis1=1, axis2=2)
     return (
         Steps(np.concatenate([transition, tables.coupling], axis=2), tables.decay),
-        StepNoise(*(np.ascontiguousarray(each) for each in (white, cross, driven))),
+        StepNoise(*(np.ascontiguousarray(each) for each in (white, cross, driven, paired))),
     )
 
 
@@ -334,20 +406,31 @@ def propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) ->
 
 
 def propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[list[str], Array]:
-    """Compute the covariance of y, the estimates and a process's own bias, shape (m, 10 + q, 10 + q, processes)."""
-    processes = driving_processes(loop)
-    true, times = true_loop(loop, 1), ReadingTimes(readings, after.astype(np.bool_))
+    """Compute the covariance of y, the estimates and a process's own b biases.
+
+    Returns
+    -------
+    names : list of str
+    covariances : ndarray, shape (m, 9 + q + b, 9 + q + b, processes)
+    """
+    processes, biases = driving_processes(loop), count_biases(loop)
+    true, times = true_loop(loop, biases), ReadingTimes(readings, after.astype(np.bool_))
     size = true.updates.rows.shape[2]
     covariances = np.zeros((len(readings), size, size, len(processes)))
     for number, process in enumerate(processes.values()):
-        true.steps.rows[:, :, -1], true.steps.decay[:, -1] = process.response, process.decay
-        true.updates.rows[:, :, -1] = process.seen
+        true.steps.rows[:, :, -biases:], true.steps.decay[:, -biases:] = process.response, process.decay
+        true.updates.rows[:, :, -biases:] = process.seen
         start = np.zeros((size, size))
-        start[-1, -1] = process.variance
+        start[-biases:, -biases:] = process.variance
         covariances[..., number] = run_covariance(
             true.steps, process.noise, true.updates, process.measured, true.gains, start, times, size
         )
     return list(processes), covariances
+
+
+def count_biases(loop: ClosedLoop) -> int:
+    """Return how many biases each process has room for: two where a sensor flexes, else one."""
+    return 2 if any(sensor.flexure is not None for sensor in loop.sensors) else 1
 
 
 def driving_processes(loop: ClosedLoop) -> dict[str, DrivingProcess]:
@@ -361,52 +444,66 @@ def driving_processes(loop: ClosedLoop) -> dict[str, DrivingProcess]:
 
 @dataclass(frozen=True)
 class DrivingProcess:
-    """A process that drives the loop, and its bias, over K steps and U updates.
+    """A process that drives the loop, and its b biases, over K steps and U updates; what it has not is zero.
 
     Attributes
     ----------
-    response, decay : ndarray, shapes (K, 9), (K,)
-        Of psi, v, x to the bias, and what is left of it.
+    response, decay : ndarray, shapes (K, 9, b), (K, b)
+        Of psi, v, x to the biases, and what is left of these.
     noise : StepNoise
-        The other states are the estimates and the bias.
-    variance : float
-        Of the bias at the start.
-    seen, measured : ndarray, shape (U, M)
-        Responses of the innovations to the bias; variance of the measurements.
+        The other states are the estimates and the biases.
+    variance : ndarray, shape (b, b)
+        Covariance of the biases at the start.
+    seen, measured : ndarray, shapes (U, M, b), (U, M)
+        Responses of the innovations to the biases; variance of the measurements.
     """
 
     response: Array
     decay: Array
     noise: StepNoise
-    variance: float
+    variance: Array
     seen: Array
     measured: Array
 
 
 def _quiet(loop: ClosedLoop) -> DrivingProcess:
     """Return a process that does nothing."""
-    steps, others = len(loop.transition), len(loop.filter.constants) + 1
-    none = np.zeros(loop.measurements.components.shape)
+    steps, biases = len(loop.transition), count_biases(loop)
+    others, measured = len(loop.filter.constants) + biases, loop.measurements.components.shape
     noise = StepNoise(
-        np.zeros((steps, NAVIGATION, NAVIGATION)), np.zeros((steps, NAVIGATION, others)), np.zeros((steps, others))
-    )
-    return DrivingProcess(np.zeros((steps, NAVIGATION)), np.ones(steps), noise, 0.0, none, none)
+        np.zeros((steps, NAVIGATION, NAVIGATION)), np.zeros((steps, NAVIGATION, others)), np.zeros((steps, others)),
+        np.zeros((steps, others)),
+    )  # fmt: skip
+    return DrivingProcess(
+        np.zeros((steps, NAVIGATION, biases)), np.ones((steps, biases)), noise, np.zeros((biases, biases)),
+        np.zeros((*measured, biases)), np.zeros(measured),
+    )  # fmt: skip
 
 
 def _process_of_imu(
     loop: ClosedLoop, quiet: DrivingProcess, name: str, response: Array, added: Array, variance: Array
 ) -> DrivingProcess:
     """Return a process of the instruments, whose system `process_systems` has."""
-    swings, gyro = loop.measurements.swings, rate_error(name)
+    swings, gyro, first = loop.measurements.swings, rate_error(name), len(loop.filter.constants)
     noise = quiet.noise._replace(white=np.ascontiguousarray(added[:, :NAVIGATION, :NAVIGATION]))
     if response.any():
         cross, driven = noise.cross.copy(), noise.driven.copy()
-        cross[:, :, -1], driven[:, -1] = added[:, NAVIGATION, :NAVIGATION], added[:, NAVIGATION, NAVIGATION]
+        cross[:, :, first], driven[:, first] = added[:, NAVIGATION, :NAVIGATION], added[:, NAVIGATION, NAVIGATION]
         noise = noise._replace(cross=cross, driven=driven)
-    return DrivingProcess(
-        response[:, :NAVIGATION], response[:, NAVIGATION], noise, float(variance),
-        swings[:, :, gyro] if gyro >= 0 and swings.size else quiet.seen, quiet.measured,
+    process = _with_first_bias(quiet, response[:, :NAVIGATION], response[:, NAVIGATION], float(variance))
+    if gyro >= 0 and swings.size:
+        process.seen[:, :, 0] = swings[:, :, gyro]
+    return replace(process, noise=noise)
+
+
+def _with_first_bias(quiet: DrivingProcess, response: Array, decay: Array, variance: float) -> DrivingProcess:
+    """Return a process with one bias; its noise is still none, and it is not measured."""
+    process = replace(
+        quiet, response=quiet.response.copy(), decay=quiet.decay.copy(), variance=quiet.variance.copy(),
+        seen=quiet.seen.copy(),
     )  # fmt: skip
+    process.response[:, :, 0], process.decay[:, 0], process.variance[0, 0] = response, decay, variance
+    return process
 
 
 def _process_of_sensors(
@@ -417,12 +514,32 @@ def _process_of_sensors(
         at = loop.measurements.components == number
         if component.correlated > 0.0 and name == component.error_name("correlated"):
             driven = quiet.noise.driven.copy()
-            decay, driven[:, -1] = gauss_markov(component, np.diff(loop.times))
-            noise = quiet.noise._replace(driven=driven)
-            return replace(quiet, decay=decay, noise=noise, variance=component.correlated**2, seen=-1.0 * at)
+            decay, driven[:, len(loop.filter.constants)] = gauss_markov(component, np.diff(loop.times))
+            process = _with_first_bias(quiet, np.zeros(NAVIGATION), decay, component.correlated**2)
+            process.seen[:, :, 0] = -1.0 * at
+            return replace(process, noise=quiet.noise._replace(driven=driven))
         if name == component.error_name("noise"):
             return replace(quiet, measured=white_sigmas(loop.sensors, loop.measurements) ** 2 * at)
+    for place, sensor in enumerate(loop.sensors):
+        if sensor.flexure is not None:
+            for axis in sensor.flexure.axes:
+                if name == flexure_process(sensor.name, axis):
+                    return _process_of_flexure(loop, quiet, place, sensor.flexure, axis)
     raise ValueError(f"no sensor has a process {name!r}")
+
+
+def _process_of_flexure(
+    loop: ClosedLoop, quiet: DrivingProcess, number: int, flexure: Flexure, axis: int
+) -> DrivingProcess:
+    """Return the process of a sensor's flexure about an axis, whose two biases are its states s."""
+    since, first, variance = loop.times - loop.times[0], len(loop.filter.constants), flexure.sigma[axis] ** 2
+    driven, paired, added = quiet.noise.driven.copy(), quiet.noise.paired.copy(), variance * flexure.noise(since)
+    driven[:, first], driven[:, first + 1], paired[:, first + 1] = added[:, 0, 0], added[:, 1, 1], added[:, 1, 0]
+    return replace(
+        quiet, decay=np.repeat(flexure.decay(np.diff(since))[:, None], 2, axis=1),
+        noise=quiet.noise._replace(driven=driven, paired=paired), variance=variance * flexure.covariance(since[:1])[0],
+        seen=flexure_rows(loop.measurements, number, flexure, axis, float(loop.times[0])),
+    )  # fmt: skip
 
 
 def gauss_markov(component: Component, durations: Array) -> tuple[Array, Array]:

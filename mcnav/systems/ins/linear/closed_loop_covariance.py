@@ -29,7 +29,7 @@ from mcnav.systems.ins.linear.closed_loop import (
 )
 from mcnav.systems.ins.linear.covariance import constant_inputs, map_covariances, output_map, process_systems
 from mcnav.systems.ins.linear.recursions import ReadingTimes, StepNoise, Steps, run_covariance, run_responses
-from mcnav.systems.ins.sensors.measurements import rate_error, white_sigmas
+from mcnav.systems.ins.sensors.measurements import flexure_rows, rate_error, white_sigmas
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ class _Biases:
         Of psi, v, x.
     decay : ndarray, shape (K, n)
         What is left at the end of a step.
-    cross, noise : ndarray, shape (K, 9, n), (K, n)
-        Covariance with psi, v, x, and variance, that a step adds.
+    cross, noise, paired : ndarray, shape (K, 9, n), (K, n), (K, n)
+        Covariance with psi, v, x, variance, and covariance with the bias before, that a step adds.
     rows : ndarray, shape (U, M, n)
         Responses of the innovations.
     initial : ndarray, shape (9 + n, 9 + n)
@@ -78,6 +78,7 @@ class _Biases:
     decay: Array
     cross: Array
     noise: Array
+    paired: Array
     rows: Array
     initial: Array
     white: Array
@@ -107,7 +108,9 @@ def propagate_covariance(
             np.concatenate([true.steps.rows, biases.response], axis=2),
             np.concatenate([true.steps.decay, biases.decay], axis=1),
         ),
-        StepNoise(biases.white, _after_zeros(states, biases.cross), _after_zeros(states, biases.noise)),
+        StepNoise(
+            biases.white, *(_after_zeros(states, each) for each in (biases.cross, biases.noise, biases.paired))
+        ),
         true.updates._replace(rows=np.concatenate([true.updates.rows, biases.rows], axis=2)),
         variances, true.gains, start, readings, NAVIGATION,
     )  # fmt: skip
@@ -151,9 +154,16 @@ def _biases(loop: ClosedLoop, sources: Array) -> _Biases:
     swings = loop.measurements.swings
     components = [component for sensor in loop.sensors for component in sensor.components]
     correlated = [number for number, component in enumerate(components) if component.correlated > 0.0]
-    count, first = len(constants) + len(driving) + len(correlated), len(constants)
+    flexures = [
+        (number, sensor.flexure, axis)
+        for number, sensor in enumerate(loop.sensors)
+        if sensor.flexure is not None
+        for axis in sensor.flexure.axes
+    ]
+    alone, first = len(constants) + len(driving) + len(correlated), len(constants)
+    count = alone + 2 * len(flexures)
     response, decay = np.zeros((steps, NAVIGATION, count)), np.ones((steps, count))
-    cross, noise = np.zeros((steps, NAVIGATION, count)), np.zeros((steps, count))
+    cross, noise, paired = np.zeros((steps, NAVIGATION, count)), np.zeros((steps, count)), np.zeros((steps, count))
     rows = np.zeros((*loop.measurements.components.shape, count))
     initial = np.zeros((NAVIGATION + count,) * 2)
     inputs = constant_inputs(responses)
@@ -175,6 +185,14 @@ def _biases(loop: ClosedLoop, sources: Array) -> _Biases:
         rows[:, :, place] = -1.0 * (loop.measurements.components == number)
         decay[:, place], noise[:, place] = gauss_markov(component, durations)
         initial[NAVIGATION + place, NAVIGATION + place] = component.correlated**2
+    since = loop.times - loop.times[0]
+    for place, (number, flexure, axis) in zip(range(alone, count, 2), flexures, strict=True):
+        pair, within = slice(place, place + 2), slice(NAVIGATION + place, NAVIGATION + place + 2)
+        rows[:, :, pair] = flexure_rows(loop.measurements, number, flexure, axis, float(loop.times[0]))
+        decay[:, pair] = flexure.decay(durations)[:, None]
+        added = flexure.sigma[axis] ** 2 * flexure.noise(since)
+        noise[:, place], noise[:, place + 1], paired[:, place + 1] = added[:, 0, 0], added[:, 1, 1], added[:, 1, 0]
+        initial[within, within] = flexure.sigma[axis] ** 2 * flexure.covariance(since[:1])[0]
     given = np.r_[0 : len(OUTPUTS), constants].astype(np.int64)
     to_state = np.eye(len(given))
     to_state[:NAVIGATION, :NAVIGATION] = np.linalg.inv(output_map(loop.truth, float(loop.times[0])))
@@ -185,4 +203,4 @@ def _biases(loop: ClosedLoop, sources: Array) -> _Biases:
         white[:, 3:, 3:] += imu.accelerometer.random_walk[axis] ** 2 * responses.accelerometer_white[:, axis]
     for _, added, _ in systems.values():
         white += added[:, :NAVIGATION, :NAVIGATION]
-    return _Biases(response, decay, cross, noise, rows, initial, white)
+    return _Biases(response, decay, cross, noise, paired, rows, initial, white)

@@ -93,8 +93,8 @@ def _law(
         Of the time.
     state, faulted : ndarray, shapes (x, s), (x,)
         Responses to constant errors, and what faults add.
-    covariances : ndarray, shape (x + 1, x + 1, processes)
-        Of the state and of each process's bias.
+    covariances : ndarray, shape (x + b, x + b, processes)
+        Of the state and of each process's biases.
     """
     true, processes, measured = true_loop(loop), list(driving_processes(loop).values()), loop.measurements
     of_processes = [covariances[..., p] for p in range(covariances.shape[2])]
@@ -106,10 +106,10 @@ def _law(
         innovation = rows @ state + disturbances[u, :m]
         offset = rows @ faulted - measured.faults[u, :m]
         state, faulted = state - gain @ innovation, faulted - gain @ offset
-        widened = np.concatenate([gain, np.zeros((1, m))])
+        widened = np.concatenate([gain, np.zeros((len(covariances) - states, m))])
         for p, process in enumerate(processes):
-            seen = np.concatenate([rows, process.seen[u, :m, None]], axis=1)
-            noise, left = np.diag(process.measured[u, :m]), np.eye(states + 1) - widened @ seen
+            seen = np.concatenate([rows, process.seen[u, :m]], axis=1)
+            noise, left = np.diag(process.measured[u, :m]), np.eye(len(covariances)) - widened @ seen
             projected = seen @ of_processes[p]
             if u == update:
                 covariance += projected @ seen.T + noise
@@ -117,7 +117,7 @@ def _law(
             of_processes[p] = left @ of_processes[p] @ left.T + widened @ noise @ widened.T
     to_outputs = np.zeros((NAVIGATION, states))
     to_outputs[:, :NAVIGATION] = output_map(loop.truth, float(loop.times[number]))
-    total = sum(of_processes, np.zeros((states + 1, states + 1)))[:states, :states] + state @ sources @ state.T
+    total = sum(of_processes, np.zeros_like(covariances[..., 0]))[:states, :states] + state @ sources @ state.T
     return UpdateLaw(
         loop.roots[update, :size, :size],
         innovation @ mean + offset,

@@ -51,7 +51,7 @@ class Steps(NamedTuple):
 
 
 class StepNoise(NamedTuple):
-    """Q over K steps; different ones of the other states are independent.
+    """Q over K steps; different ones of the other states are independent, but for pairs of neighbours.
 
     Attributes
     ----------
@@ -61,11 +61,14 @@ class StepNoise(NamedTuple):
         Of these with the other states.
     driven : ndarray, shape (K, q)
         Variances of the other states.
+    paired : ndarray, shape (K, q)
+        Covariance of each with the one before it.
     """
 
     white: Array
     cross: Array
     driven: Array
+    paired: Array
 
 
 class Updates(NamedTuple):
@@ -167,6 +170,7 @@ def _check_noise(noise: StepNoise, variances: Array, start: Array, of: tuple[int
         ("noise.white", noise.white, (count, 9, 9)),
         ("noise.cross", noise.cross, (count, 9, states - 9)),
         ("noise.driven", noise.driven, (count, states - 9)),
+        ("noise.paired", noise.paired, (count, states - 9)),
         ("variances", variances, (number, most)),
         ("start", start, (states, states)),
     ))  # fmt: skip
@@ -462,6 +466,8 @@ def _advance(k: int, steps: Steps, noise: StepNoise, rooms: _Rooms) -> None:
             p[i, 9 + c] = p[9 + c, i] = product[i, 9 + c] * decay[k, c] + noise.cross[k, i, c]
         for e in range(c):
             p[9 + c, 9 + e] = p[9 + e, 9 + c] = p[9 + c, 9 + e] * decay[k, c] * decay[k, e]
+        if c > 0 and noise.paired[k, c] != 0.0:
+            p[9 + c, 8 + c] = p[8 + c, 9 + c] = p[9 + c, 8 + c] + noise.paired[k, c]
         p[9 + c, 9 + c] = p[9 + c, 9 + c] * decay[k, c] * decay[k, c] + noise.driven[k, c]
 
 

@@ -12,6 +12,7 @@ from mcnav.systems.ins.imu.gravity import add_by_cause
 from mcnav.systems.ins.linear.closed_loop import (
     ClosedLoop,
     constant_disturbances,
+    count_biases,
     driving_processes,
     own_covariances,
     propagate_constants,
@@ -84,10 +85,11 @@ def smooth_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array, lag
     named = {}
     _, covariances = propagate_processes(loop, readings, after)
     for number, name in enumerate(processes):
-        of_bias = np.zeros(NAVIGATION + states)
-        of_bias[NAVIGATION:] = [float(name in modelled) for modelled in tables.processes]
-        column = of_bias - np.einsum("mij,mj->mi", covariance, backward.biases[:, number])
-        joint = np.concatenate([left, column[:, :, None]], axis=2)
+        of_biases = np.zeros((NAVIGATION + states, backward.biases.shape[3]))
+        for place, modelled in enumerate(tables.processes):
+            of_biases[NAVIGATION + place, tables.parts[place]] = float(name in modelled)
+        columns = of_biases - covariance @ backward.biases[:, number]
+        joint = np.concatenate([left, columns], axis=2)
         total = joint @ covariances[..., number] @ joint.swapaxes(1, 2)
         total += covariance @ backward.noise[:, number] @ covariance
         named[name] = maps @ total[:, :NAVIGATION, :NAVIGATION] @ maps.swapaxes(1, 2)
@@ -127,13 +129,16 @@ def _square(steps: Steps) -> Array:
 
 
 def _smoothed_processes(loop: ClosedLoop) -> SmoothedProcesses:
-    processes = driving_processes(loop).values()
-    noise = []
+    processes, biases = driving_processes(loop).values(), count_biases(loop)
+    noise, last = [], np.arange(NAVIGATION, NAVIGATION + biases)
     for process in processes:
-        covariance = np.zeros((len(process.decay), NAVIGATION + 1, NAVIGATION + 1))
+        covariance = np.zeros((len(process.decay), NAVIGATION + biases, NAVIGATION + biases))
         covariance[:, :NAVIGATION, :NAVIGATION] = process.noise.white
-        covariance[:, :NAVIGATION, NAVIGATION] = covariance[:, NAVIGATION, :NAVIGATION] = process.noise.cross[:, :, -1]
-        covariance[:, NAVIGATION, NAVIGATION] = process.noise.driven[:, -1]
+        cross = process.noise.cross[:, :, -biases:]
+        covariance[:, :NAVIGATION, NAVIGATION:], covariance[:, NAVIGATION:, :NAVIGATION] = cross, cross.swapaxes(1, 2)
+        covariance[:, last, last] = process.noise.driven[:, -biases:]
+        paired = process.noise.paired[:, -biases + 1 :] if biases > 1 else np.zeros((len(covariance), 0))
+        covariance[:, last[1:], last[:-1]] = covariance[:, last[:-1], last[1:]] = paired
         noise.append(covariance)
     return SmoothedProcesses(
         tuple(process.response for process in processes), tuple(process.decay for process in processes), tuple(noise),

@@ -67,16 +67,16 @@ class SmoothedLoop:
 
 @dataclass(frozen=True)
 class SmoothedProcesses:
-    """Processes of noise, p of them, each with a bias of its own that drives the first d elements of X.
+    """Processes of noise, p of them, each with b biases of its own that drive the first d elements of X.
 
     Attributes
     ----------
-    responses, decays : tuple of ndarray, shapes (K, d), (K,)
-        Of X to the bias in a step, and what is left of it, of each process.
-    noise : tuple of ndarray, shape (K, d + 1, d + 1)
-        Covariance that a step adds to X and the bias.
-    seen, measured : ndarray, shape (U, M, p)
-        Responses of the innovations to the bias; variance of the measurements' white noise.
+    responses, decays : tuple of ndarray, shapes (K, d, b), (K, b)
+        Of X to the biases in a step, and what is left of them, of each process.
+    noise : tuple of ndarray, shape (K, d + b, d + b)
+        Covariance that a step adds to X and the biases.
+    seen, measured : ndarray, shapes (U, M, p, b), (U, M, p)
+        Responses of the innovations to the biases; variance of the measurements' white noise.
     """
 
     responses: tuple[Array, ...]
@@ -96,8 +96,8 @@ class Backward:
         Lambda.
     state, constants : ndarray, shapes (m, f, x), (m, f, c)
         L and J.
-    biases : ndarray, shape (m, p, f)
-        L of the bias of each process.
+    biases : ndarray, shape (m, p, f, b)
+        L of the biases of each process.
     noise : ndarray, shape (m, p, f, f)
         M of each process.
     """
@@ -153,7 +153,8 @@ def _run_back(
     filtered = loop.transitions.shape[1]
     states, constants, count = loop.true_transitions.shape[1], loop.inputs.shape[2], len(processes.decays)
     own, noise = np.zeros((filtered, filtered)), np.zeros((count, filtered, filtered))
-    state, constant, bias = np.zeros((filtered, states)), np.zeros((filtered, constants)), np.zeros((count, filtered))
+    state, constant = np.zeros((filtered, states)), np.zeros((filtered, constants))
+    bias = np.zeros((count, filtered, processes.seen.shape[3]))
     read = Backward(*(np.zeros((len(readings), *each.shape)) for each in (own, state, constant, bias, noise)))
     pairs = zip(readings.tolist(), after.tolist(), strict=True)
     wanted = {(number, bool(updated)): place for place, (number, updated) in enumerate(pairs)}
@@ -170,10 +171,10 @@ def _run_back(
             added, faded = np.zeros_like(noise), np.zeros_like(bias)
             for p in range(count):
                 driven = processes.responses[p].shape[1]
-                joint = np.concatenate([state[:, :driven], bias[p, :, None]], axis=1)
+                joint = np.concatenate([state[:, :driven], bias[p]], axis=1)
                 added[p] = joint @ processes.noise[p][k] @ joint.T
                 faded[p] = state[:, :driven] @ processes.responses[p][k] + bias[p] * processes.decays[p][k]
-            own, noise, bias = over @ own @ over.T, over @ (noise + added) @ over.T, faded @ over.T
+            own, noise, bias = over @ own @ over.T, over @ (noise + added) @ over.T, over @ faded
             constant, state = over @ (constant + state @ loop.inputs[k]), over @ state @ true
         keep(k, True)
         for u in range(loop.first[k + 1] - 1, loop.first[k] - 1, -1):
@@ -186,7 +187,7 @@ def _run_back(
             own = whitened.T @ whitened + left @ own @ left.T
             scaled = innovation * np.sqrt(processes.measured[u, :m].T)[:, None, :]
             noise = scaled @ scaled.swapaxes(1, 2) + left @ noise @ left.T
-            bias = processes.seen[u, :m].T @ innovation.T + bias @ left.T
+            bias = np.einsum("fc,cpb->pfb", innovation, processes.seen[u, :m]) + left @ bias
             constant = innovation @ loop.disturbances[u, :m] + left @ constant
             state = innovation @ loop.true_responses[u, :m] + left @ state
         keep(k, False)

@@ -105,13 +105,13 @@ class RecordedFlight:
     @cached_property
     def sensor_models(self) -> tuple[tuple[SensorModel, SensorModel], ...]:
         """Sensors with the responses to the filter's states, and to all errors."""
-        spin, pairs = self.earth.rotation_rate, []
+        pairs = []
         believed = {sensor.name: sensor for sensor in self.model.beliefs.sensors}
         for sensor in self.sensors:
             recorded = replace(sensor, lever_arm=np.zeros(3))
             measured = self.recording.measurements[sensor.name]
             models = (
-                SensorModel(recorded, _at_instants(believed[sensor.name], measured), None, model.states, spin)
+                SensorModel(recorded, _at_instants(believed[sensor.name], measured), None, model.states, self.earth)
                 for model in (self.own, self.campaign.model)
             )
             pairs.append((next(models), next(models)))

@@ -31,6 +31,8 @@ def _recordable(navigation: AidedNavigation | None) -> AidedNavigation:
         raise ScenarioError("filter.kind", f"got {navigation.filter.kind!r}; recorded flights are judged with 'ekf'")
     if navigation.imu.gravity.sizes or navigation.filter.beliefs.imu.gravity.sizes:
         raise ScenarioError("gravity", "recorded flights are not judged with gravity disturbances yet; leave it out")
+    if any(sensor.flexure is not None for sensor in navigation.sensors):
+        raise ScenarioError("aiding", "recorded flights are not judged with flexure yet; leave it out")
     if any(sensor.faults for sensor in navigation.sensors):
         raise ScenarioError("faults", "recorded flights have the faults that they have; leave out [[faults]]")
     for sensor in navigation.sensors:

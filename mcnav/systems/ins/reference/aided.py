@@ -162,8 +162,7 @@ class AidedMechanization:
             if self.platform != "strapdown":
                 rate = self.truth.states(times, self.platform, self.start).rate
             truth = SensorTruth.at(self.truth, self.navigator.earth_fixed(times), times, rate)
-            spin = self.truth.earth.rotation_rate
-            models.append(SensorModel(sensor, believed, truth, self.errors.states, spin))
+            models.append(SensorModel(sensor, believed, truth, self.errors.states, self.truth.earth))
         return tuple(models)
 
     @cached_property
@@ -300,12 +299,14 @@ class AidedFlight:
 
     def _measurement_errors(self) -> Iterator[tuple[Array, Array, Array]]:
         """Arrange the sample's errors of each sensor's measurements."""
+        self.known: list[dict[str, Array]] = []
         first = len(CONSTANTS)
         for model in self.engine.sensor_models:
             last = first + sum(1 for _ in model.sensor.constants())
             shape = (len(self.engine.measured(model.sensor)), model.size)
             noise = self.noise.measurements.get(model.sensor.name, np.zeros(shape))
             noise = noise + fault_errors(model.sensor.faults, self.engine.measured(model.sensor), model.size)
+            self.known.append(model.offsets_of(self.errors[first:last]))
             yield model.measurement_errors(self.errors[first:last], noise)
             first = last
 
@@ -324,10 +325,14 @@ class AidedFlight:
         model, navigator = self.engine.sensor_models[sensor], self.navigator
         offsets, factors, arm = self.offsets[sensor]
         true, measured = model.true_at(row), self._measured_at_end(stop.last - 1)
+        flexures = self.noise.flexures.get(model.sensor.name)
+        bent = None if flexures is None else flexures[row]
 
         def measure(state: Array, estimates: Array) -> tuple[Array, Array]:
             indicated = navigator.indicated(navigator.extrapolated(measured, estimates), state)
-            innovation, response = model.innovation(true, indicated, estimates, offsets[row], factors, arm)
+            innovation, response = model.innovation(
+                true, indicated, estimates, offsets[row], factors, arm, bent, self.known[sensor]
+            )
             if not np.all(np.isfinite(innovation)):
                 raise Diverged(f"an innovation of {model.sensor.name} ceased to be finite at {stop.time:.1f} s")
             return innovation, response

@@ -34,6 +34,7 @@ from mcnav.systems.ins.imu.gravity import DISTURBANCES
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, AXES, CROSS_AXES, GYRO, Imu
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY, cross_matrix
 from mcnav.systems.ins.reference.normal_field import normal_gravitation
+from mcnav.systems.ins.sensors.flexure import FlexureState
 
 GRADIENT_STEP: Final = 100.0
 """Step of the central differences of gravitation, m: their error is 2e-10 of the gradient."""
@@ -172,13 +173,29 @@ class ErrorModel:
 
     @cached_property
     def decay_rates(self) -> Array:
-        """Inverse correlation times of the other states, shape (q,), 1/s; zero of gravity disturbances."""
-        return np.array([1.0 / state.correlation_time for state in self.states])
+        """Inverse correlation times of the other states, shape (q,), 1/s; zero of gravity disturbances and flexures."""
+        return np.array([1.0 / state.correlation_time if state.flexure is None else 0.0 for state in self.states])
+
+    @cached_property
+    def _flexures(self) -> tuple[tuple[int, FlexureState], ...]:
+        """Places of the angles of flexures among all states; each is followed by its rate."""
+        return tuple(
+            (NAVIGATION + place, state.flexure)
+            for place, state in enumerate(self.states)
+            if state.flexure is not None and not state.flexure.rate
+        )
 
     @cached_property
     def considered(self) -> IndexArray:
         """Places of the states that are not estimated, among all."""
         return NAVIGATION + np.flatnonzero([state.considered for state in self.states])
+
+    def flexed(self, estimates: Array, duration: float) -> Array:
+        """Return the estimates, shape (q,), of which those of flexures are taken over a duration, s."""
+        for place, state in self._flexures:
+            pair = slice(place - NAVIGATION, place - NAVIGATION + 2)
+            estimates[pair] = state.flexure.transitions(np.array([duration]))[0] @ estimates[pair]
+        return estimates
 
     def rates_at(self, speeds: Array) -> Array:
         """Return what the other states decay by, 1/s, at speeds over the earth, shape (n,) m/s: shape (n, q)."""
@@ -245,6 +262,10 @@ class ErrorModel:
         half, whole = (
             self._transition(each, (system, square, cube), (coupling, first, second)) for each in steps.integrals
         )
+        for place, state in self._flexures:
+            pair = slice(place, place + 2)
+            half[:, pair, pair] = state.flexure.transitions(0.5 * steps.durations)
+            whole[:, pair, pair] = state.flexure.transitions(steps.durations)
         return whole, [self._accumulated(steps, axes, half, whole, cause) for cause in causes]
 
     def _accumulated(self, steps: FilterSteps, axes: Array, half: Array, whole: Array, cause: Driving) -> Array:
@@ -262,6 +283,9 @@ class ErrorModel:
         alone, variances = self._alone
         remaining = np.exp(-2.0 * np.outer(steps.durations, self.decay_rates[alone]))
         noise[:, NAVIGATION + alone, NAVIGATION + alone] = variances * cause.states[alone] * (1.0 - remaining)
+        for first, state in self._flexures:
+            variance, pair = cause.states[first - NAVIGATION] * state.sigma**2, slice(first, first + 2)
+            noise[:, pair, pair] = variance * state.flexure.added(steps.durations)
         return np.asarray(noise)
 
     def _system(

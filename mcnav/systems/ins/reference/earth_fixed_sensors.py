@@ -19,20 +19,21 @@ compensated, and g is what is left of their errors (`mcnav.systems.ins.reference
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.systems.ins.earth import local_axes
+from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterState
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.reference.earth_fixed_errors import InstrumentState, instrument_states
 from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates
 from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.comparison import Comparison, Indicated, TrueState
+from mcnav.systems.ins.sensors.quantity import OFFSETS
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 from mcnav.systems.ins.truth.trajectory import Truth
 
@@ -101,15 +102,14 @@ class SensorModel:
         At its instants; none for a sensor whose measurements are recorded.
     states : sequence of FilterState
         Of the filter, besides those of navigation.
-    rotation_rate : float
-        Of the earth, rad/s.
+    globe : Earth
     """
 
     sensor: Sensor
     believed: Sensor
     truth: SensorTruth | None
     states: Sequence[FilterState]
-    rotation_rate: float
+    globe: Earth
 
     @property
     def size(self) -> int:
@@ -198,8 +198,9 @@ class SensorModel:
         return bias + noise, np.array(factors), np.array(arm)
 
     def innovation(
-        self, true: TrueState, indicated: Indicated, estimates: Array, offset: Array, factors: Array, arm: Array
-    ) -> tuple[Array, Array]:
+        self, true: TrueState, indicated: Indicated, estimates: Array, offset: Array, factors: Array, arm: Array,
+        flexure: Array | None = None, offsets: Mapping[str, Array] | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
         """Compute an innovation and its response to the filter's states.
 
         Parameters
@@ -210,6 +211,10 @@ class SensorModel:
             Of the filter's other states; zero for considered ones.
         offset, factors, arm : ndarray
             The sample's errors of this measurement, as `measurement_errors` has them.
+        flexure : ndarray, shape (6,), optional
+            The sample's angles of a flexure, and their rates.
+        offsets : mapping of str to ndarray, shape (3,), optional
+            The sample's errors as `offsets_of` has them; none for zero.
 
         Returns
         -------
@@ -218,7 +223,15 @@ class SensorModel:
         """
         innovation, response = np.empty(self.size), np.zeros((self.size, NAVIGATION + len(self.states)))
         used = self.believed.lever_arm + arm - self._arms @ estimates
-        at = Comparison(true, indicated, used, self._arms, self._gyros(indicated.reading), self.rotation_rate)
+        gyros, flexes = self._gyros(indicated.reading), self.sensor.flexure is not None
+        known = {
+            name: (0.0 if offsets is None else offsets[name]) - states @ estimates
+            for name, states in self._offsets.items()
+        }
+        at = Comparison(
+            true, indicated, used, self._arms, gyros, self.globe.rotation_rate, flexes, self.globe,
+            self.sensor.arrangement, known, self._offsets,
+        )  # fmt: skip
         added, scaled = self._added @ estimates, self._scaled @ estimates
         response[:, NAVIGATION:] = -self._added
         for quantity, (places, axes) in self._quantities.items():
@@ -227,6 +240,12 @@ class SensorModel:
             response[places, :NAVIGATION] = difference.navigation[axes]
             if difference.others is not None:
                 response[places, NAVIGATION:] += difference.others[axes]
+            if difference.flexure is not None and difference.true_flexure is not None:
+                of_states = difference.flexure[axes] @ self._bends
+                innovation[places] += of_states @ estimates
+                response[places, NAVIGATION:] -= of_states
+                if flexure is not None:
+                    innovation[places] -= difference.true_flexure[axes] @ flexure
             if QUANTITIES[quantity].scaled:
                 if difference.true is None:
                     raise ValueError(f"compare of {quantity} lacks the true value, which a scale factor needs")
@@ -236,6 +255,33 @@ class SensorModel:
                 response[places, :NAVIGATION] *= 1.0 + scaled[places, None]
                 response[places, NAVIGATION:] -= self._scaled[places] * predicted[:, None]
         return innovation, response
+
+    @cached_property
+    def _offsets(self) -> dict[str, Array]:
+        """The filter's states that are errors of `OFFSETS`, by name, shapes (3, q)."""
+        offsets = {}
+        for offset in self.sensor.offsets:
+            names = [f"{self.sensor.name}_{offset}_{axis}" for axis in OFFSETS[offset][0]]
+            found = [[float(state.name == name) for state in self.states] for name in names]
+            offsets[offset] = np.array(found).reshape(3, len(self.states))
+        return offsets
+
+    def offsets_of(self, constants: Array) -> dict[str, Array]:
+        """Return a sample's errors of `OFFSETS` from its constant ones, in the order of `Sensor.constants`."""
+        values = dict(zip(self.sensor.constants(), constants, strict=True))
+        return {
+            offset: np.array([values[f"{self.sensor.name}_{offset}_{axis}"] for axis in OFFSETS[offset][0]])
+            for offset in self.sensor.offsets
+        }
+
+    @cached_property
+    def _bends(self) -> Array:
+        """Angles of the sensor's flexure, and their rates, as the filter's states have them, shape (6, q)."""
+        bends = np.zeros((6, len(self.states)))
+        for column, state in enumerate(self.states):
+            if state.flexure is not None and state.flexure.sensor == self.sensor.name:
+                bends[3 * state.flexure.rate + state.flexure.axis, column] = 1.0
+        return bends
 
     def _gyros(self, reading: Array) -> Array:
         """Return the responses of a rate to the filter's states that are errors of the gyros, shape (3, q)."""

@@ -132,7 +132,9 @@ class FilteredNavigator:
         for transition, noise in zip(transitions, noises, strict=True):
             self.filter.predict(F=transition, Q=noise)
         self.state = states[-1]
-        self.estimates = self.estimates * np.exp(-rates * (until - self.estimated_at))
+        self.estimates = self.model.flexed(
+            self.estimates * np.exp(-rates * (until - self.estimated_at)), until - self.estimated_at
+        )
         self.estimated_at = until
         return Passage(*passed, transitions)
 

@@ -9,6 +9,12 @@ axis u of the confocal ellipsoid through it and the reduced latitude beta there,
 
 with the rotation rate w of the earth, and with q and q' as functions of E / u. Their closed forms in the arctangent
 lose eleven digits by cancellation; the power series of the arctangent gives all of them.
+
+A body with a J2 of its own has the field of a point mass and of J2, in cartesian axes (Vallado 2013, *Fundamentals of
+Astrodynamics and Applications*, section 8.7.1)::
+
+    (g_x, g_y) = -(mu / r^3) [1 + 3/2 J2 (a/r)^2 (1 - 5 z^2/r^2)] (x, y)
+    g_z = -(mu / r^3) [1 + 3/2 J2 (a/r)^2 (3 - 5 z^2/r^2)] z
 """
 
 from __future__ import annotations
@@ -33,10 +39,12 @@ def field_constants(earth: Earth) -> Array:
 
     Returns
     -------
-    ndarray, shape (3 + 2 n,)
+    ndarray, shape (3 + 2 n,) or (4,)
         E^2, mu and w^2 a^2; n coefficients of q / (q0 x^3) and n of E q' / (q0 x^2), as polynomials in x^2 with
-        x = E / u. A sphere has none.
+        x = E / u. A sphere has none; a body with a J2 of its own has J2 a^2 in their place, and E is zero.
     """
+    if earth.j2 is not None:
+        return np.array([0.0, earth.gravitational_parameter, 0.0, earth.j2 * earth.radius**2])
     eccentricity = earth.radius * np.sqrt(earth.eccentricity_squared)
     header = [eccentricity**2, earth.gravitational_parameter, (earth.rotation_rate * earth.radius) ** 2]
     if eccentricity == 0.0:
@@ -71,7 +79,12 @@ def normal_gravitation(constants: Array, x: float, y: float, z: float) -> tuple[
     pull = (constants[1] + derivative * (0.5 * sine2 - 1.0 / 6.0)) / d
     share = 1.0 / (u2 + focal * sine2)
     level = -share * (pull * u + q * sine2)
-    return level * x, level * y, share * sine * (q * square * u / d - pull * d)
+    upward = share * sine * (q * square * u / d - pull * d)
+    if len(constants) == HEADER + 1:
+        weight = -1.5 * constants[1] * constants[HEADER] / (u2 * u2 * u)
+        level += weight * (1.0 - 5.0 * sine2)
+        upward += weight * (3.0 - 5.0 * sine2) * z
+    return level * x, level * y, upward
 
 
 @compiled

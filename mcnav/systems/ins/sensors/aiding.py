@@ -20,6 +20,8 @@ from mcnav._types import Array
 from mcnav.contract.recorded import MeasurementFile
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.sensors.faults import Fault
+from mcnav.systems.ins.sensors.flexure import Flexure, flexure_process
+from mcnav.systems.ins.sensors.quantity import OFFSETS
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 
 MeasurementError = Literal["bias", "scale_factor", "correlated", "noise"]
@@ -124,6 +126,12 @@ class Sensor:
         Of a recorded sensor.
     faults : tuple of Fault
         What its measurements have that no filter believes in.
+    flexure : Flexure, optional
+        Of the structure between the unit and the sensor.
+    offsets : tuple of str
+        Errors of `mcnav.systems.ins.sensors.quantity.OFFSETS` that it may have.
+    arrangement : ndarray
+        As `mcnav.systems.ins.sensors.quantity.SensorType.arrange` has it.
     """
 
     name: str
@@ -136,6 +144,9 @@ class Sensor:
     outages: tuple[tuple[float, float], ...] = ()
     log: MeasurementFile | None = None
     faults: tuple[Fault, ...] = ()
+    flexure: Flexure | None = None
+    offsets: tuple[str, ...] = ()
+    arrangement: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     def constants(self) -> Iterator[str]:
         """Yield the names of its constant errors in order, whatever their sizes."""
@@ -146,11 +157,15 @@ class Sensor:
                 yield component.error_name("scale_factor")
         if self.has_lever_arm:
             yield from (f"{self.name}_lever_arm_{axis}" for axis in AXES)
+        for offset in self.offsets:
+            yield from (f"{self.name}_{offset}_{axis}" for axis in OFFSETS[offset][0])
 
     def processes(self) -> dict[str, float]:
         """Return the sizes of its processes that are not zero, by name."""
         sizes = {each.error_name("noise"): each.noise for each in self.components}
         sizes |= {each.error_name("correlated"): each.correlated for each in self.components}
+        if self.flexure is not None:
+            sizes |= {flexure_process(self.name, axis): self.flexure.sigma[axis] for axis in self.flexure.axes}
         return {name: size for name, size in sizes.items() if size > 0.0}
 
 

@@ -74,6 +74,8 @@ def select(entry: Mapping[str, Any], times: Array, truth: Truth, key: str, conte
     kind = entry.get("kind", "barometric")
     if kind not in KINDS:
         context.problem(f"{key}.kind", f"got {kind!r}; expected 'barometric' or 'radar'")
+    elif kind == "barometric" and truth.earth.body == "moon":
+        context.problem(f"{key}.kind", 'is barometric, and the moon has no air; expected kind = "radar"')
     elif "ceiling" in entry and kind == "barometric":
         context.problem(f"{key}.ceiling", 'is of a radar; leave it out, or add kind = "radar"')
     elif "ceiling" in entry:

@@ -22,9 +22,10 @@ from mcnav.systems.ins.sensors.surroundings import Surroundings
 
 
 def geometry(along: Surroundings, axis: int) -> Geometry:
-    """Return the response d to psi."""
+    """Return the response d to psi; a flexure adds ``d . C q``."""
     direction = along.instruments[:, :, axis]
-    return Geometry(direction, psi=direction)
+    of_angles = np.einsum("nj,nji->ni", direction, along.body)
+    return Geometry(direction, psi=direction, flexure=np.concatenate([of_angles, np.zeros_like(of_angles)], axis=1))
 
 
 @uncontracted_subroutine
@@ -64,7 +65,11 @@ def compare(at: Comparison) -> Difference:
 
     navigation = responses(3)
     navigation[:, ATTITUDE] = at.indicated.axes.T
-    return Difference(Rotation.from_matrix(at.true.axes.T @ at.indicated.axes).as_rotvec(), navigation)
+    value = Rotation.from_matrix(at.true.axes.T @ at.indicated.axes).as_rotvec()
+    if not at.flexes:
+        return Difference(value, navigation)
+    flexure = np.concatenate([at.true.mounting, np.zeros((3, 3))], axis=1)  # the same for the truth and the navigator
+    return Difference(value, navigation, flexure=flexure, true_flexure=flexure)
 
 
 QUANTITY: Final = QuantityDefinition(

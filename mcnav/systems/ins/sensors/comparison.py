@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.reference.local_frame import LocalFrame
 
 
@@ -81,6 +83,14 @@ class Comparison:
         navigation.
     rotation_rate : float
         Of the earth, rad/s.
+    flexes : bool
+        Whether the structure between the unit and the sensor bends.
+    globe : Earth
+    arrangement : ndarray
+        As `mcnav.systems.ins.sensors.quantity.SensorType.arrange` has it.
+    offsets, offset_states : mapping of str to ndarray, shapes (3,), (3, q)
+        What the navigator takes less what is true, and its responses to the filter's states, by the names of
+        `mcnav.systems.ins.sensors.quantity.OFFSETS`.
     """
 
     true: TrueState
@@ -89,6 +99,11 @@ class Comparison:
     arm_states: Array
     gyro_states: Array
     rotation_rate: float
+    flexes: bool = False
+    globe: Earth = WGS84
+    arrangement: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    offsets: Mapping[str, Array] = field(default_factory=dict)
+    offset_states: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -104,12 +119,17 @@ class Difference:
         Its responses to the filter's other states, besides those that are errors of the measurement itself.
     true : ndarray, shape (a,), optional
         The true value, of a quantity that may have a scale factor.
+    flexure, true_flexure : ndarray, shape (a, 6), optional
+        Responses of the measured value to the angles of a flexure about the body's axes and to their rates: as the
+        navigator knows them, and the true ones. Of a sensor that flexes alone.
     """
 
     value: Array
     navigation: Array
     others: Array | None = None
     true: Array | None = None
+    flexure: Array | None = None
+    true_flexure: Array | None = None
 
 
 def responses(axes: int) -> Array:

@@ -25,6 +25,7 @@ from mcnav.systems.ins.sensors.comparison import Comparison, Difference, respons
 from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, change_by_turn, store_three
 from mcnav.systems.ins.sensors.quantity import Geometry, QuantityDefinition, SensorType
 from mcnav.systems.ins.sensors.surroundings import Surroundings
+from mcnav.systems.ins.truth.trajectory import Truth
 
 STRENGTH: Final = 29_806e-9 * 6_371_200.0**3
 """B0 a^3, T m^3."""
@@ -128,12 +129,20 @@ QUANTITY: Final = QuantityDefinition(
     compare=compare,
 )
 
+
+def limit(truth: Truth, times: Array) -> str | None:
+    """Say when the field is not there."""
+    body = truth.earth.body
+    return None if body == "earth" else f"measures the magnetic field of the earth, and the scenario is on {body}"
+
+
 SENSOR: Final = SensorType(
     name="magnetometer",
     words="Magnetic field of the earth, a dipole, along the axes of the body.",
     quantities={"field": "magnetic_field"},
     interval=1.0,
     estimated=("bias",),
+    limit=limit,
     template="""\
 field = "100 nT"  # sigma of white noise forward, right and down, T
 bias = "200 nT"  # sigma of a constant error of the calibration, T

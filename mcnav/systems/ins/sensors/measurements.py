@@ -16,7 +16,8 @@ from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.imu.instruments import GYRO
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
 from mcnav.systems.ins.sensors.faults import fault_errors
-from mcnav.systems.ins.sensors.quantity import Geometry
+from mcnav.systems.ins.sensors.flexure import Flexure
+from mcnav.systems.ins.sensors.quantity import OFFSETS, Geometry
 from mcnav.systems.ins.sensors.registry import KINDS, QUANTITIES
 from mcnav.systems.ins.sensors.surroundings import Surroundings
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
@@ -69,6 +70,9 @@ class Measurements:
         Responses of the innovations to them.
     faults : ndarray, shape (U, M)
         What faults add to the measurements.
+    flexure : ndarray, shape (U, M, 6)
+        Responses of the measured values to the flexure of the update's sensor: to angles about the body's axes and to
+        their rates. The last axis is empty where no sensor flexes.
     """
 
     times: Array
@@ -86,6 +90,7 @@ class Measurements:
     rates: Array
     swings: Array
     faults: Array
+    flexure: Array
 
     @property
     def swinging(self) -> NDArray[np.bool_]:
@@ -103,7 +108,9 @@ def measure(truth: Truth, platform: Platform, start: float, sensors: Sequence[Se
     """Tabulate the measurements of sensors: in order of time, and of the sensors at one instant."""
     names = {name: number for number, name in enumerate(aiding_constants(tuple(sensors)))}
     located = [
-        (sensor, Surroundings.at(truth, platform, start, sensor.times, sensor.lever_arm)) if len(sensor.times) else None
+        (sensor, Surroundings.at(truth, platform, start, sensor.times, sensor.lever_arm, sensor.arrangement))
+        if len(sensor.times)
+        else None
         for sensor in sensors
     ]
     along = [() if each is None else _geometries(*each) for each in located]
@@ -124,6 +131,20 @@ def measure(truth: Truth, platform: Platform, start: float, sensors: Sequence[Se
         offset += len(sensor.components)
     order = np.lexsort((tables.sensors, tables.times))
     return Measurements(*(getattr(tables, each.name)[order] for each in fields(tables)))
+
+
+def flexure_rows(measured: Measurements, number: int, flexure: Flexure, axis: int, start: float) -> Array:
+    """Return the responses of innovations to the two states s of a sensor's flexure about an axis, shape (U, M, 2).
+
+    Parameters
+    ----------
+    number : int
+        Of the sensor.
+    start : float
+        Of navigation, s.
+    """
+    of_sensor = measured.flexure[:, :, [axis, 3 + axis]] * (measured.sensors == number)[:, None, None]
+    return np.asarray(-of_sensor @ flexure.natural(measured.times - start))
 
 
 def white_sigmas(sensors: Sequence[Sensor], measured: Measurements) -> Array:
@@ -156,7 +177,7 @@ def _no_measurements(sensors: Sequence[Sensor], along: Sequence[Sequence[Geometr
         np.zeros((total, most, 3)), np.zeros((total, most, max(used, default=0))), np.zeros((total, most, constants)),
         np.zeros((total, 3)), np.zeros((total, most, 9)), np.zeros((total, 3)),
         np.zeros((total, most), dtype=np.bool_), np.zeros((total, 3, gyros)), np.zeros((total, most, gyros)),
-        np.zeros((total, most)),
+        np.zeros((total, most)), np.zeros((total, most, 6 if any(each.flexure for each in sensors) else 0)),
     )  # fmt: skip
 
 
@@ -184,6 +205,14 @@ def _fill_component(
     if sensor.has_lever_arm and geometry.lever_arm is not None:
         first = names[f"{sensor.name}_lever_arm_x"]
         tables.constants[rows, column, first : first + 3] = geometry.lever_arm
+    for offset, responses in geometry.offsets.items():
+        if offset in sensor.offsets:
+            first = names[f"{sensor.name}_{offset}_{OFFSETS[offset][0][0]}"]
+            tables.constants[rows, column, first : first + 3] = responses
+    if sensor.flexure is not None:
+        if geometry.flexure is None:
+            raise ValueError(f"geometry of {quantity.name} lacks the responses to a flexure, which {sensor.name} has")
+        tables.flexure[place] = geometry.flexure
     if quantity.swings and swings(sensor):
         # d . (e x L) = (L x d) . e
         moment = np.cross(tables.levers[rows], geometry.direction)

@@ -17,6 +17,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.entries.context import FileContext
+from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.sensors.comparison import Comparison, Difference
 from mcnav.systems.ins.sensors.innovation import Innovation
 from mcnav.systems.ins.sensors.surroundings import Surroundings
@@ -24,6 +25,13 @@ from mcnav.systems.ins.truth.trajectory import Truth
 from mcnav.units import DIMENSIONS, UnitError, quantity
 
 LEVEL_AXES: Final = ("north", "east", "down")
+
+BEAMS: Final = ("1", "2", "3")
+"""Names of the beams of a sensor."""
+
+OFFSETS: Final = {"boresight": (AXES, "rad", "mrad", 1e-3), "map": (LEVEL_AXES, "m", "m", 1.0)}
+"""Constant errors of what a sensor knows of its own place or of others, besides the lever arm: axes, SI unit, unit
+shown, usual size."""
 
 MOST_AXES: Final = 3
 """Each axis has a stream of variates of its own (`mcnav.systems.ins.imu.sample_noise`)."""
@@ -34,6 +42,7 @@ GIVEN: Final = {
     "compare": ("at",),
     "select": ("entry", "times", "truth", "key", "context"),
     "limit": ("truth", "times"),
+    "arrange": ("entry", "truth", "key", "context"),
 }
 """Parameters of the functions of a file. The names of those of an innovation are fixed, of others their number."""
 
@@ -71,6 +80,11 @@ class Geometry:
         Responses of the innovation to errors of the lever arm.
     true : ndarray, shape (u,), optional
         The true value, of a quantity that may have a scale factor.
+    flexure : ndarray, shape (u, 6), optional
+        Responses of the measured value to the angles of a flexure about the body's axes, and to their rates, of a
+        quantity that a sensor with flexure may measure (`mcnav.systems.ins.sensors.flexure`).
+    offsets : mapping of str to ndarray, shape (u, 3), optional
+        Responses of the innovation to errors of `OFFSETS`, by their names.
     """
 
     direction: Array
@@ -80,6 +94,8 @@ class Geometry:
     parameters: Array | None = None
     lever_arm: Array | None = None
     true: Array | None = None
+    flexure: Array | None = None
+    offsets: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def row(self) -> Array:
@@ -122,6 +138,8 @@ class QuantityDefinition:
     fixed_row : bool
         Whether its responses do not depend on the attitude where all its parameters are zero: filters then take those
         along the truth.
+    by_beam : bool
+        Whether its axes are the beams of the sensor, of which there may be fewer.
     """
 
     name: str
@@ -135,6 +153,7 @@ class QuantityDefinition:
     scaled: bool = False
     swings: bool = False
     fixed_row: bool = False
+    by_beam: bool = False
 
     def __post_init__(self) -> None:
         wrong: str | None = None
@@ -161,11 +180,12 @@ class QuantityDefinition:
 
 @dataclass(frozen=True)
 class FurtherKey:
-    """A key of a type of sensor besides those of errors: of a length or other size, or of some words."""
+    """A key of a type of sensor besides those of errors: of a length or other size, of some words, or of a form."""
 
     meaning: str
     unit: str = ""
     choices: tuple[str, ...] = ()
+    form: Any = None
 
 
 def any_motion(truth: Truth, times: Array) -> str | None:
@@ -174,6 +194,7 @@ def any_motion(truth: Truth, times: Array) -> str | None:
 
 
 Selection: TypeAlias = Callable[[Mapping[str, Any], Array, Truth, str, FileContext], Array]
+Arrangement: TypeAlias = Callable[[Mapping[str, Any], Truth, str, FileContext], Array]
 
 
 @dataclass(frozen=True)
@@ -196,12 +217,19 @@ class SensorType:
         Whether it has a bias and a correlated error.
     lever_arm : bool
         Whether it has an antenna away from the unit.
+    flexure : bool
+        Whether the structure between the unit and the sensor may bend: all that it measures must have a `flexure`.
     estimated : tuple of str
-        Constant errors that the template gives it, which the filter of a new campaign estimates.
+        Errors that the template gives it, constant ones or a flexure, which the filter of a new campaign estimates.
     bounds_attitude : bool
         Whether a filter keeps the attitude by it, whatever the gyros' bias.
+    offsets : tuple of str
+        Errors of `OFFSETS` that it has; the key of their sigma is such as ``boresight_error``.
     further : mapping of str to FurtherKey
         Keys of its own besides those of errors.
+    arrange : callable, optional
+        ``arrange(entry, truth, key, context)``: what its quantities know of it by its further keys, such as its beams,
+        as an array; of shape (beams, 4) where its axes are beams.
     select : callable, optional
         ``select(entry, times, truth, key, context)``: the instants at which it measures, by its further keys.
     limit : callable
@@ -215,9 +243,12 @@ class SensorType:
     interval: float | None
     errors: bool = True
     lever_arm: bool = False
+    flexure: bool = False
     estimated: tuple[str, ...] = ()
     bounds_attitude: bool = False
+    offsets: tuple[str, ...] = ()
     further: Mapping[str, FurtherKey] = field(default_factory=dict)
+    arrange: Arrangement | None = None
     select: Selection | None = None
     limit: Callable[[Truth, Array], str | None] = any_motion
 
@@ -231,10 +262,14 @@ class SensorType:
             wrong = "words must be a sentence that says what it measures"
         elif lacking := [key for key in self.quantities if f"\n{key} = " not in f"\n{self.template}"]:
             wrong = f"template must give {' and '.join(lacking)}"
+        elif unknown := [name for name in self.offsets if name not in OFFSETS]:
+            wrong = f"offsets has {unknown[0]!r}; known are {', '.join(OFFSETS)}"
         elif self.further and self.select is None:
             wrong = f"select must read {' and '.join(self.further)}"
-        elif not (wrong := wrong_parameters("limit", self.limit)) and self.select is not None:
-            wrong = wrong_parameters("select", self.select)
+        else:
+            given = {"limit": self.limit, "select": self.select, "arrange": self.arrange}
+            functions = (wrong_parameters(name, each) for name, each in given.items() if each is not None)
+            wrong = next(filter(None, functions), None)
         if wrong:
             raise ValueError(f"sensor {self.name!r}: {wrong}")
 

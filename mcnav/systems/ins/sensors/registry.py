@@ -19,6 +19,11 @@ FILES: Final = (
     "body_velocity",
     "heading",
     "magnetometer",
+    "master",
+    "beam_velocity",
+    "beam_range",
+    "landmark_direction",
+    "landmark_range",
 )
 """Files that define a quantity, a type of sensor, or both. A new one comes last: the order numbers the quantities."""
 
@@ -67,9 +72,11 @@ def check_sensor_types(kinds: Iterable[SensorType]) -> None:
             sensor.key(key, "scale_factor") for key, name in sensor.quantities.items() if QUANTITIES[name].scaled
         ]
         errors += ["lever_arm"] if sensor.lever_arm else []
+        errors += ["flexure"] if sensor.flexure else []
+        errors += sensor.offsets
         if unknown := [name for name in sensor.estimated if name not in errors]:
             known = ", ".join(errors) or "none"
-            raise ValueError(f"sensor {sensor.name!r}: estimated has {unknown[0]!r}; its constant errors are {known}")
+            raise ValueError(f"sensor {sensor.name!r}: estimated has {unknown[0]!r}; its errors are {known}")
 
 
 def check_names(names: Iterable[str]) -> None:

@@ -8,10 +8,13 @@ from typing import Final, Literal
 from mcnav.contract.quantities import Output, Source
 from mcnav.systems.ins.filter.model import estimated_kinds
 from mcnav.systems.ins.sensors.aiding import Component, MeasurementError, Sensor
+from mcnav.systems.ins.sensors.flexure import FlexureState
+from mcnav.systems.ins.sensors.quantity import OFFSETS
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 
 SCALE_FACTOR: Final = ("1", "ppm", 1e-3)
 LEVER_ARM: Final = ("m", "cm", 0.01)
+FLEXURE: Final = ("rad", "mrad", 1e-3)
 
 RANDOM: Final[tuple[MeasurementError, ...]] = ("noise", "correlated")
 CONSTANT: Final[tuple[Literal["bias", "scale_factor"], ...]] = ("bias", "scale_factor")
@@ -27,6 +30,9 @@ def aiding_sources(sensors: tuple[Sensor, ...]) -> tuple[Source, ...]:
 
 def _sources(sensor: Sensor) -> Iterator[Source]:
     known = {each.error_name(error): _units(each, error) for each in sensor.components for error in CONSTANT}
+    for offset in sensor.offsets:
+        axes, *units = OFFSETS[offset]
+        known |= {f"{sensor.name}_{offset}_{axis}": (units[0], units[1], units[2]) for axis in axes}
     for name in sensor.constants():
         (kind,) = estimated_kinds((name,))
         yield Source(name, *known.get(name, LEVER_ARM), group=kind)
@@ -45,4 +51,16 @@ def aiding_outputs(sensors: tuple[Sensor, ...]) -> tuple[Output, ...]:
         for each in sensor.components
         for error in RANDOM
     }
-    return tuple(Output(name, *units[name][:2]) for sensor in sensors for name in sensor.processes())
+    return tuple(
+        Output(name, *units.get(name, FLEXURE)[:2]) for sensor in sensors for name in sensor.processes()
+    )  # fmt: skip
+
+
+def flexure_rates(sensors: tuple[Sensor, ...]) -> tuple[Output, ...]:
+    """Return the rates of the sensors' flexures, which are states of filters and no processes of their own."""
+    return tuple(
+        Output(FlexureState(sensor.name, sensor.flexure, axis, True).name, "rad/s", "deg/s")
+        for sensor in sensors
+        if sensor.flexure is not None
+        for axis in sensor.flexure.axes
+    )

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.systems.ins.earth import local_axes
+from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
+
+NO_ARRANGEMENT: Final = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -20,6 +23,9 @@ class Surroundings:
     ----------
     spin : float
         Rate of the earth about the third axis, rad/s.
+    globe : Earth
+    arrangement : ndarray, shape (n, …)
+        As `SensorType.arrange` has it; of shape (0, 3) for a sensor without one.
     lever_arm : ndarray, shape (3,)
         From the unit to the antenna in the body's axes, m.
     position, velocity : ndarray, shape (u, 3)
@@ -37,6 +43,8 @@ class Surroundings:
     """
 
     spin: float
+    globe: Earth
+    arrangement: Array
     lever_arm: Array
     position: Array
     velocity: Array
@@ -52,7 +60,10 @@ class Surroundings:
     force: Array
 
     @classmethod
-    def at(cls, truth: Truth, platform: Platform, start: float, times: Array, lever_arm: Array) -> Surroundings:
+    def at(
+        cls, truth: Truth, platform: Platform, start: float, times: Array, lever_arm: Array,
+        arrangement: Array = NO_ARRANGEMENT,
+    ) -> Surroundings:  # fmt: skip
         """Compute them at instants, s."""
         earth = truth.earth
         spin = np.array([0.0, 0.0, earth.rotation_rate])
@@ -65,8 +76,8 @@ class Surroundings:
         velocity = body.velocity - np.cross(spin, body.position)
         radii = np.stack(earth.curvature_radii(latitude)) + altitude
         return cls(
-            earth.rotation_rate, lever_arm, body.position, velocity, altitude, latitude, radii, turned, level,
-            body.axes, instruments.axes, turning, instruments.rate, instruments.force,
+            earth.rotation_rate, earth, arrangement, lever_arm, body.position, velocity, altitude, latitude, radii,
+            turned, level, body.axes, instruments.axes, turning, instruments.rate, instruments.force,
         )  # fmt: skip
 
     @property

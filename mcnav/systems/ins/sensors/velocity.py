@@ -34,7 +34,10 @@ MOST_SPEED: Final = 0.1
 
 
 def geometry(along: Surroundings, axis: int) -> Geometry:
-    """Return the responses ``(w x L) x d + W x (L x d)`` to psi, d to v, and that of ``-W x x`` to x."""
+    """Return the responses ``(w x L) x d + W x (L x d)`` to psi, d to v, and that of ``-W x x`` to x.
+
+    A flexure q adds ``d . C (w x (q x L) + q' x L)`` to the measured velocity.
+    """
     direction, spin = along.level[:, :, axis], along.spin
     swinging = np.einsum("nij,nj->ni", along.body, np.cross(along.turning, along.lever_arm))
     x, y, z = direction.T
@@ -42,13 +45,16 @@ def geometry(along: Surroundings, axis: int) -> Geometry:
     psi = np.cross(swinging, direction)
     psi[:, 0] -= spin * (lz * x - lx * z)
     psi[:, 1] += spin * (ly * z - lz * y)
+    of_body = np.einsum("nj,nji->ni", direction, along.body)
+    of_angles = np.cross(along.lever_arm, np.cross(of_body, along.turning))
     return Geometry(
         direction,
         psi=psi,
         v=direction,
         x=np.stack([-spin * y, spin * x, np.zeros_like(z)], axis=1),
         parameters=swinging,
-        lever_arm=np.cross(np.einsum("nj,nji->ni", direction, along.body), along.turning),
+        lever_arm=np.cross(of_body, along.turning),
+        flexure=np.concatenate([of_angles, np.cross(along.lever_arm, of_body)], axis=1),
     )
 
 
@@ -95,7 +101,13 @@ def compare(at: Comparison) -> Difference:
     navigation[:, VELOCITY], navigation[:, ATTITUDE] = to_level, to_level @ of_attitude
     to_gyros = -cross_matrix(antenna) @ indicated.axes @ at.gyro_states
     others = to_level @ (turning @ body @ at.arm_states + to_gyros)
-    return Difference(to_level @ difference, navigation, others)
+    if not at.flexes:
+        return Difference(to_level @ difference, navigation, others)
+    bent, true_body = -cross_matrix(at.arm), true.axes @ true.mounting
+    flexure = np.concatenate([to_level @ turning @ body @ bent, to_level @ body @ bent], axis=1)
+    to_true_level, bent = true.level.T @ true_body, -cross_matrix(true.lever_arm)
+    true_flexure = np.concatenate([to_true_level @ cross_matrix(true.turning) @ bent, to_true_level @ bent], axis=1)
+    return Difference(to_level @ difference, navigation, others, flexure=flexure, true_flexure=true_flexure)
 
 
 QUANTITY: Final = QuantityDefinition(

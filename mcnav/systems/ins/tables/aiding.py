@@ -18,7 +18,7 @@ from mcnav.systems.ins.imu.instruments import AXES, CONSTANTS, PROCESSES
 from mcnav.systems.ins.scenario import Navigation
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
 from mcnav.systems.ins.sensors.quantity import SensorType
-from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
+from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import RANDOM
 from mcnav.systems.ins.tables.instants import InstantRule, InstantsTable, check_count, instants_of
 from mcnav.systems.ins.tables.recorded import Recorded, read_recorded
@@ -112,7 +112,8 @@ def _read_sensor(
     """Build a sensor from its table, and from its log; mistakes show the entry as it is written."""
     kind = SENSOR_TYPES[table.type]
     times = _read_times(table, kind, entry, navigation, key, context, recorded)
-    errors = errors_of(table, kind)
+    arrangement = None if kind.arrange is None else kind.arrange(entry, navigation.truth, key, context)
+    errors = _of_beams(errors_of(table, kind), kind, arrangement)
     of_each: Mapping[str, Array] = {}
     if recorded is not None:
         errors, of_each = _with_recorded(errors, kind, recorded, times)
@@ -124,6 +125,7 @@ def _read_sensor(
     if kind.lever_arm:
         sized = zip(AXES, errors.lever_arm_error, strict=True)
         sigmas |= {f"{name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
+    sigmas |= errors.sigmas_of_offsets(name)
     sensor = Sensor(
         name,
         kind.name,
@@ -134,8 +136,23 @@ def _read_sensor(
         table.gate,
         table.outages if recorded is None else recorded.outages,
         None if recorded is None else recorded.log_of(table),
+        flexure=errors.flexed(None, navigation.end - navigation.start, key, context),
+        offsets=kind.offsets,
+        **({} if arrangement is None else {"arrangement": arrangement}),
     )
     return sensor, sigmas
+
+
+def _of_beams(errors: SensorErrors, kind: SensorType, arrangement: Array | None) -> SensorErrors:
+    """Return the errors without the noise of beams that a sensor has not."""
+    if arrangement is None:
+        return errors
+    sizes = dict(errors.sizes)
+    for measured, quantity in kind.quantities.items():
+        if QUANTITIES[quantity].by_beam:
+            noise = np.where(np.arange(len(sizes[measured].noise)) < len(arrangement), sizes[measured].noise, np.nan)
+            sizes[measured] = replace(sizes[measured], noise=noise)
+    return replace(errors, sizes=sizes)
 
 
 def _read_times(
@@ -236,4 +253,6 @@ def _check_names(sensor: Sensor, earlier: list[Sensor], key: str, context: FileC
 
 def _error_names(sensor: Sensor) -> set[str]:
     processes = {each.error_name(error) for each in sensor.components for error in RANDOM}
+    if sensor.flexure is not None:
+        processes |= {*sensor.processes(), f"{sensor.name}_flexure"}
     return processes | set(estimated_kinds(tuple(sensor.constants())))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from mcnav.systems.ins.imu.instruments import AXES
+from mcnav.systems.ins.sensors.quantity import OFFSETS
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR
 from mcnav.systems.ins.tables.sensor_tables import NAME
@@ -22,8 +23,10 @@ def error_patterns() -> dict[str, str]:
 
 
 def kinds_of_errors() -> tuple[str, ...]:
-    """Return what follows a sensor's name in the kinds of its constant errors, of all types of sensors."""
-    return tuple(dict.fromkeys(suffix for suffix, _ in _suffixes(axes=False)))
+    """Return what follows a sensor's name in the kinds of its errors that filters estimate, of all types."""
+    kinds = [suffix for suffix, _ in _suffixes(axes=False)]
+    kinds += ["flexure"] if any(kind.flexure for kind in SENSOR_TYPES.values()) else []
+    return tuple(dict.fromkeys(kinds))
 
 
 def name_pattern(suffixes: Iterable[str]) -> str:
@@ -41,5 +44,8 @@ def _suffixes(axes: bool = True) -> Iterator[tuple[str, str]]:
             errors = [("bias", of.unit), *([("scale_factor", SCALE_FACTOR[0])] if of.scaled else [])]
             for error, unit in errors:
                 yield from ((f"{label}_{error}{axis}".removeprefix("_"), unit) for axis in ("", *names))
+        for offset in kind.offsets:
+            names, unit, *_ = OFFSETS[offset]
+            yield from ((f"{offset}{axis}", unit) for axis in ("", *(f"_{each}" for each in names if axes)))
         if kind.lever_arm:
             yield from ((f"lever_arm{axis}", LEVER_ARM[0]) for axis in ("", *(f"_{each}" for each in AXES if axes)))

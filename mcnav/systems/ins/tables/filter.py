@@ -197,8 +197,10 @@ def _scaled(covariance: Array, sigmas: Array) -> Array:
     return np.asarray(correlation * np.outer(sigmas, sigmas))
 
 
-def plan_filter(table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, context: FileContext) -> FilterPlan | None:
-    """Plan the filter of a navigation with these sensors; mistakes are added to the context."""
+def plan_filter(
+    table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, duration: float, context: FileContext
+) -> FilterPlan | None:
+    """Plan the filter of a navigation of a duration, s, with these sensors; mistakes are added to the context."""
     before = len(context.problems)
     _check_states(table, sensors, context)
     if table.smoother is not None and table.considers:
@@ -216,7 +218,7 @@ def plan_filter(table: FilterTable, sensors: tuple[Sensor, ...], imu: Imu, conte
     for name in table.believes.aiding.keys() - by_name.keys():
         context.problem(f"filter.believes.aiding.{name}", f"no sensor has this name{suggestion(name, list(by_name))}")
     for name, sensor in by_name.items():
-        plan, of_sensor = _believed_sensor(table.believes.aiding.get(name, {}), sensor, context)
+        plan, of_sensor = _believed_sensor(table.believes.aiding.get(name, {}), sensor, duration, context)
         seen.append(plan)
         sigmas |= of_sensor
     stated = _believed_errors(table.believes.errors, (*SOURCES, *aiding_sources(sensors)), context)
@@ -247,7 +249,8 @@ def _check_kind(table: FilterTable, context: FileContext) -> None:
 
 def _check_states(table: FilterTable, sensors: tuple[Sensor, ...], context: FileContext) -> None:
     """Add a mistake for each state that is missing, unknown, or named twice."""
-    kinds = (*KINDS, *estimated_kinds(aiding_constants(sensors)))
+    flexures = (f"{sensor.name}_flexure" for sensor in sensors if sensor.flexure is not None)
+    kinds = (*KINDS, *estimated_kinds(aiding_constants(sensors)), *flexures)
     if absent := [name for name in ALWAYS if name not in table.estimates]:
         context.problem("filter.estimates", f"{' and '.join(absent)} must be there; expected {', '.join(ALWAYS)}, …")
     seen: set[str] = set()
@@ -307,7 +310,9 @@ def _believed_errors(entries: Mapping[str, Any], sources: Sequence[Source], cont
     return believed_errors
 
 
-def _believed_sensor(entry: object, sensor: Sensor, context: FileContext) -> tuple[Sensor, dict[str, float]]:
+def _believed_sensor(
+    entry: object, sensor: Sensor, duration: float, context: FileContext
+) -> tuple[Sensor, dict[str, float]]:
     """Read what the filter believes of a sensor, and of the sigmas of its constant errors."""
     key = f"filter.believes.aiding.{sensor.name}"
     kind = SENSOR_TYPES[sensor.kind]
@@ -337,7 +342,11 @@ def _believed_sensor(entry: object, sensor: Sensor, context: FileContext) -> tup
         sigmas |= of_component
     sized = zip(AXES, errors.lever_arm_error, strict=True)
     sigmas |= {f"{sensor.name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
-    return replace(sensor, components=tuple(components)), sigmas
+    sigmas |= errors.sigmas_of_offsets(sensor.name)
+    if errors.flexure is not None and sensor.flexure is None:
+        context.problem(f"{key}.flexure", "the sensor has none; give it one in [[aiding]], if only of sigma zero")
+    flexure = errors.flexed(sensor.flexure, duration, key, context)
+    return replace(sensor, components=tuple(components), flexure=flexure), sigmas
 
 
 def _believed_component(

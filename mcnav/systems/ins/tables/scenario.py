@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import Field
 
@@ -14,11 +14,12 @@ from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
 from mcnav.entries.inputs import InputFile
 from mcnav.entries.quantities import AngularRate, Duration, GravitationalParameter, Later, Length, Table
+from mcnav.entries.unions import ByForm
 from mcnav.entries.validation import validate
 from mcnav.files import INPUTS
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
-from mcnav.systems.ins.earth import WGS84, Earth
+from mcnav.systems.ins.earth import BODIES, Earth
 from mcnav.systems.ins.imu.instruments import Imu
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.scenario import NAVIGATION_ERRORS, SOURCES, Ins, Navigation
@@ -38,6 +39,8 @@ TRAJECTORY: Final = "trajectory"
 class SphereTable(Table):
     """``earth = { radius = …, gravitational_parameter = …, rotation_rate = … }``."""
 
+    expected: ClassVar[str] = 'expected "wgs84", "moon", "mars", or a sphere: { radius = …, … }'
+    called: ClassVar[str] = "a sphere"
     radius: Annotated[Length, Field(ge=1e3, le=1e12, description="Radius of the sphere.")]
     gravitational_parameter: Annotated[
         GravitationalParameter,
@@ -55,14 +58,17 @@ class InsTable(Table):
     trajectory: Annotated[
         Any,
         Later(Trajectory),
-        Field(description="Trajectory file (CSV or parquet), or a table with file, reentry, segments or boost."),
+        Field(description="Trajectory file (CSV or parquet), or a table with file, reentry, segments, boost or sway."),
     ]
     columns: Columns = Field(default_factory=dict)
     platform: Annotated[
         Literal["strapdown", "inertial", "level"],
         Field(description="Carrier of the instruments: the body, a platform with inertial directions, or a level one."),
     ] = "strapdown"
-    earth: Annotated[Literal["wgs84"] | SphereTable, Field(description="Figure of the earth, or a sphere.")] = "wgs84"
+    earth: Annotated[
+        Annotated[Literal["wgs84", "moon", "mars"] | SphereTable, ByForm()],
+        Field(description="Figure and gravitation of the earth, the moon or Mars, or a sphere."),
+    ] = "wgs84"
     start: Annotated[
         Duration | None, Field(description="Start of navigation, in the trajectory's time; its first unless given.")
     ] = None
@@ -71,10 +77,10 @@ class InsTable(Table):
     ] = None
 
 
-def _read_earth(table: Literal["wgs84"] | SphereTable) -> Earth:
+def _read_earth(table: Literal["wgs84", "moon", "mars"] | SphereTable) -> Earth:
     if isinstance(table, SphereTable):
         return Earth(table.radius, 0.0, table.gravitational_parameter, table.rotation_rate)
-    return WGS84
+    return BODIES[table]
 
 
 def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
@@ -161,7 +167,7 @@ def _read_aiding(navigation: Navigation, origin: float, context: FileContext) ->
     aiding = replace(aiding, sensors=with_gate(aiding.sensors, table.gate))
     if (faults := context.content.get("faults")) is not None:
         aiding = replace(aiding, sensors=read_faults(faults, aiding.sensors, navigation, context))
-    return aiding, plan_filter(table, aiding.sensors, navigation.imu, context)
+    return aiding, plan_filter(table, aiding.sensors, navigation.imu, navigation.end - navigation.start, context)
 
 
 NO_AIDING: Final = "this scenario cannot be aided, which those of type ins can"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import reduce
 from typing import Annotated, Any, ClassVar, Final, Literal
 
-from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema, create_model
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, WithJsonSchema, create_model
 
 from mcnav._types import Array
 from mcnav.entries.axes import AxisSizes, Fault, within
@@ -19,7 +19,7 @@ from mcnav.entries.rules import SomeOf
 from mcnav.entries.unions import ByType, Either
 from mcnav.entries.validation import AnyTable
 from mcnav.systems.ins.imu.instruments import AXES
-from mcnav.systems.ins.sensors.quantity import FurtherKey, QuantityDefinition, SensorType
+from mcnav.systems.ins.sensors.quantity import OFFSETS, FurtherKey, QuantityDefinition, SensorType
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR
 from mcnav.systems.ins.tables.instants import InstantRule, InstantsTable
@@ -33,6 +33,9 @@ SHORTEST_CORRELATION: Final = 1e-15
 
 LONGEST_LEVER_ARM: Final = 1e5
 """m."""
+
+LARGEST_FLEXURE: Final = 0.3
+"""rad."""
 
 MOST_SENSORS: Final = 100
 
@@ -161,6 +164,12 @@ def _errors(kind: SensorType, believed: bool = False) -> Fields:
         fields["lever_arm"] = _lever_arm()
         fault = within(0.0, MULTIPLE * LEVER_ARM[2], LEVER_ARM[0])
         fields["lever_arm_error"] = _sizes(LEVER_ARM[0], AXES, fault, "Sigma of the lever arm's error.", "1 cm")
+    for offset in kind.offsets:
+        axes, unit, _, usual = OFFSETS[offset]
+        fault = within(0.0, MULTIPLE * usual, unit)
+        fields[f"{offset}_error"] = _sizes(unit, axes, fault, f"Sigma of the error of the {offset}.")
+    if kind.flexure:
+        fields["flexure"] = _flexure()
     return fields
 
 
@@ -171,9 +180,44 @@ def _lever_arm() -> tuple[Any, Any]:
     return Annotated[arm | None, Field(description="From the unit to the antenna, forward, right and down.")], None
 
 
+def _read_flexure(table: FlexureTable) -> FlexureTable:
+    given = {name for name in ("frequency", "damping", "correlation_time") if getattr(table, name) is not None}
+    if "correlation_time" in given and len(given) > 1:
+        raise told("got a frequency or a damping and a correlation_time; expected frequency and damping, or the other")
+    return table
+
+
+class FlexureTable(Table):
+    """Second-order Gauss-Markov angles: ``{ sigma = "1 mrad", frequency = "2 Hz", damping = 0.1 }``."""
+
+    expected: ClassVar[str] = 'expected { sigma = "1 mrad", frequency = "2 Hz", damping = 0.1 }'
+    called: ClassVar[str] = "a flexure"
+    sigma: Annotated[
+        Annotated[Array, AxisSizes("rad", AXES, within(0.0, LARGEST_FLEXURE, "rad", "expected small angles"))] | None,
+        Field(description="Sigma of the angle about each axis of the body.", examples=["1 mrad"]),
+    ] = None
+    frequency: Annotated[
+        Annotated[float, QuantityIn("1/s")] | None,
+        Field(gt=0.0, le=1e4, description="Natural frequency, Hz.", examples=["2 Hz"]),
+    ] = None
+    damping: Annotated[
+        float | None, Field(gt=0.0, le=1.0, description="Damping ratio, at most 1; 1 unless given.", examples=[0.1])
+    ] = None
+    correlation_time: Annotated[
+        Annotated[float, QuantityIn("s")] | None,
+        Field(gt=0.0, le=1e6, description="In place of a frequency: that of critical damping.", examples=["5 s"]),
+    ] = None
+
+
+def _flexure() -> tuple[Any, Any]:
+    described = Field(description="Flexure of the structure between the unit and the sensor.")
+    return Annotated[Annotated[FlexureTable, AfterValidator(_read_flexure)] | None, described], None
+
+
 def _further(key: FurtherKey) -> tuple[Any, Any]:
     """Return the field of a key that the type of sensor reads itself."""
     form = Annotated[str, OneOf(key.choices)] if key.choices else Annotated[float, QuantityIn(key.unit)]
+    form = form if key.form is None else key.form
     return Annotated[Any, Later(form), Field(description=key.meaning)], None
 
 

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import Table
-from mcnav.systems.ins.sensors.quantity import SensorType
+from mcnav.systems.ins.sensors.flexure import MOST_TURNS, OF_CRITICAL_DAMPING, Flexure
+from mcnav.systems.ins.sensors.quantity import OFFSETS, SensorType
 from mcnav.systems.ins.sensors.registry import QUANTITIES
-from mcnav.systems.ins.tables.sensor_tables import SENSORS, CorrelatedTable, SensorTable
+from mcnav.systems.ins.tables.sensor_tables import SENSORS, CorrelatedTable, FlexureTable, SensorTable
 
 
 def keys_of_errors(kind: SensorType) -> list[str]:
@@ -47,11 +48,60 @@ class SensorErrors:
         By the key of the quantity's noise.
     lever_arm, lever_arm_error : ndarray, shape (3,)
         NaN where none is given.
+    flexure : FlexureTable or None
+    offsets : mapping of str to ndarray, shape (3,)
+        Sigmas of the errors of `OFFSETS`; NaN where none is given.
     """
 
     sizes: Mapping[str, ErrorSizes]
     lever_arm: Array
     lever_arm_error: Array
+    flexure: FlexureTable | None
+    offsets: Mapping[str, Array]
+
+    def sigmas_of_offsets(self, name: str) -> dict[str, float]:
+        """Return the sigmas of a sensor's errors of `OFFSETS` that are given, by source."""
+        return {
+            f"{name}_{offset}_{axis}": float(size)
+            for offset, sizes in self.offsets.items()
+            for axis, size in zip(OFFSETS[offset][0], sizes, strict=True)
+            if not np.isnan(size)
+        }
+
+    def flexed(self, known: Flexure | None, duration: float, key: str, context: FileContext) -> Flexure | None:
+        """Return the flexure, with the sizes of another one where none are given; mistakes go to the context.
+
+        Parameters
+        ----------
+        known : Flexure or None
+            The true one, of a filter's beliefs.
+        duration : float
+            Of navigation, s.
+        """
+        table = self.flexure
+        if table is None:
+            return known
+        sigma = None if known is None else known.sigma
+        frequency = None if known is None else known.frequency
+        damping = 1.0 if known is None else known.damping
+        if table.sigma is not None:
+            sizes = np.nan_to_num(table.sigma)
+            sigma = float(sizes[0]), float(sizes[1]), float(sizes[2])
+        if table.correlation_time is not None:
+            frequency, damping = OF_CRITICAL_DAMPING / table.correlation_time, 1.0
+        if table.frequency is not None:
+            frequency = 2.0 * np.pi * table.frequency
+        if table.damping is not None:
+            damping = table.damping
+        if sigma is None or frequency is None:
+            missing = "sigma" if sigma is None else "frequency"
+            context.problem(f"{key}.flexure", f"{missing} is missing; {FlexureTable.expected}")
+            return known
+        flexure = Flexure(sigma, frequency, damping)
+        if (turns := flexure.most_turns(duration)) > MOST_TURNS:
+            message = f"is damped too near to 1 for {duration:.6g} s at this frequency ({turns:.2g} rad); "
+            context.problem(f"{key}.flexure", f"{message}expected a damping of at most 0.999")
+        return flexure
 
 
 def errors_of(table: Table, kind: SensorType) -> SensorErrors:
@@ -71,7 +121,10 @@ def errors_of(table: Table, kind: SensorType) -> SensorErrors:
         none = np.full(count, np.nan)
         sigma, time = (none if each is None else each for each in (process.sigma, process.correlation_time))
         sizes[measured] = ErrorSizes(noise, bias, scale, sigma, time)
-    return SensorErrors(sizes, given("lever_arm", 3), given("lever_arm_error", 3))
+    return SensorErrors(
+        sizes, given("lever_arm", 3), given("lever_arm_error", 3), getattr(table, "flexure", None),
+        {offset: given(f"{offset}_error", 3) for offset in kind.offsets},
+    )  # fmt: skip
 
 
 def check_measured(

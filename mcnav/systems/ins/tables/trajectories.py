@@ -1,4 +1,4 @@
-"""``trajectory`` of a campaign: a file, a reentry of NASA TN D-1772 on a globe, segments, or a boost.
+"""``trajectory`` of a campaign: a file, a reentry of NASA TN D-1772 on a globe, segments, a boost, or a swaying base.
 
 trajectory = "flight.csv"
 trajectory = { file = "flight.csv", columns = { lat = "latitude [rad]" } }
@@ -13,6 +13,12 @@ latitude = "28.5 deg"
 longitude = "-80.5 deg"
 azimuth = "90 deg"
 stages = [{ acceleration = "1.3 g", last = "3.5 g", burn = "120 s" }]
+
+[scenario.trajectory.sway]
+latitude = "47 deg"
+longitude = "9 deg"
+duration = "10 min"
+roll = { amplitude = "5 deg", period = "9 s" }
 """
 
 from __future__ import annotations
@@ -36,11 +42,19 @@ from mcnav.files import INPUTS
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.tables.tracks import FileRows, read_rows
 from mcnav.systems.ins.tables.trajectory_file import LARGEST_FILE
-from mcnav.systems.ins.tables.trajectory_tables import BoostTable, FileTable, ReentryTable, SegmentsTable, Trajectory
+from mcnav.systems.ins.tables.trajectory_tables import (
+    BoostTable,
+    FileTable,
+    ReentryTable,
+    SegmentsTable,
+    SwayTable,
+    Trajectory,
+)
 from mcnav.systems.ins.truth import segments as flown
 from mcnav.systems.ins.truth.boost import Boost, BoostError, Stage, boost_truth
 from mcnav.systems.ins.truth.reentry import Plane, reentry_truth
 from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows, check_rows, rows_from
+from mcnav.systems.ins.truth.sway import ANGLES, SHIFTS, Oscillation, Sway, sway_rows
 from mcnav.systems.ins.truth.trajectory import Truth
 from mcnav.systems.reentry.table_i import TABLE_I, start_state
 from mcnav.systems.reentry.truth import fly_truth
@@ -52,7 +66,7 @@ _RECENT: Final = Recent[tuple[Truth, TrajectoryRows]](most=2)
 _RECENT_FILES: Final = Recent[tuple[Truth, FileRows]](most=2)
 """Those from files."""
 
-FORM: Final[TypeAdapter[FileTable | ReentryTable | SegmentsTable | BoostTable]] = TypeAdapter(Trajectory)
+FORM: Final[TypeAdapter[FileTable | ReentryTable | SegmentsTable | BoostTable | SwayTable]] = TypeAdapter(Trajectory)
 
 KEY: Final = "scenario.trajectory"
 """Key of the entry; its last part is the setting that names the file."""
@@ -95,7 +109,7 @@ def read_trajectory(
     Parameters
     ----------
     entry : object
-        A path, or a table with ``file``, ``reentry``, ``segments`` or ``boost``.
+        A path, or a table with ``file``, ``reentry``, ``segments``, ``boost`` or ``sway``.
     columns : mapping, optional
         Names and units of the columns of a path: ``columns`` beside ``trajectory``.
     """
@@ -154,7 +168,10 @@ def _size(path: Path) -> int:
 
 def _from_reentry(
     table: ReentryTable, entry: Mapping[str, Any], earth: Earth, context: FileContext, key: str
-) -> TrajectorySpec:
+) -> TrajectorySpec | None:
+    if earth.body != "earth":
+        context.problem(f"{key}.reentry", f"is one on the earth, and the scenario's is {earth.body}; give another one")
+        return None
 
     def fly() -> tuple[Truth, TrajectoryRows]:
         row = TABLE_I[table.reentry]
@@ -216,10 +233,33 @@ def _from_boost(
     return TrajectorySpec(f"boost of {len(stages)} stages", truth, rows, resolved)
 
 
+def _from_sway(
+    table: SwayTable, entry: Mapping[str, Any], earth: Earth, context: FileContext, key: str
+) -> TrajectorySpec | None:
+    at = table.sway
+    moving = [(name, getattr(at, name)) for name in (*ANGLES, *SHIFTS)]
+    oscillations = tuple((name, Oscillation(each.amplitude, each.period)) for name, each in moving if each is not None)
+    sway = Sway(at.latitude, at.longitude, at.altitude, at.heading, at.duration, oscillations)
+
+    def fly() -> tuple[Truth, TrajectoryRows]:
+        rows = sway_rows(sway, earth)
+        check_rows(rows, earth)
+        return rows.truth(earth), rows
+
+    try:
+        truth, rows = _RECENT.get((repr(sway), earth), fly)
+    except TrajectoryError as wrong:
+        context.problem(f"{key}.sway", str(wrong))
+        return None
+    defaults = {"altitude": f"{at.altitude!r} m", "heading": f"{at.heading!r} rad"}
+    return TrajectorySpec("swaying base", truth, rows, {"sway": {**defaults, **entry["sway"]}})
+
+
 BUILDERS: Final[Mapping[type[Table], Callable[..., TrajectorySpec | None]]] = {
     FileTable: _from_file,
     ReentryTable: _from_reentry,
     SegmentsTable: _from_segments,
     BoostTable: _from_boost,
+    SwayTable: _from_sway,
 }
 """Functions that build a trajectory from its table."""

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, WithJsonSchema
 
 from mcnav.entries.files import FILE
-from mcnav.entries.quantities import Duration, QuantityIn, Table
+from mcnav.entries.quantities import Duration, Length, QuantityIn, Table
 from mcnav.entries.unions import ByKey
 from mcnav.systems.ins.tables.motion import Angle, Azimuth, Forward, Height, Latitude, Longitude, Pull
 from mcnav.systems.ins.tables.segments import Segment
@@ -119,11 +119,47 @@ class BoostTable(Table):
     boost: Annotated[LaunchTable, Field(description="Ballistic boost with a gravity turn.")]
 
 
+class SwingTable(Table):
+    """``{ amplitude = "5 deg", period = "9 s" }``."""
+
+    amplitude: Annotated[Angle, Field(gt=0.0, le=1.0, description="Amplitude of the sine.", examples=["5 deg"])]
+    period: Annotated[Duration, Field(ge=0.1, le=1e4, description="Period of the sine.", examples=["9 s"])]
+
+
+class ShiftTable(Table):
+    """``{ amplitude = "0.5 m", period = "9 s" }``."""
+
+    amplitude: Annotated[Length, Field(gt=0.0, le=100.0, description="Amplitude of the sine.", examples=["0.5 m"])]
+    period: Annotated[Duration, Field(ge=0.1, le=1e4, description="Period of the sine.", examples=["9 s"])]
+
+
+class MooringTable(Table):
+    """``sway``: a place, a mean heading, and oscillations about them, each a sine that begins at zero."""
+
+    latitude: Annotated[Latitude, Field(description="Geodetic latitude.")]
+    longitude: Annotated[Longitude, Field(description="Longitude.")]
+    altitude: Annotated[Height, Field(description="Altitude above the ellipsoid.")] = 0.0
+    heading: Annotated[Azimuth, Field(description="Mean heading.")] = 0.0
+    duration: Annotated[Duration, Field(ge=1.0, le=1e6, description="Duration of the trajectory.")]
+    yaw: Annotated[SwingTable | None, Field(description="Oscillation of the heading.")] = None
+    pitch: Annotated[SwingTable | None, Field(description="Oscillation of the pitch.")] = None
+    roll: Annotated[SwingTable | None, Field(description="Oscillation of the roll.")] = None
+    surge: Annotated[ShiftTable | None, Field(description="Oscillation forward.")] = None
+    drift: Annotated[ShiftTable | None, Field(description="Oscillation to the right.")] = None
+    heave: Annotated[ShiftTable | None, Field(description="Oscillation down.")] = None
+
+
+class SwayTable(Table):
+    """``{ sway = { ... } }``."""
+
+    sway: Annotated[MooringTable, Field(description="Swaying base: at rest on the average.")]
+
+
 Trajectory = Annotated[
-    FileTable | ReentryTable | SegmentsTable | BoostTable,
+    FileTable | ReentryTable | SegmentsTable | BoostTable | SwayTable,
     ByKey(
         "expected a table with one of",
-        "expected a file in quotes, or a table with file, reentry, segments or boost",
+        "expected a file in quotes, or a table with file, reentry, segments, boost or sway",
         FILE.pattern,
     ),
 ]

@@ -305,9 +305,9 @@ def _frame(numbers: Sequence[Number]) -> pd.DataFrame:
     return pd.DataFrame([vars(each) | {"agreement": each.agreement} for each in numbers])
 
 
-def write(folder: Path, samples: int = SAMPLES) -> tuple[str, list[Path]]:
+def write(folder: Path, samples: int | None = None) -> tuple[str, list[Path]]:
     """Simulate, and write the page and its tables into a folder; return a summary, and the files, the page first."""
-    runs = run(samples)
+    runs = run(samples or SAMPLES)
     numbers = compare(runs)
     files = {
         PAGE: render(runs),
