@@ -18,7 +18,6 @@ from mcnav.report.filter_kinds import terminal
 from tests.commands import invoke
 from tests.filter_kinds import CAMPAIGN
 
-SHORT = {**CAMPAIGN, "scenario": {**CAMPAIGN["scenario"], "end": "3 s"}}
 VALUES = (1.0, 3.0, 10.0, 30.0)
 
 
@@ -55,7 +54,7 @@ def test_a_kind_is_optimistic_from_the_value_on_from_which_it_always_is() -> Non
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("filters")
-    (folder / "kinds.toml").write_text(tomli_w.dumps(SHORT), encoding="utf-8")
+    (folder / "kinds.toml").write_text(tomli_w.dumps(CAMPAIGN), encoding="utf-8")
     return folder
 
 
