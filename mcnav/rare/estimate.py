@@ -5,7 +5,8 @@
 with v from a fitted `Proposal`, t* where the line enters the event, and t' a standard normal beyond t*, which is flown:
 each line carries its own check that the event goes on beyond its entry, and the estimate is unbiased where it does not.
 Each line has noise of its own, where there is any: what noise adds to the linear outcomes is among the coordinates of
-the line, and the expectation is over what is left of it as well.
+the line, and the expectation is over what is left of it as well. Over time points are shared by the half-spaces of all
+epochs: a weight has the share pi_j of the point that is flown as a factor (`mcnav.rare.facets`).
 
 What lies before the entries, or away from the lines, is looked for by flights in other places (`mcnav.rare.search`).
 """
@@ -31,6 +32,7 @@ from mcnav.rare.limits import AnyEpoch, Limit
 from mcnav.rare.lines import crossings
 from mcnav.rare.proposal import Proposal, hazard_at
 from mcnav.rare.search import Search, search_elsewhere
+from mcnav.rare.strata import draw_members, strata_of
 from mcnav.rare.unseen import UnseenNoise
 
 END: Final = 3.5
@@ -69,9 +71,6 @@ NEVER: Final = 37.0
 
 EACH: Final = 5
 """Lines that each cell gets at least: few cells carry much, but together the small ones may."""
-
-STRATA: Final = 16
-"""Groups of half-spaces that share their points, each with lines in proportion; those of a line are drawn."""
 
 SHARED_LINES: Final = 160
 """Lines of the pilot along half-spaces that share their points, at least one each."""
@@ -192,16 +191,6 @@ def estimate_probability(
     return plan.estimate(pilot, proposals, search, precision, confidence, most)
 
 
-def strata_of(shares: Array) -> IndexArray:
-    """Return the stratum of each half-space, shape (facets,): consecutive by their shares, with equal sums, about."""
-    order = np.argsort(-shares, kind="stable")
-    middle = np.cumsum(shares[order]) - 0.5 * shares[order]
-    groups = np.minimum((middle * STRATA).astype(np.int64), STRATA - 1)
-    strata = np.empty(len(shares), dtype=np.int64)
-    strata[order] = np.unique(groups, return_inverse=True)[1]
-    return strata
-
-
 def _refused(flown: Flown, reason: str, dimensions: int) -> Rare:
     return Rare(math.nan, math.nan, math.nan, flown.flights, reason, np.full(dimensions, math.nan))
 
@@ -270,7 +259,7 @@ class _Plan:
         for j, count in enumerate(lines):
             mine = facet == j
             mine &= np.isfinite(followed.entry) & (followed.entry > followed.begin)  # others enter with their cell
-            entered = followed.entry[mine]
+            entered = followed.entry[mine] - self.moved(j, followed.across[mine])
             fit = Proposal.plain(d, float(np.mean(entered)) if len(entered) else NEVER)
             if self.few[j]:
                 fitted.append(plain[j])
@@ -279,7 +268,7 @@ class _Plan:
                 fit = Proposal.fitted(followed.across[mine], entered, fit.constant)
             if self.unseen is not None and fit.constant < NEVER:
                 fit = fit.with_scatter(*self.unseen.scatter(facets, j, self.flown.limit))
-            fitted.append(fit.improved(normal, partial(self.mass, j))[0] if fit.constant < NEVER else fit)
+            fitted.append(fit.improved(normal, partial(self.mass_of_fit, j))[0] if fit.constant < NEVER else fit)
         return followed, fitted
 
     def pilot_lines(self) -> IndexArray:
@@ -309,13 +298,22 @@ class _Plan:
 
     def entry(self, facet: int, across: Array, proposal: Proposal) -> Array:
         """Return the entries of lines at v of one facet that its fit expects, shape (n,)."""
-        if not self.few[facet]:
-            return proposal.entry(across)
-        return self.linear_entry(facet, across) + self.shift
+        moved = self.moved(facet, across)
+        return moved + (self.facets.distances[facet] + self.shift if self.few[facet] else proposal.entry(across))
 
-    def linear_entry(self, facet: int, across: Array) -> Array:
-        """Return the entries of lines at v of one facet by the linear model, shape (n,)."""
-        return self.facets.entries(np.full(len(across), facet), self.facets.feet_of(facet, across))
+    def moved(self, facet: int, across: Array) -> Array:
+        """Return how much later lines at v of a half-space that shares its points enter any by the linear model.
+
+        Later than their own, shape (n,): what is fitted is the rest.
+        """
+        if not self.facets.shared or facet >= self.facets.foreseen:
+            return np.zeros(len(across))
+        expected = self.facets.entries(np.full(len(across), facet), self.facets.feet_of(facet, across))
+        return np.asarray(expected - self.facets.distances[facet])
+
+    def mass_of_fit(self, facet: int, across: Array, fitted: Array) -> Array:
+        """Return the same as `mass` for values of a fit."""
+        return self.mass(facet, across, self.moved(facet, across) + fitted)
 
     def mass(self, facet: int, across: Array, entry: Array) -> Array:
         """Return ``Phi(-t*) pi`` of lines of one facet with their entries, or their begins, shape (n,)."""
@@ -340,7 +338,7 @@ class _Plan:
         for j, proposal in enumerate(proposals):
             if proposal.constant < NEVER and not self.few[j]:
                 v = proposal.draw((np.arange(DRAWS) + 0.5) / DRAWS, normal)
-                fitted[j] = float(np.mean(proposal.ratio(v) * self.mass(j, v, proposal.entry(v))))
+                fitted[j] = float(np.mean(proposal.ratio(v) * self.mass(j, v, self.entry(j, v, proposal))))
         if facets.shared:
             points = self.generator.standard_normal((SHARED_DRAWS, d + 1))
             fitted = np.where(self.few, facets.expected_masses(points, self.shift)[0], fitted)
@@ -375,7 +373,7 @@ class _Plan:
         of_stratum = np.bincount(strata, shares)
         lines_of = np.maximum(np.rint(number * of_stratum), EACH).astype(np.int64)
         stratum, number = np.repeat(np.arange(len(of_stratum)), lines_of), int(lines_of.sum())
-        facet = self.drawn(stratum, strata, shares)
+        facet = draw_members(stratum, strata, shares, self.generator) if self.facets.shared else stratum
         within = shares / of_stratum[strata] if self.facets.shared else 1.0
         shares = (lines_of / number)[strata] * within
         uniform, normal = self.generator.random(number), self.generator.standard_normal((number, d - 1))
@@ -392,18 +390,6 @@ class _Plan:
         parts = np.array([weights[facet == j].sum() for j in range(len(shares))]) / number
         point = self.likely(lines, weights, proposals)
         return Rare(value, low, high, self.flown.flights, "", point, int(np.count_nonzero(parts > 0.01 * value)))
-
-    def drawn(self, stratum: IndexArray, strata: IndexArray, shares: Array) -> IndexArray:
-        """Draw the half-space of each line from those of its stratum, shape (n,), by their shares."""
-        if not self.facets.shared:
-            return stratum
-        order = np.argsort(strata, kind="stable")
-        heaped = np.cumsum(shares[order])
-        ends = heaped[np.searchsorted(strata[order], np.arange(strata.max() + 1), side="right") - 1]
-        begins = np.append(0.0, ends[:-1])
-        at = begins[stratum] + self.generator.random(len(stratum)) * (ends - begins)[stratum]
-        place = np.minimum(np.searchsorted(heaped, at, side="right"), len(shares) - 1)
-        return np.asarray(order[place])
 
     def unseen_scatter(self, facet: int, proposals: list[Proposal]) -> float:
         """Return the variance of the logarithm of a line's probability by noise that the linear model does not see."""
@@ -424,11 +410,11 @@ class _Plan:
         if len(t) < 8:
             return math.inf if len(proposal.mean) or self.unseen is not None else 0.0
         hazard = np.abs(t) + 1.0 / np.maximum(np.abs(t), 1.0)
-        scatter = float(np.std(hazard * (t - proposal.entry(pilot.across[mine]))))
+        scatter = float(np.std(hazard * (t - self.entry(j, pilot.across[mine], proposal))))
         freedom = max(len(t) - 2.0 * len(proposal.mean) - 2.0, 1.0)
         scatter *= math.sqrt(len(t) / freedom)
         normal = self.generator.standard_normal((DRAWS, len(proposal.mean)))
-        fitted = proposal.improved(normal, partial(self.mass, j))[1]
+        fitted = proposal.improved(normal, partial(self.mass_of_fit, j))[1]
         return (math.expm1(min(scatter**2, 20.0)) + fitted) / precision**2
 
     def few_lines_needed(self, pilot: _Lines, precision: float) -> float:

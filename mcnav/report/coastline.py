@@ -34,10 +34,12 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Projection:
-    """A map about a middle, rad."""
+    """A map about a middle, rad, of a body with a radius, km; ``earth`` says whether it has the earth's coast."""
 
     latitude: float
     longitude: float
+    radius: float = RADIUS
+    earth: bool = True
 
     def __call__(self, latitude: Array, longitude: Array) -> Array:
         """Return points as east and north of the middle, km, shape (..., 2); NaN near the antipode."""
@@ -46,7 +48,7 @@ class Projection:
         sine, cosine = np.sin(self.latitude), np.cos(self.latitude)
         right, up = np.cos(latitude) * np.sin(east), cosine * a - sine * b
         angle = np.arctan2(np.hypot(right, up), sine * a + cosine * b)
-        stretch = np.where(angle < FARTHEST, RADIUS / np.maximum(np.sinc(angle / np.pi), 1e-9), np.nan)
+        stretch = np.where(angle < FARTHEST, self.radius / np.maximum(np.sinc(angle / np.pi), 1e-9), np.nan)
         return np.stack([right * stretch, up * stretch], axis=-1)
 
     def directions(self, latitude: Array, longitude: Array) -> Array:
@@ -57,7 +59,7 @@ class Projection:
             self(latitude, longitude + small / np.maximum(np.cos(latitude), 1e-9)) - here,
             self(latitude + small, longitude) - here,
         )
-        return np.stack(moved, axis=-1) / (small * RADIUS)
+        return np.stack(moved, axis=-1) / (small * self.radius)
 
 
 @cache
@@ -74,7 +76,7 @@ def _coastline() -> tuple[Array, ...]:
 def coast(projection: Projection, box: Box, finest: float) -> list[Array]:
     """Return the lines of the coast within a box, km, shape (points, 2) each; points nearer than ``finest`` are one."""
     lines = []
-    for known in _coastline():
+    for known in _coastline() if projection.earth else ():
         lines += _inside(projection(known[:, 0], known[:, 1]), box, finest)
     return lines
 
@@ -82,7 +84,7 @@ def coast(projection: Projection, box: Box, finest: float) -> list[Array]:
 def grid(projection: Projection, box: Box, finest: float, most: int = 6) -> list[tuple[Array, str]]:
     """Return lines of equal latitude and longitude within a box, km, each with what it is, such as ``46° N``."""
     left, bottom, right, top = box
-    span = np.degrees(max(right - left, top - bottom) / RADIUS)
+    span = np.degrees(max(right - left, top - bottom) / projection.radius)
     step = next((each for each in DEGREES if span <= most * each), DEGREES[-1])
     lines: list[tuple[Array, str]] = []
     middle = np.degrees([projection.latitude, projection.longitude])

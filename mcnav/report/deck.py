@@ -20,18 +20,25 @@ from mcnav.analysis.filter_remarks import instant
 from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.quantities import NAVIGATED, TRUE
 from mcnav.report.arrays import filter_covariances, linear_covariances
-from mcnav.report.coastline import Projection
+from mcnav.report.coastline import RADIUS, Projection
 from mcnav.report.deck_lanes import Lane, lanes
 from mcnav.report.figures.sources import Contributor, contributors, origins, variance_over_time
 from mcnav.report.format import rounded
 from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
+from mcnav.units import UnitError, quantity
 
 PROBABILITY: Final = 0.95
 """Probability of an ellipse, for a normal distribution."""
 
 RADII: Final = float(np.sqrt(special.chdtri(2, 1.0 - PROBABILITY)))
 """Its semi-axes over the sigmas along them."""
+
+BODIES: Final = {"wgs84": RADIUS, "moon": 1737.4, "mars": 3389.5}
+"""Mean radii of the bodies that campaigns of type ins name, km."""
+
+ALIKE: Final = 0.05
+"""Difference of the radius up to which a sphere is the earth."""
 
 MOST_INSTANTS: Final = 160
 """Instants of a page; of more epochs, some are left out."""
@@ -229,20 +236,32 @@ def _place(content: RunAnalysis, times: Array) -> Place | None:
     columns, names = content.history.columns, {each.name for each in content.manifest.model.outputs}
     flown = columns[next(iter(columns))]
     if {"latitude [deg]", "longitude [deg]"} <= set(columns) and {"position_north", "position_east"} <= names:
-        return _map(np.radians(columns["latitude [deg]"]), np.radians(columns["longitude [deg]"]), flown, times)
+        place = np.radians(columns["latitude [deg]"]), np.radians(columns["longitude [deg]"])
+        return _map(*place, flown, times, *_body(content))
     if {"range [km]", "altitude [km]"} <= set(columns) and {"range", "altitude"} <= names:
         return _descent(columns["range [km]"], columns["altitude [km]"], flown, times)
     return _plane(content, flown, times)
 
 
-def _map(latitude: Array, longitude: Array, flown: Array, times: Array) -> Place:
+def _body(content: RunAnalysis) -> tuple[float, bool]:
+    """Return the radius of the body, km, and whether it is the earth; a sphere of its size is."""
+    scenario = content.manifest.identity.campaign.get("scenario", {})
+    named = scenario.get("earth", "wgs84") if scenario.get("type") == "ins" else "wgs84"
+    try:
+        radius = BODIES[named] if isinstance(named, str) else quantity(named["radius"], "m") / 1e3
+    except (KeyError, UnitError):
+        return RADIUS, False
+    return radius, abs(radius / RADIUS - 1.0) < ALIKE
+
+
+def _map(latitude: Array, longitude: Array, flown: Array, times: Array, radius: float, earth: bool) -> Place:
     points = np.stack([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
     low, high = points.min(axis=1), points.max(axis=1)
     middle = 0.5 * (low + high)
     if np.linalg.norm(middle) < 1e-3:
         middle = points[:, len(flown) // 2]
     x, y, z = map(float, middle)
-    projection = Projection(math.atan2(z, math.hypot(x, y)), math.atan2(y, x))
+    projection = Projection(math.atan2(z, math.hypot(x, y)), math.atan2(y, x), radius, earth)
     here = np.interp(times, flown, latitude), np.interp(times, flown, np.unwrap(longitude))
     return Place(
         "map", "position_east", "position_north", projection(latitude, longitude), projection(*here),

@@ -24,6 +24,17 @@ TICKS = """() => Array.from(document.querySelectorAll("figure svg")).map((svg) =
   Array.from(svg.querySelectorAll("g.y text")).map((each) => [each.textContent, Number(each.getAttribute("y"))]),
   Array.from(svg.querySelectorAll(":scope > text")).map((each) => each.textContent).join(" | ")])"""
 
+WORDS = (
+    """() => Array.from(document.querySelectorAll(".tile, .shows, #requirements td")).map((each) => each.textContent)"""
+)
+
+
+def quantities(words: list[str], units: str) -> list[tuple[float, str]]:
+    """Return the numbers with one of some units behind them, but the lower ends of intervals."""
+    found = re.findall(rf"(\d[\d.,]*) ({units})(?![\w/])", " | ".join(words))
+    return [(float(number_.replace(",", "")), unit) for number_, unit in found]
+
+
 SPELLED = {"NM": "nmi", "m/s²": "m/s^2", "kt": "nmi/h"}
 """Units of pages as campaign files have them."""
 
@@ -37,7 +48,7 @@ def size(unit: str, other: str) -> float:
 def test_tables(browser: Browser, page_of: Callable[[str], Path]) -> None:
     """Every number is its value in the unit beside it, times the multiple of sigma; captions say which."""
     with browser.opened(page_of("aided")) as page:
-        as_computed = page.evaluate(NUMBERS)
+        as_computed, told = page.evaluate(NUMBERS), page.evaluate(WORDS)
         caption = page.locator("table caption").first
         multiples = {"3σ": (3.0, "Three sigma at"), "95 %": (1.959963985, "1.96 sigma (95 % of normal errors) at")}
         for sigma, (multiple, words) in multiples.items():
@@ -52,11 +63,17 @@ def test_tables(browser: Browser, page_of: Callable[[str], Path]) -> None:
                     factor = size(unit, now) * (multiple if kind == "sigma" else 1.0)
                     assert text in {number(value * factor * (1.0 + tiny), digits) for tiny in (-1e-9, 1e-9)}
         assert "1σ" not in page.locator("#what-if .sigmas caption").inner_text()
+        said = quantities(told, "km|m/s|m|mrad|deg|arcsec")
+        changed = quantities(page.evaluate(WORDS), "NM|kt|ft|deg")
+        assert len(said) > 20
+        for (value, unit), (other, now) in zip(said, changed, strict=True):
+            assert other == pytest.approx(value * size(unit, now), rel=6e-3)  # both have three digits
         page.reload()
         assert page.evaluate(NUMBERS) == shown
         page.get_by_label("1σ", exact=True).press("Space")
         page.get_by_label("as computed", exact=True).check()
         assert page.evaluate(NUMBERS) == as_computed
+        assert page.evaluate(WORDS) == told
 
 
 def test_axes(browser: Browser, page_of: Callable[[str], Path]) -> None:

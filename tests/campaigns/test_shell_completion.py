@@ -70,7 +70,8 @@ def test_bash(place: Path) -> None:
     assert completed("mcnav new i", place) == ["ins"]
     assert completed("mcnav docs comm", place) == ["commands"]
     assert completed("mcnav demo 19", place) == ["19_flight_with_gnss"]
-    assert completed("mcnav new ins mine --trajectory ", place) == ["campaigns/flight.csv"]
+    files = ["campaigns/flight.csv", "campaigns/lunar_descent.csv"]
+    assert completed("mcnav new ins mine --trajectory ", place) == files
     assert completed("mcnav new ins mine --aid z", place) == ["zero-velocity"]
 
 

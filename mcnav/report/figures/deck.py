@@ -144,9 +144,10 @@ def ellipse_of(dispersion: Dispersion, k: int, axes: Array | None = None) -> Arr
 
 def _caption(known: Deck, factor: float) -> str:
     place, said = known.place, []
+    of_coast = "; coastline: Natural Earth" if place.projection is not None and place.projection.earth else ""
     if place.moves:
         on = {
-            "map": "The track is to scale (azimuthal equidistant; coastline: Natural Earth)",
+            "map": f"The track is to scale (azimuthal equidistant{of_coast})",
             "descent": "The descent is to scale about the round earth", "plane": "The track is to scale",
         }[place.kind]  # fmt: skip
         enlarged = f"; ellipses on it are {factor:,.0f} times as large" if factor > 1.0 else ""

@@ -1,4 +1,4 @@
-  // Flight deck: one instant for all figures over its time. Of the page's script it uses `all`, `button`, `clock`, `copied`,
+  // Flight deck: one instant for all figures over its time. Of the page's script it uses `all`, `button`, `clock`, `convention`, `copied`,
   // `get`, `made`, `plots` and `set`. Ellipses are those of mcnav.report.figures.deck.
   all("#figure-deck").forEach((figure) => {
     const data = JSON.parse(figure.querySelector(":scope > script").textContent);
@@ -53,7 +53,7 @@
         title.textContent = `${before.slice(0, before.lastIndexOf(" at "))} at ${instants[k]}`;
         set(svg, { "aria-label": get(svg, "aria-label").replace(before, title.textContent) });
       });
-      shows.textContent = words[k];
+      convention.reword(shows, words[k]);
     };
     const show = (to) => {
       k = within(to, [0, last]);

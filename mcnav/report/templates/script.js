@@ -478,6 +478,29 @@
       place.data = convention.sigma === 1 ? before : before ? before.replace(/one sigma/i, begun) : `Sigmas are shown as ${words}.`;
     });
   };
+  // Quantities in sentences: a number, or two as an interval, with its unit behind it; at least three digits.
+  const NUMBER = "[−±]?\\d[\\d.,]*(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?";
+  const NAMES = Object.keys(UNITS).sort((p, q) => q.length - p.length).map((each) => each.replace(/[.^]/g, "\\$&")).join("|");
+  const QUANTITY = new RegExp(`(?<![\\w.,])(?:(${NUMBER})( to | → ))?(${NUMBER})(\\s)(${NAMES})(?![\\w²/^·])`, "g");
+  const reworded = (text, about) => text.replace(QUANTITY, (whole, low, between, high, gap, unit) => {
+    const [target, factor] = convention.unit(unit, about);
+    if (factor === 1) return whole;
+    const changed = (each) => {
+      const sign = each[0] === "±" ? "±" : "";
+      return sign + number(value(each.slice(sign.length)) * factor, max(3, each.split("·")[0].replace(/\D/g, "").replace(/^0+/, "").length));
+    };
+    return `${low ? changed(low) + between : ""}${changed(high)}${gap}${target}`;
+  });
+  const convertWords = (root = document) => all(".tile, .asked li, .shows, #requirements td, #requirements th[scope=row]", root).forEach((part) => {
+    const about = part.textContent;
+    textsOf(part).forEach((text) => {
+      if (!text.parentElement.closest("data, .sort")) text.data = reworded(originally(text), about);
+    });
+  });
+  convention.reword = (element, words) => {
+    element.textContent = words;
+    textsOf(element).forEach((text) => { text.data = reworded(originally(text), words); });
+  };
   const stored = (name, chosen) => {
     try {
       if (chosen === undefined) return localStorage.getItem(`mcnav-${name}`);
@@ -500,13 +523,13 @@
       }));
       return set_;
     };
-    const apply = () => { convertTables(); convention.changed.dispatchEvent(new Event("change")); };
+    const apply = () => { convertTables(); convertWords(); convention.changed.dispatchEvent(new Event("change")); };
     const [sigma, system] = [stored("sigma"), stored("units")];
     if (sigma in SIGMAS) convention.sigma = Number(sigma);
     if (system in SYSTEMS) convention.system = system;
     place.append(choice("Sigmas in tables", "sigma", ["1", "3", "1.959963985"].map((each) => [each, SIGMAS[each][0]]), String(convention.sigma), (each) => { convention.sigma = Number(each); }),
       choice("Units", "units", Object.entries(SYSTEMS), convention.system, (each) => { convention.system = each; }));
-    if (convention.sigma !== 1 || convention.system !== "own") apply();
+    if (convention.sigma !== 1 || convention.system !== "own") queueMicrotask(apply); // once the words of the glossary have their places
   });
 
   // Glossary: words have their meaning under the pointer, and the first of each in a section by keyboard and touch, too.

@@ -118,8 +118,9 @@ def test_an_installation_that_cannot_be_written_to(tmp_path: Path) -> None:
     nowhere.touch()
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     environment |= {"PYTHONPATH": str(package.parent), "HOME": str(nowhere), "XDG_CACHE_HOME": str(nowhere / "cache")}
+    environment |= {"PYTHONPYCACHEPREFIX": str(tmp_path / "bytecode")}
     campaign = ROOT / "campaigns" / "01_tn_d1772_trajectory_4.toml"
-    options = ["--samples", "40", "--jobs", "2", "--engine", "reference"]
+    options = ["--samples", "40", "--jobs", "1", "--engine", "reference", "--timeout", "1 h"]
     done = run_to_end([sys.executable, "-m", "mcnav", "run", str(campaign), *options], cwd=tmp_path, env=environment)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr

@@ -51,3 +51,10 @@ def test_nothing_but_what_crosses_the_box() -> None:
     assert coast(Projection(*np.radians([-89.5, 180.0])), box, 1.0) == []
     names = [name for _, name in grid(Projection(*np.radians([0.2, 179.9])), box, 1.0)]
     assert {"0°", "1° N", "1° S", "179° E", "180°", "179° W"} <= set(names)
+
+
+def test_another_body_has_its_size_and_no_coast() -> None:
+    """A degree of the moon is 30.3 km."""
+    moon = Projection(0.0, 0.0, 1737.4, False)
+    assert moon(np.radians(1.0), np.array(0.0))[1] == pytest.approx(30.32, abs=0.01)
+    assert coast(moon, (-2e3, -2e3, 2e3, 2e3), 1.0) == []

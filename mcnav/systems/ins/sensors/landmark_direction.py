@@ -3,6 +3,9 @@
 With the place l of the landmark, s = l - r and the unit vector e(s), the innovation along an axis d of the body is
 ``R d . e(s - x) - d . e(s)``; its parameters are s. The map's error m, that of the place which the navigator takes less
 the true one, is constant, and the same for all measurements of the landmark.
+
+A filter cannot tell a shift of the vehicle from the same shift of the map. Its responses to x are therefore those along
+the truth, as its responses to m are: with those at each sample's own place it would believe that it can.
 """
 
 from __future__ import annotations
@@ -65,9 +68,10 @@ def innovation(
     value += ex * (px - ux) + ey * (py - uy) + ez * (pz - uz)
     if wanted:
         store_three(rows, c, 0, ey * pz - ez * py, ez * px - ex * pz, ex * py - ey * px)
-        along = ex * px + ey * py + ez * pz
+        along, zero = dx * ux + dy * uy + dz * uz, 0.0 * errors.x
         store_three(
-            rows, c, 6, nearer * (along * px - ex), nearer * (along * py - ey), nearer * (along * pz - ez)
+            rows, c, 6, zero + inverse * (along * ux - dx), zero + inverse * (along * uy - dy),
+            zero + inverse * (along * uz - dz),
         )  # fmt: skip
     return value
 

@@ -36,11 +36,11 @@ def innovation(
     """Add ``|s - x| - |s|``."""
     sx, sy, sz = tables.parameters[u, c, 0], tables.parameters[u, c, 1], tables.parameters[u, c, 2]
     px, py, pz = sx - errors.x, sy - errors.y, sz - errors.z
-    distance = np.sqrt(px * px + py * py + pz * pz)
-    value += distance - np.sqrt(sx * sx + sy * sy + sz * sz)
+    distance, zero = np.sqrt(sx * sx + sy * sy + sz * sz), 0.0 * errors.x
+    value += np.sqrt(px * px + py * py + pz * pz) - distance
     if wanted:
-        share = -1.0 / distance
-        store_three(rows, c, 6, share * px, share * py, share * pz)
+        share = -1.0 / distance  # along the truth, as the responses to the map's error
+        store_three(rows, c, 6, zero + share * sx, zero + share * sy, zero + share * sz)
     return value
 
 

@@ -29,7 +29,10 @@ LEVEL_AXES: Final = ("north", "east", "down")
 BEAMS: Final = ("1", "2", "3")
 """Names of the beams of a sensor."""
 
-OFFSETS: Final = {"boresight": (AXES, "rad", "mrad", 1e-3), "map": (LEVEL_AXES, "m", "m", 1.0)}
+OFFSETS: Final[Mapping[str, tuple[tuple[str, ...], str, str, float]]] = {
+    "boresight": (AXES, "rad", "mrad", 1e-3),
+    "map": (LEVEL_AXES, "m", "m", 1.0),
+}
 """Constant errors of what a sensor knows of its own place or of others, besides the lever arm: axes, SI unit, unit
 shown, usual size."""
 

@@ -31,8 +31,8 @@ def aiding_sources(sensors: tuple[Sensor, ...]) -> tuple[Source, ...]:
 def _sources(sensor: Sensor) -> Iterator[Source]:
     known = {each.error_name(error): _units(each, error) for each in sensor.components for error in CONSTANT}
     for offset in sensor.offsets:
-        axes, *units = OFFSETS[offset]
-        known |= {f"{sensor.name}_{offset}_{axis}": (units[0], units[1], units[2]) for axis in axes}
+        axes, unit, shown_in, usual = OFFSETS[offset]
+        known |= {f"{sensor.name}_{offset}_{axis}": (unit, shown_in, usual) for axis in axes}
     for name in sensor.constants():
         (kind,) = estimated_kinds((name,))
         yield Source(name, *known.get(name, LEVER_ARM), group=kind)

@@ -138,7 +138,7 @@ def _read_sensor(
         None if recorded is None else recorded.log_of(table),
         flexure=errors.flexed(None, navigation.end - navigation.start, key, context),
         offsets=kind.offsets,
-        **({} if arrangement is None else {"arrangement": arrangement}),
+        arrangement=np.zeros((0, 3)) if arrangement is None else arrangement,
     )
     return sensor, sigmas
 

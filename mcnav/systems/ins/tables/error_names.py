@@ -45,7 +45,7 @@ def _suffixes(axes: bool = True) -> Iterator[tuple[str, str]]:
             for error, unit in errors:
                 yield from ((f"{label}_{error}{axis}".removeprefix("_"), unit) for axis in ("", *names))
         for offset in kind.offsets:
-            names, unit, *_ = OFFSETS[offset]
-            yield from ((f"{offset}{axis}", unit) for axis in ("", *(f"_{each}" for each in names if axes)))
+            along, unit, *_ = OFFSETS[offset]
+            yield from ((f"{offset}{axis}", unit) for axis in ("", *(f"_{each}" for each in along if axes)))
         if kind.lever_arm:
             yield from ((f"lever_arm{axis}", LEVER_ARM[0]) for axis in ("", *(f"_{each}" for each in AXES if axes)))
