@@ -7,7 +7,7 @@ from typing import Any
 CAMPAIGN: dict[str, Any] = {
     "name": "Kinds", "samples": 20,
     "scenario": {
-        "type": "ins", "end": "6 s",
+        "type": "ins", "end": "3 s",
         "trajectory": {
             "start": {"latitude": "48 deg", "longitude": "11 deg", "altitude": "500 m", "course": "30 deg",
                       "speed": "15 m/s"},

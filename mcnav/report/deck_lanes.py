@@ -18,6 +18,9 @@ from mcnav.report.requirements import requirement_rows
 
 Happening = Literal["updates", "outage", "fault", "turn", "climb", "descent", "requirement"]
 
+NOTABLE: Final = 0.005
+"""Share of rejected updates from which on it is told, and never below twice the median over the flight."""
+
 MANOEUVRES: Final = "manoeuvres"
 """Name of their row."""
 
@@ -97,12 +100,16 @@ def _sensors(content: RunAnalysis) -> Iterable[Lane]:
                      f"{fault.component}: {_span(float(times[fault.first]), float(times[fault.last]), label)}")
             for fault in faults if fault.sensor == sensor.name and fault.last < len(times)
         ]  # fmt: skip
-        asked = sensor.accepted + sensor.rejected
-        rejections = tuple(
-            Rejection(float(times[k]), float(sensor.rejected[k] / asked[k]))
-            for k in np.flatnonzero((sensor.rejected > 0.0) & (asked > 0.0))
-        )
-        yield Lane(name, tuple(intervals), rejections)
+        yield Lane(name, tuple(intervals), rejections(sensor, times))
+
+
+def rejections(sensor: SensorConsistency, times: Array) -> tuple[Rejection, ...]:
+    """Return the shares that are more than what the gate rejects all along."""
+    asked = np.nan_to_num(sensor.accepted + sensor.rejected)
+    known = asked > 0.0
+    shares = np.divide(np.nan_to_num(sensor.rejected), asked, out=np.zeros_like(asked), where=known)
+    least = max(NOTABLE, 2.0 * float(np.median(shares[known]))) if known.any() else NOTABLE
+    return tuple(Rejection(float(times[k]), float(shares[k])) for k in np.flatnonzero(shares >= least))
 
 
 def _updates(sensor: SensorConsistency, times: Array, label: str) -> list[Interval]:

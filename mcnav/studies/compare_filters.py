@@ -102,9 +102,7 @@ def compare_filters(
 def _kinds(asked: Sequence[str]) -> tuple[str, ...]:
     for kind in asked:
         if kind not in KINDS:
-            known = ", ".join(KINDS)
-            message = f"got {kind!r}; expected some of {known}{suggestion(kind, list(KINDS))}"
-            raise CampaignError([Problem("--kind", "", message)])
+            raise CampaignError([Problem("--kind", "", f"unknown kind {kind!r}{suggestion(kind, list(KINDS))}")])
     return tuple(kind for kind in KINDS if not asked or kind in asked)
 
 

@@ -8,8 +8,9 @@ from typing import cast
 import numpy as np
 import pytest
 
+from mcnav.analysis.filter_consistency import SensorConsistency
 from mcnav.report.deck import RADII, Deck, Dispersion, Kind, Place, Route
-from mcnav.report.deck_lanes import Interval, Lane, Rejection
+from mcnav.report.deck_lanes import Interval, Lane, Rejection, rejections
 from mcnav.report.figures.deck import ellipse_of, ring_radii
 from mcnav.report.figures.dispersion import MOST, NOTABLE, ordered_pairs
 from mcnav.report.model import RunAnalysis
@@ -70,3 +71,11 @@ def test_of_many_outputs_the_most_correlated_pairs_are_drawn() -> None:
     assert len(set(pairs)) == len(pairs) == MOST
     left = {(i, j) for i in range(12) for j in range(i)[::-1] if (j, i) not in pairs}
     assert min(sizes[pair] for pair in pairs[NOTABLE:]) > max(sizes[pair] for pair in left)
+
+
+def test_rejections_beyond_those_of_every_interval() -> None:
+    """Those of a gate all along are not told, those of a fault are; without updates there are none."""
+    rejected = np.array([0.0, 0.6, 0.6, 30.0, 0.6])
+    sensor = SimpleNamespace(accepted=np.array([0.0, 59.4, 59.4, 30.0, 59.4]), rejected=rejected)
+    told = rejections(cast("SensorConsistency", sensor), np.arange(5.0))
+    assert told == (Rejection(3.0, 0.5),)

@@ -117,7 +117,8 @@ def advance_by_sigma_points(
     """Integrate the indicated state and the sigma points over n steps, as `FilteredNavigator.advance` does."""
     points = [navigator.corrected(each) for each in sigma_points(navigator.filter.P)]
     elapsed = (begins - navigator.estimated_at)[:, None] + durations[:, None] * NODES
-    decay = np.exp(-navigator.model.decay_rates * (until - navigator.estimated_at))
+    duration = until - navigator.estimated_at
+    decay = np.exp(-navigator.model.decay_rates * duration)
     navigator.filter.P = np.zeros_like(navigator.filter.P)
     navigator.advance(measured, begins, durations, steps, until)  # leaves the process noise alone
     errors = np.empty((len(points), navigator.model.size))
@@ -125,7 +126,7 @@ def advance_by_sigma_points(
     for place, (state, estimates) in enumerate(points):
         readings = navigator.compensation.compensate(measured, estimates, elapsed)
         ends[place] = navigator.integrate(state, readings, begins, durations)[-1]
-        errors[place, NAVIGATION:] = decay * estimates - navigator.estimates
+        errors[place, NAVIGATION:] = navigator.model.flexed(decay * estimates, duration) - navigator.estimates
     turns = matrices(navigator.state[None, :4])[0] @ np.swapaxes(matrices(ends[:, :4]), -1, -2)
     for place, turn in enumerate(turns):
         logarithm(turn, errors[place, ATTITUDE])
