@@ -100,7 +100,7 @@ def test_every_command_of_the_page_on_clusters(place: Path) -> None:
 
 def test_every_trajectory_of_its_page(tmp_path: Path) -> None:
     blocks = [tomllib.loads(block) for block in _blocks("TRAJECTORIES.md", "toml")]
-    assert len(blocks) == 7
+    assert len(blocks) == 8
     other = {name: values for name, values in flight().items() if name not in ("lat", "lon", "alt")}
     other |= {"latitude": np.radians(flight()["lat"]), "longitude": np.radians(flight()["lon"])}
     other["height"] = flight()["alt"] / 0.3048
