@@ -221,6 +221,8 @@ class _Plot:
             if size >= 7.0:
                 x, y = float(self.x(column)), float(self.y(row))
                 inside = _text(x, y + 0.36 * size, text, size, "middle", more=' pointer-events="none"')
+            elif opacity == 0.0:
+                continue  # neither seen nor read; of many outputs three in four
             path = f'<path d="{box}" fill="{series.variable}" fill-opacity="{opacity:g}">{_titled(full)}</path>'
             parts.append(f'<g class="series-{series.name}">{path}{inside}</g>')
         return "".join(parts)

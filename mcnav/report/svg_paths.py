@@ -112,4 +112,4 @@ def outline(x: Array, y: Array) -> str:
 def rectangle(left: float, top: float, right: float, bottom: float) -> str:
     """Return the outline of a rectangle."""
     a, b, c, d = map(coordinate, (left, top, right, bottom))
-    return f"M{a} {b}l{c - a} 0l0 {d - b}l{a - c} 0z"
+    return f"M{a} {b}h{c - a}v{d - b}h{a - c}z"
