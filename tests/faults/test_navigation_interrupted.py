@@ -16,7 +16,7 @@ from tests.faults.scenarios import environment
 from tests.processes import run_to_end
 
 STORED = {"first chunk": 2, "amid chunks": 2, "terminated": 2, "summary": CHUNKS, "report": CHUNKS}
-"""Largest number of chunks that a run has stored when it is interrupted; of two at work one may be written meanwhile."""
+"""Largest number of chunks that a run has stored when it is interrupted; one more may be written meanwhile."""
 
 
 @pytest.fixture(scope="module")
