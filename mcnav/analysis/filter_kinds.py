@@ -17,7 +17,7 @@ HEADING: Final = "heading"
 
 @dataclass(frozen=True)
 class KindResult:
-    """What Monte Carlo says of one kind of filter.
+    """Verdict of Monte Carlo on one kind of filter.
 
     Attributes
     ----------

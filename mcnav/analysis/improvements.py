@@ -1,4 +1,4 @@
-"""What a better number of the data sheet would bring, each alone: sigmas at the end, and the tightest requirement.
+"""Effect of a better number of the data sheet, each alone: sigmas at the end, and the tightest requirement.
 
 By linear covariance with the gains of the campaign's filter: see `mcnav.analysis.what_if`.
 """

@@ -78,7 +78,7 @@ class ConditionalNoise(Protocol):
 
     @property
     def factor(self) -> Array:
-        """What r standard normals of the noise add to the outcomes, shape (m, r), SI."""
+        """Additions of r standard normals of the noise to the outcomes, shape (m, r), SI."""
 
     def simulate(self, batch: Batch, normals: Array) -> SimulationResult:
         """Simulate samples with these normals, shape (n, r); with histories where outcomes are those of epochs."""

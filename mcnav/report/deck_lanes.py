@@ -1,4 +1,4 @@
-"""What happens over a flight: updates, rejections and outages of sensors, faults, manoeuvres, requirements."""
+"""Events over a flight: updates, rejections and outages of sensors, faults, manoeuvres, requirements."""
 
 from __future__ import annotations
 

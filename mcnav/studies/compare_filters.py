@@ -40,7 +40,7 @@ CSV, JSON, PAGE = "filters.csv", "filters.json", "filters.html"
 
 @dataclass(frozen=True)
 class FilterPlan:
-    """What is compared.
+    """Comparison of kinds of filters.
 
     Attributes
     ----------

@@ -233,7 +233,7 @@ class ConditionalFlights:
 
     @property
     def factor(self) -> Array:
-        """What the normals add to the outcomes."""
+        """Additions of the normals to the outcomes."""
         return self.conditions.factor
 
     def simulate(self, batch: Batch, normals: Array) -> SimulationResult:

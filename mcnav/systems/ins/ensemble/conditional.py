@@ -250,7 +250,7 @@ class ConditionalSamples:
 
     @property
     def factor(self) -> Array:
-        """What the normals add to the outcomes; those of an epoch follow each other."""
+        """Additions of the normals to the outcomes; those of an epoch follow each other."""
         return self.conditions.factor
 
     def simulate(self, batch: Batch, normals: Array) -> SimulationResult:
