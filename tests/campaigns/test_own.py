@@ -411,7 +411,8 @@ def test_commands(tmp_path: Path) -> None:
     assert mcnav_says("new", "campaign", "flight", "--type", "cruise").returncode == 0
     checked = mcnav_says("check", "mine.toml")
     assert checked.returncode == 0, checked.stderr
-    assert checked.stdout.count(" passed ") == 11
+    assert checked.stdout.count(" passed ") == 12
+    assert "a sample takes " in checked.stdout
     assert checked.stdout.endswith("next: mcnav run mine.toml\n")
     of_code = mcnav_says("check", "mine.py")
     assert of_code.stdout.splitlines()[0] == "Checks of the class Mine of mine.py, with mine.toml"
