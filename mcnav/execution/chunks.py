@@ -19,11 +19,19 @@ from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.entries.inputs import InputFile
 from mcnav.lincov.block_sums import Normalization
-from mcnav.lincov.sample_reduction import reduce_samples
+from mcnav.lincov.sample_reduction import BlockReduction
 from mcnav.numerics.power_sums import sum_powers_about_zero
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.statistics.filter_sums import FilterSums
-from mcnav.store.chunk_files import ChunkFile, ChunkTotals, SampleSchema, verify_chunk, write_chunk
+from mcnav.store.chunk_files import (
+    ChunkFile,
+    ChunkTotals,
+    SampleSchema,
+    chunk_name,
+    identity_in,
+    verify_chunk,
+    write_chunk,
+)
 from mcnav.store.filters import SMOOTHER_MARK, filter_marks
 from mcnav.store.histories import SMOOTHED_MARK, STORED, first_marks, history_marks
 from mcnav.store.inputs import check_unchanged
@@ -74,6 +82,8 @@ class ChunkJob:
         Time that one sample may take, s.
     frame : Normalization or None
         Normalization of the sums, where only a summary is stored.
+    earlier : tuple of str
+        Digests of runs of fewer samples whose summaries have blocks half as long, a quarter, and so on.
     wanted : Path or None
         File that exists as long as the run lasts: later no worker may write into the folder.
     inputs : tuple of InputFile
@@ -89,6 +99,7 @@ class ChunkJob:
     frame: Normalization | None = None
     wanted: Path | None = None
     inputs: tuple[InputFile, ...] = ()
+    earlier: tuple[str, ...] = ()
 
     @property
     def in_processes(self) -> bool:
@@ -163,6 +174,7 @@ class _Chunk:
     failed: int = 0
     fallback_count: int = 0
     summary: Summary | None = None
+    reduction: BlockReduction | None = None
     power_sums: PowerSums | None = None
     filter_sums: FilterSums | None = None
     smoothed_sums: PowerSums | None = None
@@ -195,7 +207,8 @@ class _Chunk:
         self.tracebacks |= dict(islice(raised, None if frame is None else MOST_REASONS - len(self.tracebacks)))
         if frame is not None:
             status = {begin + row: failure.status for row, failure in by_row.items()}
-            block_sums = reduce_samples(frame, begin, errors, result.values, result.linear_values)
+            self.reduction = self.reduction or BlockReduction(frame, begin)
+            block_sums = self.reduction.add(errors, result.values, result.linear_values)
             self.summary = _total(self.summary, Summary.of(block_sums, len(errors), status))
 
     def _add_histories(self, errors: Array, result: SimulationResult, by_row: Mapping[int, Failure]) -> None:
@@ -222,7 +235,9 @@ class _Chunk:
         """Return the sums as metadata of the chunk's file."""
         marks = history_marks(self.power_sums) | filter_marks(self.filter_sums) | first_marks(self.followed)
         marks |= history_marks(self.smoothed_sums, SMOOTHED_MARK) | filter_marks(self.smoother_sums, SMOOTHER_MARK)
-        return marks | ({} if self.summary is None else self.summary.marks(self.place.begin))
+        if self.summary is None or self.reduction is None:
+            return marks
+        return marks | self.summary.followed_by(self.reduction.rest()).marks(self.place.begin)
 
 
 def _total(total: Sums | None, more: Sums) -> Sums:
@@ -286,3 +301,12 @@ def find_chunk(work: ChunkJob, place: SampleRange) -> ChunkFile | None:
 def find_file(work: ChunkJob, number: int) -> ChunkFile | None:
     """Return the file of a chunk's number, if it is undamaged and of this run, however many samples it has."""
     return verify_chunk(work.folder.chunk_folder, number, work.identity, None if work.frame is None else STORED_ROWS)
+
+
+def find_earlier(work: ChunkJob, number: int) -> tuple[ChunkFile, int] | None:
+    """Return the file of a chunk that a run of fewer samples left, and how often its blocks must be doubled."""
+    identity = identity_in(work.folder.chunk_folder / chunk_name(number))
+    if identity not in work.earlier:
+        return None
+    file = verify_chunk(work.folder.chunk_folder, number, identity, STORED_ROWS)
+    return None if file is None else (file, work.earlier.index(identity) + 1)

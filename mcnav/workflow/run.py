@@ -21,7 +21,7 @@ from mcnav.config.stopping import StoppingRule
 from mcnav.entries.inputs import InputFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, did_you_mean, near_names
 from mcnav.execution.chunks import ChunkJob, DrawPlan
-from mcnav.execution.identity import check_no_foreign_files, check_resumable, chunk_digest, identity_of
+from mcnav.execution.identity import check_no_foreign_files, check_resumable, chunk_digest, earlier_digests, identity_of
 from mcnav.execution.processes import end_workers_apart
 from mcnav.execution.runner import ChunkExecutor
 from mcnav.lincov.polynomial_engine import engine_names
@@ -161,7 +161,10 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     manifest = _first_manifest(campaign, system, identity, inputs, processors)
     folder.begin(manifest, system.history, campaign.stored_files(), inputs)
     layout, frame = manifest.sample_schema, summary_frame(manifest)
-    job = ChunkJob(draws, system.engine, folder, digest, layout, campaign.sample_timeout, frame, inputs=inputs)
+    job = ChunkJob(
+        draws, system.engine, folder, digest, layout, campaign.sample_timeout, frame, inputs=inputs,
+        earlier=earlier_digests(identity, draws.design, draws.samples),
+    )  # fmt: skip
     return _Begun(system, manifest, job, notices)
 
 
