@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
+from mcnav.analysis.linear_covariance import NOMINAL
 
 MEAN: Final = "mean_of_"
 """Beginning of the name of an error whose mean is larger than its sigma."""
@@ -286,6 +287,15 @@ class NeglectedError:
     true: float
     believed: float
     share: float
+
+
+def neglected_words(name: str) -> str:
+    """Name a neglected error for people.
+
+    >>> neglected_words("gyro_scale_factor_x"), neglected_words("mean_of_nominal_errors")
+    ('gyro scale factor x', 'the error without any dispersion, as of faults')
+    """
+    return "the error without any dispersion, as of faults" if name == f"{MEAN}{NOMINAL}" else name.replace("_", " ")
 
 
 @dataclass(frozen=True)

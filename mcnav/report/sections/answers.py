@@ -92,9 +92,11 @@ def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answe
         Column("Verdict", lambda row: row.verdict, kind="text"),
         Column("Largest causes", lambda row: row.words, kind="words"),
     ]
+    crossed = bool(np.nanmax(content.budget.shares, initial=0.0) > 1.0 + 1e-9)
     caption = (
         f"{content.ends.title}, one sigma. Monte Carlo: paired estimate, intervals hold "
-        f"jointly at {100.0 * content.summary.confidence:g} %. Causes: share of the linear variance. "
+        f"jointly at {100.0 * content.summary.confidence:g} %. Causes: share of the linear variance"
+        f"{', which correlations may lift above 100 %' if crossed else ''}. "
         f"{KEY.format(tolerance=100.0 * content.summary.tolerance)}"
     )
     return Table(caption, columns, rows, group=lambda row: row.kind)

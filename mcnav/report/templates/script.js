@@ -523,12 +523,16 @@
       }));
       return set_;
     };
-    const apply = () => { convertTables(); convertWords(); convention.changed.dispatchEvent(new Event("change")); };
+    const stays = set(document.createElement("p"), { class: "stays", role: "status" });
+    const apply = () => {
+      stays.textContent = convention.sigma === 1 ? "" : "In sentences and figures sigma is 1σ, unless they name another multiple.";
+      convertTables(); convertWords(); convention.changed.dispatchEvent(new Event("change"));
+    };
     const [sigma, system] = [stored("sigma"), stored("units")];
     if (sigma in SIGMAS) convention.sigma = Number(sigma);
     if (system in SYSTEMS) convention.system = system;
     place.append(choice("Sigmas in tables", "sigma", ["1", "3", "1.959963985"].map((each) => [each, SIGMAS[each][0]]), String(convention.sigma), (each) => { convention.sigma = Number(each); }),
-      choice("Units", "units", Object.entries(SYSTEMS), convention.system, (each) => { convention.system = each; }));
+      choice("Units", "units", Object.entries(SYSTEMS), convention.system, (each) => { convention.system = each; }), stays);
     if (convention.sigma !== 1 || convention.system !== "own") queueMicrotask(apply); // once the words of the glossary have their places
   });
 
