@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_decision import deciding_names
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.summary import Ends, FilterRatio, FilterSummary, NeglectedEntry, SensorEntry, Summary

@@ -9,7 +9,6 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any, Final
@@ -17,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 import pyarrow.parquet as pq
 
+from mcnav._dataclasses import dataclass
 from mcnav.contract.failure import Failure, Reason, without_numbers
 from mcnav.lincov.block_sums import BlockSums
 from mcnav.store.chunk_files import ChunkFile
