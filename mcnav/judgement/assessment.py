@@ -10,11 +10,12 @@ Testing*).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.likelihood import DROP, whiten

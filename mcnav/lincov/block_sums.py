@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.statistics.whitening import whitening
 

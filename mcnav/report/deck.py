@@ -14,6 +14,7 @@ from typing import Final, Literal
 import numpy as np
 from scipy import special
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.filter_remarks import instant

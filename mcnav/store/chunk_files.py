@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pydantic import Field
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.contract.failure import OK, Failure
 from mcnav.files import read_whole, write_whole

@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 from scipy import integrate, special, stats
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.rare.estimate import Rare, estimate_probability
 from mcnav.rare.limits import AnyEpoch, Distance, Limit, Sides
