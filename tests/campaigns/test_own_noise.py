@@ -22,7 +22,8 @@ from mcnav.contract.engine import follows_samples
 from mcnav.contract.scenario import can_have_noise
 from mcnav.errors import CampaignError
 from mcnav.report.linearity_words import WITHOUT_NOISE
-from mcnav.systems.user.stochastic_scenario import MEASURED_FROM
+from mcnav.systems.user import noise_measurement
+from mcnav.systems.user.noise_measurement import INDEPENDENT
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
 from tests.commands import in_process
@@ -198,18 +199,30 @@ def test_own_linear_simulations_are_those_of_differences(tmp_path: Path) -> None
     np.testing.assert_allclose(differences[:, 2:], own[:, 2:], atol=1e-12)
 
 
-def test_a_covariance_that_is_not_given_is_measured(tmp_path: Path) -> None:
-    """Within five standard errors; its error hardly matters in paired ratios."""
-    for name, more in (("differences", ""), ("own", TWIN)):
-        run = run_campaign(read_campaign(_written(tmp_path / name, more=more)), tmp_path / name / "run", None, 1)
+def test_a_covariance_that_is_not_given_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exactly with a probe for each variate, else within five standard errors, which hardly matter in paired ratios.
+
+    Worker processes measure the same bits.
+    """
+    varies = "walk = walk + 0.0 * (noise.normal() if walk[-1] > 0.0 else 0.0)"
+    exact = "computed from a linear simulation for each of its 8 variates"
+    rough = "measured from 1,000 linear simulations, sigmas to 2.2 %"
+    cases = {"differences": ("", "pass", exact), "own": (TWIN, "pass", exact), "varies": ("", varies, rough)}
+    for name, (more, body, words) in cases.items():
+        run = run_campaign(read_campaign(_written(tmp_path / name, body, more)), tmp_path / name / "run", None, 1)
         (process,) = run.summary["processes"]
         assert process["name"] == "noise"
-        error = np.sqrt(2.0 / MEASURED_FROM)
-        assert process["covariance"][0][0] == pytest.approx(2.0, rel=5.0 * error)
+        error = 5.0 * np.sqrt(2.0 / INDEPENDENT) if name == "varies" else 1e-9
+        assert process["covariance"][0][0] == pytest.approx(2.0, rel=error)
         np.testing.assert_allclose(run.summary["sigma_ratio_paired"], 1.0, atol=1e-9)
         assert run.summary["verdict"] == "agrees"
-        page = (tmp_path / name / "run" / "report.html").read_text()
-        assert "measured from 1,000 linear simulations, sigmas to 2.2 %" in page
+        assert words in (tmp_path / name / "run" / "report.html").read_text()
+    monkeypatch.setattr(noise_measurement, "SHARED_FROM", 0.0)
+    alone, shared = (
+        read_campaign(_written(tmp_path / name, body, "")).scenario.linear().end.processes["noise"]
+        for name, body in (("differences", "pass"), ("shared", "pass  # by workers"))
+    )
+    np.testing.assert_array_equal(alone, shared)
 
 
 @pytest.mark.parametrize("more", [COVARIANCE, ""], ids=["covariance", "measured"])
