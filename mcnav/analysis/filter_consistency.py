@@ -32,6 +32,17 @@ MEAN: Final = "mean_of_"
 """Beginning of the name of an error whose mean is larger than its sigma."""
 
 
+def cause_words(name: str) -> str:
+    """Name a cause for people.
+
+    >>> cause_words("mean_of_gyro_bias"), cause_words("mean_of_nominal_errors")
+    ('mean of gyro bias', 'errors without a source, such as faults')
+    """
+    if name.removeprefix(MEAN) == NOMINAL:
+        return "errors without a source, such as faults"
+    return name.replace("_", " ")
+
+
 class Honesty(StrEnum):
     """Verdict on the ratio of true sigma to the filter's sigma."""
 

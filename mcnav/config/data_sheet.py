@@ -43,7 +43,7 @@ class DataSheetNumber:
     entry : Value
         As the file or the catalogue has it.
     causes : frozenset of str
-        Names of the sources and processes that it sizes; those of the unit and of sensors without the axis.
+        Names of the sources and processes that it sizes; those of the unit and of sensors without the axis or the beam.
     kept : mapping of str to Value
         Entries that a change of this one must leave as they are, by path.
     """
@@ -56,7 +56,8 @@ class DataSheetNumber:
     def covers(self, cause: str) -> bool:
         """Return whether it sizes a source or process."""
         kind, _, axis = cause.rpartition("_")
-        of_axis = self.path.startswith(("imu.", "aiding.")) and any(axis in axes for axes in ALL_AXES)
+        named = axis.isdecimal() or any(axis in axes for axes in ALL_AXES)
+        of_axis = named and self.path.startswith(("imu.", "aiding."))
         return cause in self.causes or (of_axis and kind in self.causes)
 
     def multiplied(self, factor: float) -> dict[str, Value]:

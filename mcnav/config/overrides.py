@@ -11,8 +11,8 @@ A quantity for a key that holds a table sets what gives the table its size: ``si
 distribution, ``sigma`` of a process. For a list or a table of axes it sets each axis that is there. Values of the
 catalogue that ``grade`` names count as values of the file.
 
-``absent`` takes a sensor away, ``aiding.gnss``, with its faults and with what the filter believes of it, or a state of
-the filter, ``filter.estimates.gyro_bias``; ``present`` leaves it, or puts a state there.
+``absent`` takes a sensor away, ``aiding.gnss``, with its faults, the filter's states of its errors and what the filter
+believes of it, or a state of the filter, ``filter.estimates.gyro_bias``; ``present`` leaves it, or puts a state there.
 """
 
 from __future__ import annotations
@@ -190,13 +190,25 @@ def _set_presence(table: Content, names: list[str], present: bool, above: tuple[
             faults = [each for each in table.get("faults", []) if each.get("sensor") != taken]
             table.pop("faults", None)
             table.update({"faults": faults} if faults else {})
-            table.get("filter", {}).get("believes", {}).get("aiding", {}).pop(taken, None)
+            _forget_sensor(table.get("filter", {}), taken, [_sensor_name(each) for each in inside])
         return True
     if above == ("filter",) and len(names) == 2 and isinstance(inside, list):
         kept = [each for each in inside if each != names[1]]
         table[names[0]] = inside if present and names[1] in inside else [*kept, names[1]] if present else kept
         return True
     return False
+
+
+def _forget_sensor(settings: Content, taken: str, others: list[str]) -> None:
+    """Take from ``[filter]`` what it believes of a sensor, and the states of its errors: ``NAME_…``, not of others."""
+    settings.get("believes", {}).get("aiding", {}).pop(taken, None)
+    for key in ("estimates", "considers"):
+        if isinstance(settings.get(key), list):
+            owners = {
+                state: max((name for name in (taken, *others) if state.startswith(f"{name}_")), key=len, default="")
+                for state in map(str, settings[key])
+            }
+            settings[key] = [state for state in settings[key] if owners[str(state)] != taken]
 
 
 def _sensor_name(entry: Mapping[str, Any]) -> str:

@@ -34,7 +34,7 @@ from mcnav.store.chunk_files import (
     write_chunk,
 )
 from mcnav.store.filters import SMOOTHER_MARK, filter_marks
-from mcnav.store.histories import SMOOTHED_MARK, STORED, first_marks, history_marks
+from mcnav.store.histories import FIRST_SMOOTHED_MARK, SMOOTHED_MARK, STORED, first_marks, history_marks
 from mcnav.store.inputs import check_unchanged
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import MOST_REASONS, STORED_ROWS, Summary, summary_chunk
@@ -181,6 +181,7 @@ class _Chunk:
     smoothed_sums: PowerSums | None = None
     smoother_sums: FilterSums | None = None
     followed: Array | None = None
+    followed_smoothed: Array | None = None
     rows: list[tuple[Array, ...]] = field(default_factory=list)
     failures: dict[int, Failure] = field(default_factory=dict)
     tracebacks: dict[int, str] = field(default_factory=dict)
@@ -221,8 +222,7 @@ class _Chunk:
         if sums is not None:
             self.power_sums = _total(self.power_sums, sums)
         if schema is not None and result.history is not None and begin < STORED:  # slow: not to be simulated again
-            first = result.history[: STORED - begin]
-            self.followed = first if self.followed is None else np.concatenate([self.followed, first])
+            self.followed = _followed(self.followed, result.history, begin)
         if schema is not None and result.filter_values is not None:
             simulated = np.delete(result.filter_values, list(by_row), axis=0) if by_row else result.filter_values
             self.filter_sums = _total(self.filter_sums, FilterSums.of(schema, simulated))
@@ -231,11 +231,14 @@ class _Chunk:
             simulated = np.delete(result.smoother_values, list(by_row), axis=0)
             self.smoother_sums = _total(self.smoother_sums, FilterSums.of(smoother, simulated))
             self.smoothed_sums = _total(self.smoothed_sums, sum_powers_about_zero(result.smoothed_history))
+        if smoother is not None and result.smoothed_history is not None and begin < STORED:
+            self.followed_smoothed = _followed(self.followed_smoothed, result.smoothed_history, begin)
 
     def marks(self) -> dict[str, str]:
         """Return the sums as metadata of the chunk's file."""
         marks = history_marks(self.power_sums) | filter_marks(self.filter_sums) | first_marks(self.followed)
         marks |= history_marks(self.smoothed_sums, SMOOTHED_MARK) | filter_marks(self.smoother_sums, SMOOTHER_MARK)
+        marks |= first_marks(self.followed_smoothed, FIRST_SMOOTHED_MARK)
         if self.summary is None or self.reduction is None:
             return marks
         return marks | self.summary.followed_by(self.reduction.rest()).marks(self.place.begin)
@@ -244,6 +247,12 @@ class _Chunk:
 def _total(total: Sums | None, more: Sums) -> Sums:
     """Add sums to those of earlier pieces, if there are any."""
     return more if total is None else total + more
+
+
+def _followed(known: Array | None, histories: Array, begin: int) -> Array:
+    """Append the histories, shape (n, m, outputs), of samples from an index on that are among the first."""
+    first = histories[: STORED - begin]
+    return first if known is None else np.concatenate([known, first])
 
 
 def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, SimulationResult]]) -> ChunkFile:

@@ -9,8 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
-from mcnav.analysis.filter_consistency import MEAN
+from mcnav.analysis.filter_consistency import MEAN, cause_words
 from mcnav.analysis.summary import RequirementEntry, Summary
 from mcnav.report import sentences
 from mcnav.report.document import Cell, Column, Table
@@ -69,7 +68,7 @@ def cause_label(summary: Summary, cause: str) -> str:
     """Name a cause of a summary for people."""
     labels = dict(zip((source.name for source in summary.sources), labels_in(summary), strict=True))
     name = cause.removeprefix(MEAN)
-    return f"{'mean of ' if name != cause else ''}{labels.get(name, humanize(name))}"
+    return f"{'mean of ' if name != cause else ''}{labels[name]}" if name in labels else cause_words(cause)
 
 
 def way_to_fail(summary: Summary, way: Mapping[str, float]) -> str:

@@ -149,10 +149,7 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
     notices, processors = ([], target()) if fresh else check_resumable(folder, identity, draws.design, draws.samples)
     digest = chunk_digest(identity, draws.design, draws.samples)
-    if any(each.of for each in campaign.requirements):
-        message = "samples have no requirements of a smoother; mcnav lincov judges them"
-        raise CampaignError([Problem(campaign.file, "accept", message)])
-    together = [each.outputs for each in campaign.requirements if each.epochs]
+    together = [each.outputs for each in campaign.requirements if each.epochs and not each.of]
     system = prepare_system(
         campaign.scenario, draws, engine_name, campaign.tolerance, campaign.sample_timeout, campaign.file, force,
         together,
