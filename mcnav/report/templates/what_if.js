@@ -225,7 +225,7 @@
       const at = (factor) => 100 * (log10(factor) - low) / (high - low);
       const near = []; // grades that are too close for letters of their own
       grades.forEach(([words, factor]) => {
-        const beside = near.find((each) => abs(at(each[0][1]) - at(factor)) < 5);
+        const beside = near.find((each) => abs(at(each[0][1]) - at(factor)) < 12);
         if (beside) beside.push([words, factor]); else near.push([[words, factor]]);
       });
       const marked = near.map((some) => set(make("span", some.map(([words]) => words[0].toUpperCase()).join("")), { class: "grade", style: `left:${at(some[0][1])}%`,
