@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_consistency import MEAN, cause_words
 from mcnav.analysis.summary import RequirementEntry, Summary
 from mcnav.report import sentences
