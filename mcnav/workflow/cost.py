@@ -22,6 +22,9 @@ from mcnav.systems.user.stochastic_scenario import is_users_with_noise
 LEAST: Final = 0.05
 """Seconds of samples from which their pace is known."""
 
+LONG: Final = 10.0
+"""Seconds from which on advice is given about them, and studies tell them beforehand."""
+
 MOST: Final = 4_096
 """Samples that are timed at most."""
 
@@ -46,9 +49,18 @@ def cost_check(scenario: Scenario, errors: ErrorModel, samples: int) -> tuple[Ch
     return (Check("cost", True, _told(scenario, seconds / count, samples, engine.chunk)),)
 
 
+def time_of(samples: int, each: float, chunk: int, jobs: int) -> float:
+    """Return the time that workers take for samples in chunks, s.
+
+    >>> time_of(300, each=0.5, chunk=128, jobs=2)  # one of them simulates two chunks
+    128.0
+    """
+    rounds = -(-samples // (chunk * jobs))
+    return each * min(samples, rounds * chunk)
+
+
 def _told(scenario: UserScenario, each: float, samples: int, chunk: int) -> str:
-    chunks = -(-samples // chunk)
-    whole = each * min(samples, -(-chunks // JOBS) * chunk)
+    whole = time_of(samples, each, chunk, JOBS)
     simulations = _linear_simulations(scenario) + 1
     of_these = "" if simulations == 1 else f" for {simulations} simulations"
     before = _before(scenario) * each / simulations
@@ -56,7 +68,7 @@ def _told(scenario: UserScenario, each: float, samples: int, chunk: int) -> str:
         f"a sample takes {_precisely(each)}{of_these}; {samples:,} on {JOBS} workers {_about(whole)}, "
         f"after {_about(before)} of simulations beforehand"
     )
-    if chunks < JOBS and whole > 10.0:
+    if samples <= chunk and whole > LONG:
         told += f"; they are one chunk, which one worker takes: chunk = {-(-samples // JOBS)} in the class shares them"
     return told
 

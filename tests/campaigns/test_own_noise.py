@@ -94,18 +94,18 @@ def _refused(path: Path, folder: Path, **options: bool) -> str:
 def test_workers_chunks_restarts_and_extensions_give_the_same_bits(tmp_path: Path) -> None:
     path = _written(tmp_path / "code")
     for jobs in (1, 2):
-        run_campaign(read_campaign(path), tmp_path / str(jobs), None, jobs)
+        simulate(read_campaign(path), tmp_path / str(jobs), None, jobs)
     whole = _digests(tmp_path / "1")
     assert len(whole) == 3
     assert _digests(tmp_path / "2") == whole
     (tmp_path / "2" / "samples" / "part-00001.parquet").unlink()
-    assert run_campaign(read_campaign(path), tmp_path / "2", None, 1).simulated == 128
+    assert simulate(read_campaign(path), tmp_path / "2", None, 1).simulated == 128
     assert _digests(tmp_path / "2") == whole
-    run_campaign(read_campaign(path, {"samples": 130}), tmp_path / "extended", None, 1)
-    assert run_campaign(read_campaign(path), tmp_path / "extended", None, 1).simulated == 172
+    simulate(read_campaign(path, {"samples": 130}), tmp_path / "extended", None, 1)
+    assert simulate(read_campaign(path), tmp_path / "extended", None, 1).simulated == 172
     assert _digests(tmp_path / "extended") == whole
     chunked = _written(tmp_path / "chunked", more=COVARIANCE + "\n    chunk = 50\n")
-    run_campaign(read_campaign(chunked), tmp_path / "50", None, 2)
+    simulate(read_campaign(chunked), tmp_path / "50", None, 2)
     assert len(_digests(tmp_path / "50")) == 6
     np.testing.assert_array_equal(_outputs(tmp_path / "50"), _outputs(tmp_path / "1"))
     assert all(as_stored(replay(tmp_path / "1", index, path)) for index in (0, 127, 128, 299))
@@ -116,14 +116,14 @@ def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     path = _written(tmp_path, "time.sleep(0.01)", COVARIANCE + "\n    chunk = 20\n")
     command = [sys.executable, "-m", "mcnav", "run", path, "--jobs", "2", "--no-report", "--out"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    run_campaign(read_campaign(path), tmp_path / "calm", None, 2)
+    simulate(read_campaign(path), tmp_path / "calm", None, 2)
     with running([*command, tmp_path / "hit"], env=environment) as process:
         wait_for(lambda: _digests(tmp_path / "hit"), process)
         process.send_signal(signal.SIGKILL)
         process.communicate(timeout=LONG)
     left = _digests(tmp_path / "hit")
     assert 0 < len(left) < len(_digests(tmp_path / "calm"))
-    run_campaign(read_campaign(path), tmp_path / "hit", None, 2)
+    simulate(read_campaign(path), tmp_path / "hit", None, 2)
     assert _digests(tmp_path / "hit") == _digests(tmp_path / "calm")
 
 
