@@ -2,6 +2,7 @@
 // Everything on the page is there without this script. With it, tables sort, series toggle, figures say their values and
 // zoom, tables copy as CSV, and the contents show where the reader is.
 (() => {
+  document.documentElement.classList.add("ready"); // see the style of sections
   const all = (selector, root = document) => Array.from(root.querySelectorAll(selector));
   const button = (label, action) => {
     const made = document.createElement("button");
