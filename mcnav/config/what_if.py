@@ -28,8 +28,8 @@ from mcnav.config.data_sheet import (
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.config.toml import Content
 from mcnav.contract.quantities import TRUE, Source
+from mcnav.systems.ins.imu.instruments import NEGLECTED
 from mcnav.systems.ins.tables.imu_catalogue import catalogue
-from mcnav.systems.ins.tables.instrument_tables import NEGLECTED
 from mcnav.systems.registry import FURTHER_NAMES, is_code
 from mcnav.units import UnitError, parted
 

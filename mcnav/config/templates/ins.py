@@ -25,8 +25,7 @@ from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.quantity import SensorType
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.velocity import MOST_SPEED
-from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
-from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, CatalogueUnit, catalogue_units
+from mcnav.systems.ins.tables.imu_catalogue import ALLAN_MINIMUM, INSTABILITY, CatalogueUnit, catalogue_units
 from mcnav.systems.ins.tables.instrument_tables import INSTRUMENTS
 from mcnav.systems.ins.tables.trajectories import read_trajectory
 from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file

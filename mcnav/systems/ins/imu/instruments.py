@@ -20,6 +20,9 @@ AXES: Final = ("x", "y", "z")
 CROSS_AXES: Final = ("xy", "xz", "yx", "yz", "zx", "zy")
 """Pairs of axes: the first reads part of an input along the second."""
 
+NEGLECTED: Final = {"quantization": "filters neglect quantization; leave it out"}
+"""Errors of instruments that no filter knows, and what is said where one is given to it."""
+
 OUTPUTS: Final = (
     "position_north",
     "position_east",

@@ -20,7 +20,7 @@ from mcnav.entries.quantities import OneOf, Table
 from mcnav.entries.validation import validate
 from mcnav.systems.description import FurtherTable
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, Imu, Noise
-from mcnav.systems.ins.tables.imu_catalogue import catalogue, catalogue_units
+from mcnav.systems.ins.tables.imu_catalogue import ALLAN_MINIMUM, catalogue, catalogue_units
 from mcnav.systems.ins.tables.instrument_tables import (
     AccelerometerTable,
     BelievedAccelerometerTable,
@@ -30,9 +30,6 @@ from mcnav.systems.ins.tables.instrument_tables import (
     InstabilityTable,
     QuantizationTable,
 )
-
-ALLAN_MINIMUM: Final = 0.61736
-"""Allan deviation of a Gauss-Markov process at its maximum, over the process's sigma."""
 
 STEP: Final = np.sqrt(12.0)
 """Step in which an angle or a velocity is counted, over the sigma of the error that is even within a step."""
