@@ -11,12 +11,12 @@ import hashlib
 import os
 import time
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from platformdirs import user_cache_path
 
+from mcnav._dataclasses import dataclass
 from mcnav.files import is_temporary, read_whole, write_whole
 
 VARIABLE: Final = "MCNAV_CACHE_DIR"

@@ -17,7 +17,7 @@ import pandas as pd
 import pytest
 
 import mcnav
-from mcnav.cli import TemplateType
+from mcnav.cli.options import TemplateType
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.config.templates import new_campaign, new_scenario
 from mcnav.errors import CampaignError, RunFolderError

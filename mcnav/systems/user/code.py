@@ -11,9 +11,10 @@ import sys
 import types
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
+from mcnav._dataclasses import dataclass
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile, OpenedFiles, SourceFile, find_inputs, record_opened_files
 from mcnav.systems.sample_loop import format_exception

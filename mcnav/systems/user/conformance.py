@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.linear import LinearModel

@@ -19,15 +19,15 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from concurrent.futures import BrokenExecutor
+from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from joblib import Parallel, delayed
-from joblib.externals.loky.process_executor import BrokenProcessPool
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
@@ -237,7 +237,7 @@ def _responses(probes: Probes, numbers: range, workers: int = 1) -> Iterator[Arr
             if isinstance(response, str):
                 raise ScenarioError("type", response)
             yield response
-    except BrokenProcessPool:
+    except BrokenExecutor:
         raise ScenarioError("type", "a worker process died while measuring the covariance of the noise") from None
 
 
@@ -246,6 +246,8 @@ def _here(probes: Probes, numbers: range) -> Iterator[Array | str]:
 
 
 def _in_processes(probes: Probes, numbers: range, workers: int) -> Iterator[Array | str]:
+    from joblib import Parallel, delayed
+
     with interrupts_blocked():
         responses = Parallel(
             n_jobs=workers,
