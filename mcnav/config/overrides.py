@@ -28,10 +28,9 @@ from mcnav.config.read import UNNAMED, parse_campaign
 from mcnav.config.table_of_values import TABLE
 from mcnav.config.toml import Content, load_file, load_mapping
 from mcnav.errors import CampaignError, Problem, suggestion
-from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
+from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, NEGLECTED
 from mcnav.systems.ins.sensors.quantity import LEVEL_AXES
-from mcnav.systems.ins.tables.imu_catalogue import KINDS, catalogue
-from mcnav.systems.ins.tables.instrument_tables import NEGLECTED
+from mcnav.systems.ins.tables.imu_catalogue import NAMES, catalogue
 from mcnav.units import UnitError, quantity
 
 Value = str | int | float | bool | list[Any] | Content
@@ -157,7 +156,7 @@ def _set(table: Content, names: list[str], value: Value, above: tuple[str, ...])
     name, rest, here = names[0], names[1:], (*above, names[0])
     if value in PRESENCE and _set_presence(table, names, value == PRESENT, above):
         return
-    if above[-1:] == ("imu",) and name in KINDS:
+    if above[-1:] == ("imu",) and name in NAMES:
         table[name] = _with_grade(table, name, above)
     if not rest:
         for key in _keys_of(table, name, above):

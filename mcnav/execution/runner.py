@@ -10,8 +10,6 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from pathlib import Path
 
-from joblib import Parallel, delayed
-
 from mcnav.errors import TooManyFailures
 from mcnav.execution.chunks import ChunkJob, SampleRange, find_earlier, find_file, simulate_chunk
 from mcnav.execution.memory import keep_freed_memory
@@ -26,7 +24,12 @@ ChunkExecutor = Callable[[ChunkJob, Sequence[SampleRange], int], Generator[Chunk
 
 def _run_in_threads(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[ChunkFile, None, None]:
     keep_freed_memory()
-    workers = min(jobs, max(1, len(missing)))
+    workers = min(jobs, len(missing))
+    if workers <= 1:
+        yield from (simulate_chunk(work, place) for place in missing)
+        return
+    from joblib import Parallel, delayed  # a twentieth of a second, which one chunk does not need
+
     parallel = Parallel(n_jobs=workers, return_as="generator_unordered", backend="threading")
     yield from parallel(delayed(simulate_chunk)(work, place) for place in missing)
 

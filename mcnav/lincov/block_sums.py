@@ -7,11 +7,12 @@ whatever the mean. Sums are additive: over chunks that share a block, and over t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.statistics.whitening import whitening
 

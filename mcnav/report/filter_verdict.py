@@ -55,9 +55,9 @@ def worst_sigmas(name: str, when: str, true: float, stated: float, unit: str) ->
     """Compare the true sigma of an output at an instant with the filter's; the factor is that of the output alone.
 
     >>> worst_sigmas("position_north", "25 min", 24.91, 7.53, "m")
-    'At 25 min the sigma of position north is 24.9 m; the filter states 7.53 m (factor of this output alone: 3.31).'
+    'At 25 min 1σ of position north is 24.9 m; the filter states 7.53 m (factor of this output alone: 3.31).'
     """
     shown = f"{number(true, 3)} {unit}; the filter states {number(stated, 3)} {unit}"
     factor = max(true, stated) / min(true, stated) if true * stated > 0.0 else 0.0
     alone = f" (factor of this output alone: {factor:.3g})" if factor else ""
-    return f"At {when} the sigma of {humanize(name)} is {shown}{alone}."
+    return f"At {when} 1σ of {humanize(name)} is {shown}{alone}."

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
+from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
@@ -164,7 +165,7 @@ def _reduce(folder: RunFolder, manifest: Manifest, model: Model, samples: Sample
 
 @dataclass(frozen=True)
 class _Judge:
-    """What requirements are judged by."""
+    """Numbers by which requirements are judged."""
 
     manifest: Manifest
     requirements: tuple[Requirement, ...]

@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
 from mcnav.analysis.requirements import requirements_from
@@ -33,13 +34,15 @@ from mcnav.store.run_files import CAMPAIGN, FORMAT
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY
 from mcnav.systems.timeouts import stopped_by
-from mcnav.systems.user.conformance import Check, check_conformance
 from mcnav.workflow.analyse import analyse, linear_model, summary_frame, write_results
 from mcnav.workflow.corrections import compute_corrections
 from mcnav.workflow.exceedance import estimate_exceedances
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from mcnav.workflow.stopping import Execution
 from mcnav.workflow.stored_samples import doubt_samples, tables_over_time
+
+if TYPE_CHECKING:
+    from mcnav.systems.user.conformance import Check
 
 Result = TypeVar("Result")
 
@@ -276,5 +279,7 @@ def engine_of(path: Path, campaign: Path) -> str | None:
 
 def check_scenario(campaign: Campaign) -> list[Check]:
     """Check the scenario of a campaign with its errors; see `mcnav.systems.user.conformance`."""
+    from mcnav.systems.user.conformance import check_conformance  # which no run needs
+
     with one_thread():
         return check_conformance(campaign.scenario, campaign.errors.standard_deviations)

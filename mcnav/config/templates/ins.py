@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.config.templates import fill_in, place_of, write_new
@@ -24,8 +25,7 @@ from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.quantity import SensorType
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.velocity import MOST_SPEED
-from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
-from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, CatalogueUnit, catalogue_units
+from mcnav.systems.ins.tables.imu_catalogue import ALLAN_MINIMUM, INSTABILITY, CatalogueUnit, catalogue_units
 from mcnav.systems.ins.tables.instrument_tables import INSTRUMENTS
 from mcnav.systems.ins.tables.trajectories import read_trajectory
 from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file
