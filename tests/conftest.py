@@ -29,6 +29,7 @@ from tests.processes import run_to_end
 from tests.reproduction import Reproduction, reproduce, reproduced
 
 FOLDER = Path(__file__).parent
+PACKAGE = FOLDER.parent / "mcnav"
 COMPILING = FOLDER / "cross" / "test_compiled.py"
 """Tests that compile what most others then load."""
 
@@ -80,6 +81,23 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for number, group in enumerate(groups):
             takers[number % len(takers)].extend(group)
     items[:] = _level(parts)
+
+
+class _ExamplesAlone:
+    """Leaves modules without examples out of the search for them, which looks through every object of a module.
+
+    A hook of this file itself would not be asked about files outside this folder.
+    """
+
+    def pytest_ignore_collect(self, collection_path: Path) -> bool | None:
+        """Ignore such a module of the package; what tests call imports it all the same."""
+        of_package = collection_path.suffix == ".py" and PACKAGE in collection_path.parents
+        return True if of_package and ">>>" not in collection_path.read_text(encoding="utf-8") else None
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Search modules of the package for examples only if they have any."""
+    config.pluginmanager.register(_ExamplesAlone())
 
 
 def pytest_collection(session: pytest.Session) -> None:
@@ -199,6 +217,12 @@ def one_thread_each() -> Iterator[None]:
     """Leave linear algebra one thread: its matrices are small here, and there are other workers than this one."""
     with one_thread():
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kept_apart(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Keep results of these tests apart from those of whoever runs them."""
+    os.environ["MCNAV_CACHE_DIR"] = str(tmp_path_factory.mktemp("cache"))
 
 
 @pytest.fixture(scope="session", autouse=True)

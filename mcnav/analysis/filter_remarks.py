@@ -15,7 +15,7 @@ from mcnav.analysis.filter_consistency import (
     Honesty,
     SensorConsistency,
     SigmaConsistency,
-    neglected_words,
+    cause_words,
 )
 from mcnav.analysis.filter_decision import Decision
 from mcnav.statistics.power import sensible_step
@@ -187,9 +187,7 @@ def _departed(consistency: FilterConsistency) -> str:
     cause = ""
     if consistency.neglected:
         largest = consistency.neglected[0]
-        cause = (
-            f"; the largest error that it neglects is {neglected_words(largest.name)} ({100.0 * largest.share:.0f} %)"
-        )
+        cause = f"; the largest error that it neglects is {cause_words(largest.name)} ({100.0 * largest.share:.0f} %)"
     return f"The {consistency.subject} is {', and '.join(parts)}{cause}."
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from typing import Final
 
@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.rare.curvature import ALL_PAIRS, turned
 from mcnav.rare.facets import Facets, Outputs, linear_facets

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
-from mcnav.analysis.filter_consistency import neglected_words
+from mcnav._dataclasses import dataclass
+from mcnav.analysis.filter_consistency import cause_words
 from mcnav.analysis.filter_decision import deciding_names
 from mcnav.analysis.filter_remarks import instant, period
 from mcnav.analysis.summary import Ends, FilterRatio, FilterSummary, NeglectedEntry, SensorEntry, Summary
@@ -306,7 +307,7 @@ def neglected_rows(summary: Summary, units: Units = "shown") -> list[NeglectedRo
     scale, unit = in_units(summary.outputs[place].unit, summary.units_shown[place], units)
     labels = dict(zip((source.name for source in summary.sources), labels_in(summary), strict=True))
     return [
-        NeglectedRow(entry, name, labels.get(entry.name, neglected_words(entry.name)), scale, unit)
+        NeglectedRow(entry, name, labels.get(entry.name, cause_words(entry.name)), scale, unit)
         for entry in result.neglected
     ]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from mcnav.analysis.filter_consistency import neglected_words
+from mcnav.analysis.filter_consistency import cause_words
 from mcnav.analysis.summary import FilterSummary, Summary
 from mcnav.report.format import number
 from mcnav.report.names import humanize
@@ -47,7 +47,7 @@ def explanation(summary: Summary) -> str:
 def _neglected(result: FilterSummary) -> str:
     """Name the errors that make a filter optimistic, with their shares; empty where the verdict names the only one."""
     named = [each for each in result.neglected if each.share >= LEAST][:NAMED]
-    shares = [f"{neglected_words(each.name)} {100.0 * each.share:.0f} %" for each in named]
+    shares = [f"{cause_words(each.name)} {100.0 * each.share:.0f} %" for each in named]
     return f"Neglected errors: {', '.join(shares)}." if len(shares) > 1 else ""
 
 

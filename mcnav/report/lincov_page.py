@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.answer_times import MINUTE, in_minutes, is_of_trajectory
 from mcnav.analysis.linear_answer import LinearAnswer

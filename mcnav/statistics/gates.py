@@ -12,12 +12,12 @@ where e has the mean mu and the sigma s, and n the mean m, the covariance C and 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy import special
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.statistics.bisection import root_between
 from mcnav.statistics.normal_size import NormalSize

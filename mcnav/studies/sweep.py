@@ -6,13 +6,14 @@ The answers are linear. Monte Carlo confirms them at chosen points.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import (

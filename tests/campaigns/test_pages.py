@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
+from mcnav.identification.identify import IdentifiedNoise, identify_noise
 from mcnav.pages import PAGES, page_text
 from tests.conftest import ROOT
 from tests.printed import blocks, follow, missing_line, same_text
@@ -27,7 +31,22 @@ ELSEWHERE = {
 """Languages of the blocks of other pages, which `test_documentation.py` executes or checks."""
 
 
+@pytest.fixture
+def identified_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Identify equal readings once: two commands of a page have the same record, and this is what takes long."""
+    known = dict[tuple[str, float, float | None], IdentifiedNoise]()
+
+    def identify(readings: ArrayLike, interval: float, below: float | None = None) -> IdentifiedNoise:
+        key = hashlib.sha256(np.ascontiguousarray(readings).tobytes()).hexdigest(), interval, below
+        if key not in known:
+            known[key] = identify_noise(readings, interval, below)
+        return known[key]
+
+    monkeypatch.setattr("mcnav.studies.identify.identify_noise", identify)
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("identified_once")
 @pytest.mark.parametrize("page", FOLLOWED)
 def test_a_page_is_followed(page: str, tmp_path: Path) -> None:
     (tmp_path / "campaigns").symlink_to(ROOT / "campaigns")

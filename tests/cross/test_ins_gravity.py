@@ -300,8 +300,11 @@ def test_the_ensemble_agrees_with_the_reference_fed_the_same_noise() -> None:
 
 
 def test_reference_filters_are_consistent_with_their_states() -> None:
-    """NEES of 40 samples of the reference engine, which draws the disturbances in its own steps."""
-    of, count = aided(), 40
+    """NEES of 16 samples of the reference engine, which draws the disturbances in its own steps.
+
+    Its draws are those of 100 samples above, and its filter, fed the same noise, is the ensemble's.
+    """
+    of, count = aided(), 16
     errors = np.random.default_rng(4).standard_normal((count, len(of.sources))) * sized(of.navigation.sensors, SIGMAS)
     engine = of.engine("reference", errors[:8])
     assert isinstance(engine, AidedReferenceEngine)

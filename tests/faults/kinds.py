@@ -52,7 +52,9 @@ STOCHASTIC: Final = {
     "scenario": {"type": f"{OWN}.py:Own", "duration": "1.5 h", "angle_random_walk": "0.003 deg/sqrt(h)"},
     "errors": {"tilt": "10 arcsec", "gyro_drift": "0.01 deg/h"},
 }
-GUIDED: Final = content(2) | {"scenario": {"type": "reentry", "trajectory": 2, "guidance": {"input": "indicated"}}}
+GUIDED: Final = content(2, errors=TWO_ERRORS) | {
+    "scenario": {"type": "reentry", "trajectory": 2, "guidance": {"input": "indicated"}}
+}
 LOOP: Final = tables("Corrected")
 
 

@@ -338,7 +338,7 @@ def test_panels_from_elsewhere_stay_text(folder: Path) -> None:
     [
         b"a." * 400_000 + b"a = 1",
         b"[" + b"a." * 400_000 + b"a]",
-        b"".join(b"k%d = 1\n" % n for n in range(90_000)),
+        b"".join(b"k%d = 1\n" % n for n in range(30_000)),
         b"[errors]\n" + b"".join(b"altitudf%d = 1\n" % n for n in range(60_000)),
         b'name = "' + b"x" * 900_000 + b'"',
         b"samples = " + b"9" * 4_000,
@@ -349,12 +349,13 @@ def test_panels_from_elsewhere_stay_text(folder: Path) -> None:
     ids=["dotted", "dotted table", "keys", "errors", "name", "digits", "not finite", "correlations", "tables"],
 )
 def test_large_campaign_files(text: bytes, tmp_path: Path) -> None:
+    """A third of the largest file, in a ninth of the longest time: reading may not take the square of the length."""
     path = tmp_path / "campaign.toml"
     path.write_bytes(text)
     began = time.process_time()
     with pytest.raises(CampaignError) as found:
         read_campaign(path)
-    assert time.process_time() - began < LONG
+    assert time.process_time() - began < LONG / 9.0
     assert len(str(found.value).splitlines()) <= 60
     assert len(str(found.value)) < 60_000
 

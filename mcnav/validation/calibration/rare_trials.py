@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
 from scipy import integrate, special, stats
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.rare.estimate import Rare, estimate_probability
 from mcnav.rare.limits import AnyEpoch, Distance, Limit, Sides
@@ -243,7 +244,7 @@ def first_passage(correlation: float, epochs: int, c: float, nodes: int = 200) -
 
     What leaves them is added up, which keeps its digits.
     """
-    x, w = np.polynomial.legendre.leggauss(nodes)
+    x, w = _gauss_legendre(nodes)
     x, w, step = c * x, c * w, np.sqrt(1.0 - correlation**2)
     leaving = special.ndtr((correlation * x - c) / step) + special.ndtr((-correlation * x - c) / step)
     moved = stats.norm.pdf((x[:, None] - correlation * x) / step) / step * w
@@ -252,6 +253,12 @@ def first_passage(correlation: float, epochs: int, c: float, nodes: int = 200) -
         passed += float(np.sum(w * within * leaving))
         within = moved @ within
     return passed
+
+
+@cache
+def _gauss_legendre(nodes: int) -> tuple[Array, Array]:
+    """Return the nodes and weights of the rule, which take longer than an integral by it."""
+    return np.polynomial.legendre.leggauss(nodes)
 
 
 def circle(radius: float, dimensions: int) -> RareEvent:

@@ -104,7 +104,21 @@ def test_a_part_has_no_machine_code_of_its_own() -> None:
     assert _treble(2.0) == 6.0
 
 
-@pytest.mark.slow
+COMPILING = """
+import numpy as np
+from mcnav import Output, Source
+from mcnav.numerics.power_sums import sum_powers_about_zero
+
+class Compiling:
+    sources = (Source("a", "m", "m", 1.0),)
+    outputs = (Output("b", "m", "m"),)
+
+    def fly(self, errors):
+        return sum_powers_about_zero(errors[:1, None, None]).sums.ravel()[:1]
+"""
+"""A scenario whose workers compile a function of the package; the command itself compiles those of linear analysis."""
+
+
 def test_an_installation_that_cannot_be_written_to(tmp_path: Path) -> None:
     """Commands work without stored code; they say so in one line, which their worker processes do not repeat.
 
@@ -119,8 +133,10 @@ def test_an_installation_that_cannot_be_written_to(tmp_path: Path) -> None:
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     environment |= {"PYTHONPATH": str(package.parent), "HOME": str(nowhere), "XDG_CACHE_HOME": str(nowhere / "cache")}
     environment |= {"PYTHONPYCACHEPREFIX": str(tmp_path / "bytecode")}
-    campaign = ROOT / "campaigns" / "01_tn_d1772_trajectory_4.toml"
-    options = ["--samples", "40", "--jobs", "1", "--engine", "reference", "--timeout", "1 h"]
+    (tmp_path / "compiling.py").write_text(COMPILING)
+    campaign = tmp_path / "compiling.toml"
+    campaign.write_text('[scenario]\ntype = "compiling.py:Compiling"\n[errors]\na = "1 m"\n')
+    options = ["--samples", "40", "--jobs", "1", "--timeout", "1 h"]
     done = run_to_end([sys.executable, "-m", "mcnav", "run", str(campaign), *options], cwd=tmp_path, env=environment)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -11,6 +10,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.files import write_texts
 from mcnav.report.document import Cell, Column, MarkKey, Note, Page, Part, Section, Sentence, Table, counts_in_words
