@@ -171,7 +171,7 @@ class LinearAnswer:
 
     @cached_property
     def beyond(self) -> BeyondRange | None:
-        """Where errors leave the range of linear analysis; what it says later, and at the end, has no meaning."""
+        """Exit of errors from the range of linear analysis; what it says later, and at the end, has no meaning."""
         history, over_time = self.history, None
         if history is not None:
             over_time = history.readings.times, history.mean, history.sigma

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BeyondRange:
-    """Where linear errors leave the range in which they mean anything.
+    """The place where linear errors leave the range in which they mean anything.
 
     Attributes
     ----------

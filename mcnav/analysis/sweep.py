@@ -68,7 +68,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class JustMet:
-    """Where a limit is met along a variable.
+    """A value of a variable at which a limit is met.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What commands print, and pages that they open."""
+"""Output of commands, and pages that they open."""
 
 from __future__ import annotations
 

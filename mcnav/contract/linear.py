@@ -13,7 +13,7 @@ from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 Update = Literal["before", "after"] | None
-"""Whether a reading is before or after an update of aiding that falls on its time; none without one."""
+"""Side of a reading, before or after an update of aiding that falls on its time; none without one."""
 
 
 TRAJECTORY_TIME: Final = "time of the trajectory [s]"

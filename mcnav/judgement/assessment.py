@@ -36,7 +36,7 @@ FACTORS: Final = (1.2, 1.5, 2.0, 3.0, 5.0, 10.0)
 """Factors of a size for which the power is computed."""
 
 Tell = Callable[[float], None]
-"""What is told how long a computation will take, s."""
+"""Receiver of the time that a computation will take, s."""
 
 SHARE: Final = 0.9
 """Share of records in which what is said to be noticed is noticed."""
@@ -109,7 +109,7 @@ class Assessment:
 
     @property
     def drops(self) -> Array:
-        """What the log-likelihood falls by at the ends of 95 % intervals of the factors, shape (j,).
+        """Fall of the log-likelihood at the ends of 95 % intervals of the factors, shape (j,).
 
         The 95 % point of its gain in simulated records, at least that of chi-square.
         """
@@ -124,7 +124,7 @@ class Assessment:
 
     @property
     def alarms(self) -> Array:
-        """Whether each record is at odds with the campaign, shape (R,)."""
+        """True for each record at odds with the campaign, shape (R,)."""
         return np.asarray(self.probability(self.scores.max(axis=0)) <= LEVEL)
 
     @property

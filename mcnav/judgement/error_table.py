@@ -27,7 +27,7 @@ MOST_ORDER: Final = 12
 """Largest order of the autoregression; at most an eighth of the number of values."""
 
 FREQUENCIES: Final = 8192
-"""Of the grid on which spectral densities are summed."""
+"""Points of the grid on which spectral densities are summed."""
 
 TINY: Final = 1e-300
 """Least variance whose logarithm is taken."""

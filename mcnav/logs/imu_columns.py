@@ -1,4 +1,4 @@
-"""Which columns of a record are those of the gyros and accelerometers, and in which units."""
+"""Columns of the gyros and accelerometers in a record, and their units."""
 
 from __future__ import annotations
 

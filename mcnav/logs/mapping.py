@@ -1,4 +1,4 @@
-"""Which column of a file is which quantity: as it is told, or suggested by names.
+"""Mapping of a file's columns to quantities: as it is told, or suggested by names.
 
 A mapping names columns by keys such as `gyro_x`; a minus sign before a name negates it. Units are given by the same
 keys, or for all axes of a vector at once by `gyro`.

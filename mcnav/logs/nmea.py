@@ -26,7 +26,7 @@ DAY: Final = 86_400.0
 
 @dataclass
 class _Epoch:
-    """What the sentences of one time of day say; NaN where they say nothing."""
+    """Content of the sentences of one time of day; NaN where they say nothing."""
 
     position: tuple[float, float, float] | None = None
     quality: int = 0

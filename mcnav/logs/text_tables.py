@@ -35,7 +35,7 @@ INTEGER: Final = re.compile(r"\s*[-+]?\d{10,19}\s*")
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text is laid out.
+    """Layout of a text.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ def _is_number(text: str) -> bool:
 
 
 def _numeric(cells: Sequence[str]) -> bool:
-    """Whether most cells are numbers: a row may hold a date, too."""
+    """Tell whether most cells are numbers: a row may hold a date, too."""
     return 2 * sum(map(_is_number, cells)) > len(cells)
 
 

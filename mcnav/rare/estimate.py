@@ -37,7 +37,7 @@ from mcnav.rare.strata import draw_members, strata_of
 from mcnav.rare.unseen import UnseenNoise
 
 END: Final = 3.5
-"""How far beyond the farthest entry expected a line is followed."""
+"""Distance beyond the farthest entry expected to which a line is followed."""
 
 PILOT: Final = 36
 OTHERS: Final = 8

@@ -1,4 +1,4 @@
-"""Where lines enter the event: all lines together, one flight of each at a time."""
+"""Entries of lines into the event: all lines together, one flight of each at a time."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ ASIDE: Final = 0.08
 
 @dataclass(frozen=True)
 class Search:
-    """What the search led to: facets, with those added; flights; why nothing can be stated, or nothing."""
+    """Result of the search: facets, with those added; flights; why nothing can be stated, or nothing."""
 
     facets: Facets
     flights: int

@@ -85,7 +85,7 @@ class Dispersion:
 
 @dataclass(frozen=True)
 class Place:
-    """Where the nominal flies in a plane, km.
+    """Position of the nominal in a plane, km.
 
     Attributes
     ----------

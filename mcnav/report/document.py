@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mcnav.report.strip import Strip
 
 Place = Literal["page", "terminal"]
-"""Where a part is shown."""
+"""Medium in which a part is shown."""
 
 Row = TypeVar("Row")
 

@@ -45,7 +45,7 @@ class RatioRow:
 
     @property
     def worst(self) -> str:
-        """When the ratio is farthest from one."""
+        """Time at which the ratio is farthest from one."""
         return "–" if self.entry.worst is None else instant(self.entry.worst, self.filter.time)
 
     @property
@@ -205,14 +205,14 @@ class SensorRow:
 
     @property
     def nis(self) -> Cell:
-        """Whether the mean NIS is within its bounds."""
+        """True where the mean NIS is within its bounds."""
         if self.entry.nis_mean is None:
             return Cell("no updates")
         return Cell("beyond bounds", tone="differs") if self.entry.nis_beyond else Cell("within bounds", tone="agrees")
 
     @property
     def innovations(self) -> Cell:
-        """Whether the innovations are white."""
+        """True where the innovations are white."""
         if self.entry.correlation is None:
             return Cell("–")
         if not self.entry.correlation_beyond:

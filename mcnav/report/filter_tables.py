@@ -1,4 +1,4 @@
-"""What a filter says of each output, and where it is farthest off, in the units shown."""
+"""Tables of a filter's sigmas by output, and of the times when they are farthest off, in the units shown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the model of a type of scenario leaves out, for its pages."""
+"""Effects that the model of a type of scenario leaves out, for its pages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NOT_MODELLED: Final = {
 """By type of scenario; others are their authors' business."""
 
 BENDING, FAULTS = "bending between instruments and antennas", "faults of sensors"
-"""Of these a campaign may state some."""
+"""Effects of which a campaign may state some."""
 
 NO_FIELD: Final = (
     "Gravity disturbances are processes of the distance travelled, and no field: a place that is visited twice has two "

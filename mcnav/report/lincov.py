@@ -145,7 +145,7 @@ class ReadingRow:
 
 @dataclass(frozen=True)
 class ContributorRow:
-    """What one cause contributes to the final sigma of an output, in the unit shown, as JSON has it."""
+    """Contribution of one cause to the final sigma of an output, in the unit shown, as JSON has it."""
 
     output: str
     cause: str

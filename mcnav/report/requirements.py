@@ -101,7 +101,7 @@ class RequirementRow:
 
     @property
     def words(self) -> str:
-        """What is required."""
+        """The requirement in words."""
         return stated(self.entry, shown_units(self.summary))
 
     @property
@@ -181,7 +181,7 @@ class RequirementRow:
 
     @property
     def to_decide(self) -> str:
-        """How many samples would decide, and why nothing was decided."""
+        """Number of samples that would decide, and why nothing was decided."""
         needed = self.entry.samples_needed
         decides = sentences.more_samples(needed, self.summary.samples) if needed else ""
         return "; ".join(filter(None, (decides, self.entry.remark)))

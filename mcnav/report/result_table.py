@@ -28,7 +28,7 @@ Row = dict[str, Any]
 
 
 Entry = TypeVar("Entry")
-"""What a row of a table is made of."""
+"""Content of which a row of a table is made."""
 
 Interval = Sequence[float | None] | NDArray[Any] | None
 

@@ -56,7 +56,7 @@ WEIGHTED: Final = (
 )
 
 OF_KIND: Final = " of the {}"
-"""Which sigmas those are, by the kind that a clock weighs."""
+"""Names of those sigmas, by the kind that a clock weighs."""
 
 MOST_BESIDE: Final = 4
 """Outputs whose checks stand beside each other; those of more stand below each other."""

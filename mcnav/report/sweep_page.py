@@ -109,7 +109,7 @@ def _accuracy(sweep: Sweep) -> list[Part]:
 
 @dataclass(frozen=True)
 class _Limit:
-    """Where a limit is met, and rows of a page that its name covers."""
+    """A value at which a limit is met, and rows of a page that its name covers."""
 
     just_met: JustMet
     rows: int

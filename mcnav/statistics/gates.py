@@ -1,4 +1,4 @@
-"""What a gate lets pass: a normal innovation n of M components is accepted where ``|n|^2 <= T``.
+"""Gates on normal innovations: an innovation n of M components is accepted where ``|n|^2 <= T``.
 
 n is whitened by what the filter believes. Where it believes the truth n has the covariance one, ``|n|^2`` is noncentral
 chi-square, and the error e after an accepted measurement is independent of n. Otherwise ``|n|`` has the law of

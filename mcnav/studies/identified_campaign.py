@@ -91,7 +91,7 @@ def _navigation(campaign: Campaign) -> Navigation:
 
 @dataclass(frozen=True)
 class _Change:
-    """What a log puts in the place of a campaign's values, of one axis.
+    """Values of a log in place of a campaign's, for one axis.
 
     Attributes
     ----------

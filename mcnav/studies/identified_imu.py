@@ -1,4 +1,4 @@
-"""What logs identify as a table ``[imu]`` of a campaign file, and the grades of the catalogue around it."""
+"""Table ``[imu]`` of a campaign file from identified logs, and the grades of the catalogue around it."""
 
 from __future__ import annotations
 

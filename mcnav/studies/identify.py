@@ -68,7 +68,7 @@ WALKS: Final = {"gyro": "angle", "accelerometer": "velocity"}
 
 @dataclass(frozen=True)
 class IdentifyPlan:
-    """How logs are read.
+    """Settings by which logs are read.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ def identify_logs(paths: Sequence[Path], plan: IdentifyPlan | None = None) -> Id
 
 @dataclass(frozen=True, eq=False)
 class _AxisRecord:
-    """What the readings of an axis in one log say; the readings themselves are not kept."""
+    """Results of the readings of an axis in one log; the readings themselves are not kept."""
 
     fitted: AxisFit
     goodness: Goodness

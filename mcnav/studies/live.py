@@ -31,7 +31,7 @@ READINGS: Final = 3
 """Times that a file is read which is written meanwhile."""
 
 CHANGED: Final = "the file has changed in the meantime"
-"""Why a setting of an earlier content of the file is refused."""
+"""Reason why a setting of an earlier content of the file is refused."""
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ LEFT_OUT: Final = ("26_reentry_to_a_landing_site",)
 """Examples that need no kernel which the distinct ones do not, and take seconds to prepare: left out unless named."""
 
 REFUSALS: Final = (CampaignError, ScenarioError, SimulationFailed)
-"""What is raised where an example does not suit an engine or so few samples; what it needs by then is compiled."""
+"""Errors where an example does not suit an engine or so few samples; what it needs by then is compiled."""
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ CSV, JSON, PAGE = "sweep.csv", "sweep.json", "sweep.html"
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """What is varied, and what is looked at.
+    """Variables that are varied, and measures that are looked at.
 
     Attributes
     ----------

@@ -78,7 +78,7 @@ class FurtherTable:
 
     @property
     def is_list(self) -> bool:
-        """Whether the file has several of it, ``[[name]]``."""
+        """True where the file has several of it, ``[[name]]``."""
         form = get_args(self.form)[0] if get_origin(self.form) is Annotated else self.form
         return get_origin(form) is list
 

@@ -165,7 +165,7 @@ def _reduce(folder: RunFolder, manifest: Manifest, model: Model, samples: Sample
 
 @dataclass(frozen=True)
 class _Judge:
-    """What requirements are judged by."""
+    """Numbers by which requirements are judged."""
 
     manifest: Manifest
     requirements: tuple[Requirement, ...]

@@ -1,4 +1,4 @@
-"""What linear analysis adds to a run over time: causes of each requirement, and the range in which it has a meaning."""
+"""Linear analysis beside a run over time: causes of each requirement, and the range in which it has a meaning."""
 
 from __future__ import annotations
 

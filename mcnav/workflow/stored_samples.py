@@ -1,4 +1,4 @@
-"""What the stored samples of a run say over time, and of the linear model of a user's class."""
+"""Answers of a run's stored samples: tables over time, and tests of the linear model of a user's class."""
 
 from __future__ import annotations
 

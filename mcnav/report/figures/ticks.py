@@ -1,4 +1,4 @@
-"""Where axes have ticks, what these say, and where labels go so that none covers another."""
+"""Ticks of axes, their labels, and places of labels at which none covers another."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ ESTIMATES: Final = (
     "fixed points and overestimates quadratic terms. The {higher} sigma is that of a polynomial fitted to a few "
     "simulations, in closed form for normal sources."
 )
-"""What the estimates of a sigma are, after the formula of the paired one."""
+"""Description of the estimates of a sigma, after the formula of the paired one."""
 
 
 def dispersion_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section:

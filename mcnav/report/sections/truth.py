@@ -44,7 +44,7 @@ class CorrelationRow:
 
     @property
     def verdict(self) -> str:
-        """Whether the linear correlation is inside the interval."""
+        """Verdict on the linear correlation: inside the interval or not."""
         if self.ends is None:
             return NOT_TESTED
         low, high = self.ends

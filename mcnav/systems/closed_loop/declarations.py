@@ -1,4 +1,4 @@
-"""What a user writes: a subclass of `ClosedLoop`, and the declarations in it."""
+"""Declarations of a user: a subclass of `ClosedLoop`, and what stands in it."""
 
 from __future__ import annotations
 

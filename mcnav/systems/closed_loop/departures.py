@@ -1,4 +1,4 @@
-"""What a loop's linear analysis says of the loop itself: growth, singular targets, and a few samples beside it."""
+"""Remarks on a loop by its linear analysis: growth, singular targets, and a few samples beside it."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ from mcnav.systems.closed_loop.structure import Part
 from mcnav.systems.closed_loop.timeline import Instant
 
 NOTHING: Final = np.zeros(0, dtype=bool)
-"""What samples meet where there are no events."""
+"""Flags of an event that there is not."""
 
 
 def late_failure(event: Event, time: float) -> Failure:

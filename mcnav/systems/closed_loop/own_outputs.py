@@ -16,7 +16,7 @@ from mcnav.systems.closed_loop.quantities import Quantity, as_kept, read_axes
 from mcnav.systems.user.settings import NAME, check_unit
 
 ARGUMENTS: Final = ("time", "truth", "estimate", "command", "parameters", "memory")
-"""What ``outputs`` may name."""
+"""Arguments that ``outputs`` may name."""
 
 KINDS: Final[Sequence[Of]] = ("navigation", "truth", "control", "time")
 

@@ -135,7 +135,7 @@ class Composed:
 
 @dataclass(frozen=True)
 class PlannedInstant:
-    """What happens from one instant to the next, about the nominal.
+    """Linear maps from one instant to the next, about the nominal.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ class PlannedInstant:
 
     @property
     def changed(self) -> bool:
-        """Whether a measurement or a correction changes X at it."""
+        """True where a measurement or a correction changes X at it."""
         return any(each.kind in ("measure", "correct") for each in self.updates)
 
 

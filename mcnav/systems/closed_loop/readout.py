@@ -62,7 +62,7 @@ class Readout:
 
     @property
     def guided(self) -> bool:
-        """Whether there are commands."""
+        """True where there are commands."""
         return self.maps.guide is not None
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What all samples of a loop share."""
+"""Setup that all samples of a loop share."""
 
 from __future__ import annotations
 

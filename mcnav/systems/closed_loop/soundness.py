@@ -1,4 +1,4 @@
-"""What must be noticed of a loop before its samples are compared with its linear system."""
+"""Faults that must be noticed of a loop before its samples are compared with its linear system."""
 
 from __future__ import annotations
 

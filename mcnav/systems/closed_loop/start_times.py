@@ -31,7 +31,7 @@ LARGEST_INNOVATION: Final = 1e-3
 
 @dataclass(frozen=True)
 class Starts:
-    """What the plans of all starts share.
+    """Parts that the plans of all starts share.
 
     Attributes
     ----------

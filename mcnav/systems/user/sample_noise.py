@@ -27,7 +27,7 @@ NORMALS: Final = 3
 """Stream of the standard normals of samples whose noise is under conditions."""
 
 UNIFORM_SIGMA: Final = float(np.sqrt(1.0 / 12.0))
-"""Of a uniform variate between 0 and 1."""
+"""Sigma of a uniform variate between 0 and 1."""
 
 
 def _bits(seed: int, index: int, stream: int) -> np.random.Philox:

@@ -86,7 +86,7 @@ class StochasticUserScenario(UserScenario):
 
     @property
     def can(self) -> frozenset[Capability]:
-        """What the scenario can do."""
+        """Capabilities of the scenario."""
         return super().can | ({Capability.NOISE} if self.noisy else frozenset())
 
     def _epochs(self) -> Epochs | None:
@@ -232,7 +232,7 @@ class TimedUserScenario(StochasticUserScenario):
 
     @property
     def can(self) -> frozenset[Capability]:
-        """What the scenario can do."""
+        """Capabilities of the scenario."""
         timed = {Capability.EPOCHS} if self._second is not None else set()
         return super().can | {Capability.LINEAR_OVER_TIME, Capability.FILTER} | timed
 

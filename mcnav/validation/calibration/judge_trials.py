@@ -53,7 +53,7 @@ WRONG: Final[Mapping[str, tuple[str, str, str, tuple[float, ...]]]] = {
         (-0.8, 0.36, 0.48),
     ),
 }  # fmt: skip
-"""What is wrong: a text of the campaign, what it is in flight, the candidate to be named, and its factor or error.
+"""Mistakes: a text of the campaign, what it is in flight, the candidate to be named, and its factor or error.
 
 An error of the lever arm is the used one less the true one.
 """

@@ -66,7 +66,7 @@ class RareEvent:
 
 @dataclass(frozen=True)
 class Coverage:
-    """How estimates with different seeds turned out: shares of the trials, and relative errors of those stated."""
+    """Outcome of estimates with different seeds: shares of the trials, and relative errors of those stated."""
 
     refused: float
     holds: float

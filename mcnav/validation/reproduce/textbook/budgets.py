@@ -20,7 +20,7 @@ from mcnav.validation.reproduce.textbook.navigators import Case, at_rest, held_a
 from mcnav.validation.reproduce.textbook.numbers import CONFIDENCE, Number
 
 LATITUDE: Final = 39.7931
-"""Of the book's test track, deg."""
+"""Latitude of the book's test track, deg."""
 
 DURATION: Final = 3.0 * HOUR
 SAMPLES: Final = 200

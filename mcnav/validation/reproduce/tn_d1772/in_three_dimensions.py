@@ -245,7 +245,7 @@ def _coast(globe: Globe, errors: Array) -> Array:
 
 @dataclass(frozen=True)
 class Crossing:
-    """What crossrange has to do with the motion in the plane, on one trajectory.
+    """Coupling of crossrange to the motion in the plane, on one trajectory.
 
     Attributes
     ----------

@@ -65,7 +65,7 @@ def truth() -> Truth:
 
 @dataclass(frozen=True)
 class Draws:
-    """What is random in n runs.
+    """Random numbers of n runs.
 
     Attributes
     ----------
