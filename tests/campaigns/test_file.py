@@ -450,7 +450,7 @@ PATHS = st.sampled_from(
 )
 
 
-@settings(max_examples=200)
+@settings(max_examples=400)
 @given(PATHS, VALUES)
 def test_any_value_is_read_or_refused(path: str, value: Any) -> None:
     """Nothing but a list of mistakes ever comes out of a file that cannot be run, each one printable line."""

@@ -337,7 +337,7 @@ def read_or_refused(tables: dict[str, Any]) -> Ins | None:
     return None
 
 
-@settings(max_examples=100, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(aiding=st.lists(SENSORS | VALUES, max_size=3) | VALUES, table=FILTERS | VALUES)
 @example(aiding=[{**GNSS, "position_correlated": {"sigma": {}, "correlation_time": {}}}], table={"estimates": STATES})
 def test_nonsense_is_refused(aiding: Any, table: Any) -> None:
@@ -346,7 +346,7 @@ def test_nonsense_is_refused(aiding: Any, table: Any) -> None:
     assert found is None or (found.navigation.filter is None) == (not found.navigation.sensors)
 
 
-@settings(max_examples=200, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(max_examples=400, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(place=st.sampled_from(places(VALID)), value=VALUES)
 def test_one_value_of_nonsense_is_refused(place: tuple[Any, ...], value: Any) -> None:
     """So it is when all else is right; what is read has finite sizes."""
