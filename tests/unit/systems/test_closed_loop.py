@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,12 +20,6 @@ LOOPS = (
     "DoubleIntegrator", "Nominal", "Continuous", "Pendulum", "Corrected", "Rendezvous", "Descent", "Landing",
     "Satellite", "Kicked", "Braking", "Remembering", "Lander", "GuidedLander",
 )  # fmt: skip
-
-
-@lru_cache
-def loop(name: str) -> Campaign:
-    """Read the campaign of a loop once; its plan and what is looked at before its samples are then computed once."""
-    return campaign(name)
 
 
 def scaled(sizes: Sizes, share: float) -> Sizes:
@@ -57,7 +50,7 @@ def simulated(described: Campaign, count: int, share: float = 1.0) -> tuple[Simu
 @pytest.mark.parametrize("name", LOOPS)
 def test_small_errors_follow_the_linear_system(name: str) -> None:
     """Departures are of second order: a hundredth of the errors departs by a tenth as much of sigma as a tenth."""
-    described, departures = loop(name), []
+    described, departures = campaign(name), []
     for share in (0.1, 0.01):
         result, linear, sigma = simulated(described, 40, share)
         assert not result.failures
@@ -69,7 +62,7 @@ def test_small_errors_follow_the_linear_system(name: str) -> None:
 
 @pytest.mark.parametrize("name", LOOPS)
 def test_a_sample_is_the_same_alone(name: str) -> None:
-    described = loop(name)
+    described = campaign(name)
     errors = described.errors.draw("random", 5, 9, 0, 9)
     engine = described.scenario.engine("vectorised", errors)
     whole = Batch(np.arange(9), errors, 5)
