@@ -11,6 +11,7 @@ from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -216,6 +217,16 @@ def campaign(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> Camp
 def one_thread_each() -> Iterator[None]:
     """Leave linear algebra one thread: its matrices are small here, and there are other workers than this one."""
     with one_thread():
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_wait_for_disks() -> Iterator[None]:
+    """Leave what this process writes to the system, which puts it on the disk later: a run waits for ten of its files.
+
+    No test takes the power away. Those that need a disk that fills, or a process that ends then, have their own.
+    """
+    with patch("os.fsync", lambda _: None):
         yield
 
 
