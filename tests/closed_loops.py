@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -376,7 +377,19 @@ def tables(name: str, **changes: Any) -> dict[str, Any]:
 
 
 def campaign(name: str, **changes: Any) -> Campaign:
-    """Return the campaign of a loop of this file, or of one of the project's campaigns, which nothing changes."""
+    """Return the campaign of a loop of this file, or of one of the project's campaigns, which nothing changes.
+
+    Without changes it is read once: its plan, and what is looked at before its samples, are then computed once.
+    """
+    return _read(name, **changes) if changes else _unchanged(name)
+
+
+@cache
+def _unchanged(name: str) -> Campaign:
+    return _read(name)
+
+
+def _read(name: str, **changes: Any) -> Campaign:
     if name in SHIPPED:
         return read_campaign(CAMPAIGNS / f"{SHIPPED[name]}.toml")
     return parse_campaign(tables(name, **changes), str(FILE.with_name("x.toml")), "x")

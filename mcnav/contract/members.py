@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache, cached_property
 from typing import Any, Final, Protocol
 
@@ -111,16 +111,24 @@ def _wrong_parameters(instance: object, name: str, static: Any, wanted: Any) -> 
     given = getattr(instance, name)
     if not callable(given):
         return "must be a method"
-    _, *asked = inspect.signature(wanted).parameters.values()
-    needed = [each.name for each in asked if each.default is each.empty]
-    optional = {each.name: None for each in asked if each.default is not each.empty}
+    needed, optional = _parameters(wanted)
     try:
         signature = inspect.signature(given)
         if any(each.kind is each.VAR_POSITIONAL for each in signature.parameters.values()):
             return ""  # it hands on whatever it gets
-        signature.bind(*needed, **optional)
+        signature.bind(*needed, **dict.fromkeys(optional))
     except TypeError:
         return f"must have the parameters ({', '.join((*needed, *(f'{name}=…' for name in optional)))})"
     except ValueError:  # a method of C, whose parameters are not known
         return ""
     return ""
+
+
+@cache
+def _parameters(wanted: Callable[..., Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of a method's parameters, those without a default and those with one."""
+    _, *asked = inspect.signature(wanted).parameters.values()
+    return (
+        tuple(each.name for each in asked if each.default is each.empty),
+        tuple(each.name for each in asked if each.default is not each.empty),
+    )

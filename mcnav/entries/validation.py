@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import Final, TypeVar
+from functools import cache
+from typing import Any, Final, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
@@ -32,7 +33,13 @@ _MESSAGES: Final = {
 
 def validate(table: type[AnyTable], content: object, context: FileContext, key: str = "") -> AnyTable | None:
     """Validate the content of the table at a key; when there are mistakes, add them to the context and return None."""
-    return validate_entry(TypeAdapter(table), content, context, key)
+    return validate_entry(form_of(table), content, context, key)
+
+
+@cache
+def form_of(kind: Any) -> TypeAdapter[Any]:
+    """Build the form of a table, or of another kind of entry, once: that takes longer than validating one."""
+    return TypeAdapter(kind)
 
 
 def validate_entry(

@@ -97,7 +97,7 @@ def test_partial_derivatives_are_those_of_the_closed_loop() -> None:
         assert np.all(np.abs(difference - states[..., source]) <= 3e-6 * spread), names[source]
 
 
-START, END, SAMPLES = 540.0, 720.0, 12
+START, END, SAMPLES = 540.0, 720.0, 6
 """With a climb, and a turn of 90 degrees from 600 to 660 s."""
 
 

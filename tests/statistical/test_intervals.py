@@ -25,7 +25,7 @@ TRUE_RATIO = np.sqrt(1.0 + 2.0 * CURVATURE**2)
 SMALLEST = {"random": 100, "antithetic": 2_000, "latin-hypercube": 256, "sobol": 256}
 """Samples at which each design just has the fewest blocks that decide."""
 
-TRIALS = 1_000
+TRIALS = 600
 FALSE_ALARM = 1e-3
 SLACK = 0.02
 LINEAR = Model(np.array([[1.0, 0.0]]), np.zeros(1), np.zeros(2), np.eye(2))

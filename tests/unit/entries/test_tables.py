@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -208,3 +209,13 @@ def test_what_is_read_later_is_described_now(key: str, entry: object) -> None:
 def test_units() -> None:
     keys = ("sizes", "every", "counted.sigma", "counted.step", "apart")
     assert units_of(WholeTable) == dict.fromkeys(keys, "m")
+
+
+def test_the_form_of_a_table_is_built_once() -> None:
+    """It takes longer than reading a table, and `mcnav sweep` reads hundreds of campaigns."""
+    context = FileContext("a.toml", Path())
+    assert validate(HopTable, {"hop": "1 m"}, context)
+    with patch("mcnav.entries.validation.TypeAdapter", side_effect=AssertionError):
+        read = validate(HopTable, {"hop": "2 m"}, context)
+    assert read is not None
+    assert read.hop == 2.0

@@ -36,10 +36,11 @@ def scaled(sizes: Sizes, share: float) -> Sizes:
 def simulated(described: Campaign, count: int, share: float = 1.0) -> tuple[SimulationResult, Array, Array]:
     """Samples with a share of all errors and noise, their linear outcomes, and the linear sigmas of the whole."""
     scenario: Any = described.scenario
-    small = scenario.with_sizes(LoopSizes(scaled(scenario.sizes.true, share), scenario.sizes.believed))
+    small = LoopSizes(scaled(scenario.sizes.true, share), scenario.sizes.believed)
     errors = share * described.errors.draw("random", 5, count, 0, count)
-    result = small.engine("vectorised", errors).simulate(Batch(np.arange(count), errors, 5))
-    model = small.linear().end
+    engine = replace(scenario.engine("vectorised", errors), sizes=small)
+    result = engine.simulate(Batch(np.arange(count), errors, 5))
+    model = scenario.linear().end
     linear = result.linear_values
     if linear is None:
         linear = model.nominal + errors @ model.partials.T
