@@ -28,18 +28,18 @@ _SECOND: Final = np.uint64(0xCA5A826395121157)
 
 _FIRST_KEY: Final = np.uint64(0x9E3779B97F4A7C15)
 _SECOND_KEY: Final = np.uint64(0xBB67AE8584CAA73B)
-"""What a round adds to the key: the golden ratio, and the root of three less one."""
+"""Additions of a round to the key: the golden ratio, and the root of three less one."""
 
 ROUNDS: Final = 10
 
 _WIDTHS: Final = np.array(layers.wi_double)
 _INSIDE: Final = np.array(layers.ki_double)
 _HEIGHTS: Final = np.array(layers.fi_double)
-"""Of the layers: width over 2^52, share that lies beneath the curve times 2^52, and the curve's height."""
+"""Layers: width over 2^52, share that lies beneath the curve times 2^52, and the curve's height."""
 
 _TAIL: Final = float(layers.ziggurat_nor_r)
 _INVERSE_TAIL: Final = float(layers.ziggurat_nor_inv_r)
-"""Where the lowest layer's tail begins, and its inverse."""
+"""Beginning of the lowest layer's tail, and its inverse."""
 
 _LAYER: Final = np.uint64(0xFF)
 _MANTISSA: Final = np.uint64(0x000FFFFFFFFFFFFF)
@@ -50,7 +50,7 @@ _ELEVEN: Final = np.uint64(11)
 _UNIT: Final = 1.0 / 9007199254740992.0
 
 SPARE: Final = 16
-"""Of so many variates one needs a second word, or less: words are computed many at once, and seldom twice."""
+"""Variates of which one needs a second word, or less: words are computed many at once, and seldom twice."""
 
 
 @intrinsic

@@ -143,7 +143,7 @@ class AidedNavigation:
 
     @cached_property
     def smoothed_at_epochs(self) -> SmoothedErrors:
-        """What is left of the errors behind the smoother at the epochs, after the updates."""
+        """Errors left behind the smoother at the epochs, after the updates."""
         places = self.places(self.loop)
         return smooth_closed_loop(self.loop, places, np.ones(len(places)), self._lag)
 

@@ -1,4 +1,4 @@
-"""Whether a scenario is an inertial navigation, for those who import its equations only then."""
+"""Recognition of scenarios of inertial navigation, for those who import its equations only then."""
 
 from __future__ import annotations
 

@@ -442,7 +442,7 @@ CAPABILITIES: Final = frozenset(
         Capability.RECORDING,
     }
 )
-"""What every such scenario is capable of."""
+"""Capabilities of every such scenario."""
 
 
 class Ins:
@@ -478,7 +478,7 @@ class Ins:
 
     @property
     def can(self) -> frozenset[Capability]:
-        """What it is capable of."""
+        """Capabilities of the scenario."""
         smoothed = self.navigation.filter is not None and self.navigation.filter.smoothed
         sensors = self.navigation.sensors
         gated = self.navigation.filter is not None and any(each.gate is not None or each.faults for each in sensors)
@@ -516,7 +516,7 @@ class Ins:
 
     @property
     def noisy(self) -> bool:
-        """Whether it has noise."""
+        """True where it has noise."""
         return bool(self.processes)
 
     def with_filter(self, model: FilterModel, sigmas: Mapping[str, float] | None = None) -> Ins:
@@ -633,7 +633,7 @@ class Ins:
 
     @property
     def gate_question(self) -> GateQuestion:
-        """What is asked of the sensors' gates."""
+        """Question that is asked of the sensors' gates."""
         filtered = self.navigation.filter
         return USUAL if filtered is None else filtered.question
 

@@ -268,7 +268,7 @@ def _guided(
 
 ALL_SOURCES: Final = (*SOURCES, *TRUTH_SOURCES)
 ALL_OUTPUTS: Final = (*DEVIATIONS, *(each.output for each in FURTHER), TRUE_ALTITUDE, *TRUTH_OUTPUTS)
-"""Of reentries with and without guidance."""
+"""Keys of reentries with and without guidance."""
 
 REENTRY: Final = ScenarioType(
     ReentryTable, read_scenario, ALL_SOURCES, ALL_OUTPUTS, start_times=True, choose_outputs=_choose_outputs

@@ -41,7 +41,7 @@ SINGULAR: Final = 1e-10
 
 @dataclass(frozen=True)
 class SmootherTables:
-    """What samples share behind a smoother with f states, at m epochs.
+    """Tables that samples share behind a smoother with f states, at m epochs.
 
     Attributes
     ----------

@@ -110,7 +110,7 @@ class FilterModel:
 
     @property
     def smoothed(self) -> bool:
-        """Whether a smoother follows."""
+        """True where a smoother follows."""
         return self.lag is not None
 
     @property

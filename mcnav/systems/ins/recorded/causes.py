@@ -40,7 +40,7 @@ WALKS: Final = {"gyro": "angle_random_walk", "accelerometer": "velocity_random_w
 
 @dataclass(frozen=True)
 class Campaign:
-    """What a campaign says of the true errors.
+    """True errors of a campaign.
 
     Attributes
     ----------

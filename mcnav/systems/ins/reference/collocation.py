@@ -51,7 +51,7 @@ REASONS: Final = {
     2: "the indicated attitude turned by more than a step can follow",
     3: "the indicated state ceased to be finite",
 }
-"""Why an integration ended before its last step."""
+"""Reasons for which an integration ends before its last step."""
 
 
 @compiled

@@ -48,7 +48,7 @@ class Passage(NamedTuple):
 
 @dataclass(frozen=True)
 class Update:
-    """What a filter made of a measurement.
+    """Update of a filter by a measurement.
 
     Attributes
     ----------

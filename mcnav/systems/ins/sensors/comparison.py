@@ -1,4 +1,4 @@
-"""What the reference engine gives to a quantity: a navigator and the truth at one measurement, in earth-fixed axes."""
+"""Comparison of a quantity in the reference engine: navigator and truth at one measurement, in earth-fixed axes."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Difference:
-    """What is predicted less what is true of a quantity with a axes.
+    """Predicted less true value of a quantity with a axes.
 
     Attributes
     ----------

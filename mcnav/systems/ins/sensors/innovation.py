@@ -1,4 +1,4 @@
-"""What the ensemble gives to the innovation of a quantity, and how the innovation of its kind is chosen.
+"""Arguments of a quantity's innovation in the ensemble, and the choice of the innovation of its kind.
 
 These are kernels: a `Vector` is one number of many samples (`mcnav/KERNELS.md`).
 """

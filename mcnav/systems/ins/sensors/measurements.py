@@ -95,7 +95,7 @@ class Measurements:
 
     @property
     def swinging(self) -> NDArray[np.bool_]:
-        """Which updates need the rate of the body, as an antenna's velocity on a lever arm does, shape (U,)."""
+        """Updates that need the rate of the body, as an antenna's velocity on a lever arm does, shape (U,)."""
         return np.asarray(self.levers.any(axis=1), dtype=np.bool_)
 
 

@@ -1,4 +1,4 @@
-"""What the program asks of a quantity that a sensor measures, and of a type of sensor.
+"""Definition of a quantity that a sensor measures, and of a type of sensor.
 
 A file of this folder defines a quantity (`QUANTITY`), a type of sensor (`SENSOR`), or both;
 `mcnav.systems.ins.sensors.registry` lists the files. What is missing in one is refused when it is imported.

@@ -29,7 +29,7 @@ FILES: Final = (
 
 
 DEFINED: Final[Mapping[str, type]] = {"QUANTITY": QuantityDefinition, "SENSOR": SensorType}
-"""What a file defines, by the names under which it does."""
+"""Definitions of a file, by their names."""
 
 
 def read_definitions(module: ModuleType) -> tuple[QuantityDefinition | None, SensorType | None]:

@@ -43,12 +43,12 @@ SIGMAS: Final[Mapping[str, str]] = {
     "altitude": "position_sigma",
     "velocity": "velocity_sigma",
 }
-"""What of a track has the sigmas of a quantity."""
+"""Parts of a track that have the sigmas of a quantity."""
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What a log says of a sensor.
+    """Measurements of a sensor by a log.
 
     Attributes
     ----------

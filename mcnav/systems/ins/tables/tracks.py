@@ -32,7 +32,7 @@ from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows, check_
 from mcnav.systems.ins.truth.trajectory import Truth
 
 ENDINGS: Final = (".pos", ".nmea", ".gpx", ".ulg", ".bag", ".db3", ".mcap", ".nav")
-"""Of files that hold tracks, not trajectories of `mcnav.systems.ins.tables.trajectory_file`."""
+"""Endings of files that hold tracks, not trajectories of `mcnav.systems.ins.tables.trajectory_file`."""
 
 Attitude = Literal["from-velocity", "coordinated-turn"]
 
@@ -62,7 +62,7 @@ ASSUMED: Final[Mapping[str, str]] = {
     "from-velocity": "the attitude is not recorded; it is taken along the velocity, without a bank",
     "coordinated-turn": "the attitude is not recorded; it is taken along the velocity, banked as in coordinated turns",
 }
-"""What is assumed of the attitude."""
+"""Assumption of the attitude."""
 
 
 @dataclass(frozen=True)

@@ -110,5 +110,5 @@ def why_no_header(line: str, header: Iterable[str], wanted: Iterable[str]) -> st
 
 
 def _mostly_numbers(entries: Sequence[str]) -> bool:
-    """Whether most entries are numbers, dates or times of day."""
+    """Tell whether most entries are numbers, dates or times of day."""
     return 2 * sum(NUMBER.fullmatch(entry) is not None for entry in entries) > len(entries)

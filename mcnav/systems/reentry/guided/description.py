@@ -1,4 +1,4 @@
-"""What a guided reentry is: sources, outputs, guidance, and how a flight ends; all engines read it.
+"""Description of a guided reentry: sources, outputs, guidance, and how a flight ends; all engines read it.
 
 Truth, navigator and guidance of a sample are those of NASA TN D-1772; the equations are in ``NOTATION.md``, "Guided
 reentry".
@@ -66,7 +66,7 @@ TRUTH_OUTPUTS: Final = (
 
 
 class Ending(IntEnum):
-    """How the flight of a sample ends."""
+    """End of a sample's flight."""
 
     ARRIVED = 0
     """The altitude that ends it has fallen through the final one."""
@@ -118,7 +118,7 @@ class FollowingLaw:
 
 @dataclass(frozen=True)
 class Guidance:
-    """How the loop is closed.
+    """Closure of the loop.
 
     Attributes
     ----------

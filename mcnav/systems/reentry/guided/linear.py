@@ -210,7 +210,7 @@ class _Phase:
 
     @property
     def accelerometers_on(self) -> bool:
-        """Whether the accelerometers' outputs are used."""
+        """True where the accelerometers' outputs are used."""
         return bool(self.numbers[ON])
 
     def rates(self, time: float, joint: Array) -> Array:
@@ -233,7 +233,7 @@ class _Phase:
 
     @property
     def limited(self) -> bool:
-        """Whether L/D is at its limit without errors."""
+        """True where L/D is at its limit without errors."""
         return bool(self.numbers[5])
 
     def growth(self, time: float) -> float:

@@ -96,7 +96,7 @@ def advance_guided(
 
 @dataclass(frozen=True)
 class LiftStretch:
-    """Where the lift law has one set of polynomials, ``lift`` of `lift_command`, up to a range angle, rad."""
+    """Stretch where the lift law has one set of polynomials, ``lift`` of `lift_command`, up to a range angle, rad."""
 
     lift: Array
     knot: float = 0.0

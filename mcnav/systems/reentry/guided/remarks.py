@@ -1,4 +1,4 @@
-"""What is to be noticed of a guided reentry: flights that depart from linear analysis, and lift at its limit."""
+"""Remarks on a guided reentry: flights that depart from linear analysis, and lift at its limit."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ RIGHT: Final = 2
 """Definitions of the error."""
 
 FLOOR: Final = 1e-9
-"""What ukfm adds to each variance before it takes sigma points, rad^2, m^2/s^2, m^2."""
+"""Additions of ukfm to each variance before it takes sigma points, rad^2, m^2/s^2, m^2."""
 
 SPREAD: Final = 1e-3
 """Distance of sigma points as a share of a sigma's, times the square root of the number of states."""

@@ -67,7 +67,7 @@ WATCHED: Final = 8
 f^2, and f^2."""
 
 RESOLUTION: Final = 1e-15
-"""Of a root, as a share of its time since the begin of the step."""
+"""Width of a root, as a share of its time since the begin of the step."""
 
 MOST_TRIALS: Final = 100
 

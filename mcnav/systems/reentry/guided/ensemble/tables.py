@@ -1,4 +1,4 @@
-"""What all samples of a guided reentry share, as compiled code is given it."""
+"""Tables that all samples of a guided reentry share, as compiled code is given them."""
 
 from __future__ import annotations
 
