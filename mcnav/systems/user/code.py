@@ -12,16 +12,14 @@ import types
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import Any, Final, TypeVar
 
 from mcnav._dataclasses import dataclass
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile, OpenedFiles, SourceFile, find_inputs, record_opened_files
 from mcnav.systems.sample_loop import format_exception
+from mcnav.systems.user.measured_noise import MeasuredNoise
 from mcnav.systems.user.settings import Value, to_argument
-
-if TYPE_CHECKING:
-    from mcnav.systems.user.noise_measurement import MeasuredNoise
 
 CACHE_SIZE: Final = 32
 """Classes, and objects, that a process keeps."""

@@ -31,7 +31,8 @@ from mcnav.progress import duration, note
 from mcnav.records import Record
 from mcnav.systems.user import noise_measurement
 from mcnav.systems.user.code import Loaded, UserScenarioSpec
-from mcnav.systems.user.noise_measurement import MeasuredNoise, Probes, measure, respond
+from mcnav.systems.user.measured_noise import EVERY, INDEPENDENT, MeasuredNoise
+from mcnav.systems.user.noise_measurement import Probes, measure, respond
 from mcnav.systems.user.stochastic_engine import SCALE, StochasticUserEngine
 
 CACHE: Final = Cache("noise")
@@ -186,7 +187,7 @@ def _key(spec: UserScenarioSpec) -> dict[str, object]:
         "file": spec.code.file,
         "class": spec.name,
         "settings": settings,
-        "measured": [noise_measurement.SEED, noise_measurement.INDEPENDENT, noise_measurement.EVERY, SCALE],
+        "measured": [noise_measurement.SEED, INDEPENDENT, EVERY, SCALE],
         "program": [version("mcnav"), _program()],
         "python": [
             platform.python_implementation(),

@@ -31,7 +31,7 @@ from mcnav.systems.sample_loop import SampleFailed, format_exception
 from mcnav.systems.user.code import UserScenarioSpec
 from mcnav.systems.user.flown import Flown, record_of, schema_of, spread_out
 from mcnav.systems.user.kept_noise import noise_of
-from mcnav.systems.user.noise_measurement import MeasuredNoise
+from mcnav.systems.user.measured_noise import MeasuredNoise
 from mcnav.systems.user.scenario import SINGLE_CHUNK, UserScenario
 from mcnav.systems.user.settings import NAME
 from mcnav.systems.user.stochastic_engine import StochasticUserEngine

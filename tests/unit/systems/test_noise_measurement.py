@@ -12,9 +12,10 @@ import platformdirs
 import pytest
 
 from mcnav.entries.inputs import SourceFile
-from mcnav.systems.user import code, kept_noise, noise_measurement
+from mcnav.systems.user import code, kept_noise
 from mcnav.systems.user.code import UserScenarioSpec
-from mcnav.systems.user.noise_measurement import Probes, probe_count
+from mcnav.systems.user.measured_noise import INDEPENDENT, probe_count
+from mcnav.systems.user.noise_measurement import Probes
 from mcnav.systems.user.stochastic_scenario import StochasticUserScenario, user_scenario
 
 WALK = """
@@ -78,7 +79,7 @@ def test_probes_measure_as_well_as_more_samples_of_noise() -> None:
     probes = Probes(scenario._engine, 1, variates, np.zeros((1, 2)))
     some = np.array([probes.deviations(number) for number in range(count)])
     bound = np.sqrt(2.0 * (variates - count) / (count * (variates - 1)))
-    assert bound <= np.sqrt(2.0 / noise_measurement.INDEPENDENT)
+    assert bound <= np.sqrt(2.0 / INDEPENDENT)
     shares = np.random.default_rng(5).standard_normal((200, variates))
     errors = np.mean((some @ shares.T) ** 2, axis=0) / np.sum(shares**2, axis=1) - 1.0
     assert np.sqrt(np.mean(errors**2)) == pytest.approx(bound, rel=5.0 / np.sqrt(400.0))
