@@ -9,8 +9,10 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Final
+
+from mcnav._dataclasses import dataclass
 
 INTERRUPTED: Final = 130
 TERMINATED: Final = 143

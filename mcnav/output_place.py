@@ -1,4 +1,4 @@
-"""Where a command writes: ``--out`` is a folder or, of a command that writes one file, the name of that file.
+"""Places where commands write: ``--out`` is a folder or, of a command that writes one file, the name of that file.
 
 A name is that of a file when it has an ending that mcnav writes, as in ``reports/both.html``.
 """

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from typing import Final, Protocol
+
+from mcnav._dataclasses import dataclass
 
 
 class Phase(StrEnum):
@@ -67,3 +72,58 @@ class Compilation:
 
 
 COMPILATION: Final = Compilation()
+
+
+@dataclass
+class Measurement:
+    """Measurement of the covariance of a class's noise in this process.
+
+    Attributes
+    ----------
+    total : int
+        Simulations; zero while nothing is measured.
+    done : int
+        Of them.
+    began : float
+        Time of the clock, s.
+    """
+
+    total: int = 0
+    done: int = 0
+    began: float = 0.0
+
+    @contextmanager
+    def of(self, total: int) -> Iterator[None]:
+        """Measure by so many simulations."""
+        self.total, self.done, self.began = total, 0, time.monotonic()
+        try:
+            yield
+        finally:
+            self.total = 0
+
+    @property
+    def seconds_left(self) -> float:
+        """Seconds that are left at the pace so far; NaN before the first simulation is done."""
+        return (time.monotonic() - self.began) * (self.total - self.done) / self.done if self.done else float("nan")
+
+
+MEASUREMENT: Final = Measurement()
+
+
+def note(text: str) -> None:
+    """Print a note of one line beside the results of a command."""
+    print(f"note: {text}", file=sys.stderr)
+
+
+def duration(seconds: float) -> str:
+    """Format a duration.
+
+    >>> duration(3.4), duration(75.0), duration(7_260.0)
+    ('3 s', '1 min 15 s', '2 h 1 min')
+    """
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3_600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3_600} h {whole % 3_600 // 60} min"

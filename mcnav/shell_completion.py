@@ -143,13 +143,16 @@ def outputs(words: Words, incomplete: str) -> list[str]:
 
 
 def keys(words: Words, incomplete: str) -> list[str]:
-    """Return the paths of the values in the campaign named before, with those of the unit that it names."""
+    """Return the paths of the values in the campaign named before, with those of the unit that it names.
+
+    After them come those that words vary: the unit, outages, sensors, and states of the filter.
+    """
     content = _campaign(words)
     imu = content.get("imu")
     grade = imu.get("grade") if isinstance(imu, dict) else None
     below = next((unit for unit in _catalogue() if unit["name"] == grade), {}) if grade else {}
     of_unit = {name: dict.fromkeys(below[name]) for name in ("gyro", "accelerometer") if name in below}
-    result = [*_paths(content, ""), *_paths({"imu": of_unit}, "")]
+    result = [*_paths(content, ""), *_paths({"imu": of_unit}, ""), *_varied_by_words(content)]
     return _beginning(dict.fromkeys(result), incomplete)
 
 
@@ -237,10 +240,30 @@ def _paths(table: Mapping[str, Any], above: str) -> Iterator[str]:
             yield from _paths(value, f"{path}.")
         elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
             for number, each in enumerate(value, start=1):
-                name = each.get("name", str(each.get("type", number)).replace("-", "_"))
-                yield from _paths(each, f"{path}.{name}.")
+                yield from _paths(each, f"{path}.{_sensor_name(each, number)}.")
         elif not isinstance(value, (list, bool)) and key not in ("name", "type", "grade"):
             yield path
+
+
+def _varied_by_words(content: Content) -> Iterator[str]:
+    """Yield the paths that a sweep varies by words, or by the length and the begin of an outage."""
+    if isinstance(content.get("imu"), dict) and "grade" in content["imu"]:
+        yield "imu.grade"
+    sensors, settings = content.get("aiding"), content.get("filter")
+    for sensor in sensors if isinstance(sensors, list) else ():
+        if isinstance(sensor, dict):
+            path = f"aiding.{_sensor_name(sensor, '')}"
+            yield path
+            outages = sensor.get("outages")
+            for number in range(1, (len(outages) if isinstance(outages, list) else 0) + 1):
+                yield from (f"{path}.outages.{number}.{part}" for part in ("length", "begin"))
+    for key in ("estimates", "considers"):
+        states = settings.get(key) if isinstance(settings, dict) else None
+        yield from (f"filter.{key}.{state}" for state in (states if isinstance(states, list) else ()))
+
+
+def _sensor_name(entry: Mapping[str, Any], otherwise: object) -> str:
+    return str(entry.get("name", str(entry.get("type", otherwise)).replace("-", "_")))
 
 
 def _quoted(names: Any) -> list[str]:

@@ -231,6 +231,12 @@ def no_wait_for_disks() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def kept_apart(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Keep results of these tests apart from those of whoever runs them."""
+    os.environ["MCNAV_CACHE_DIR"] = str(tmp_path_factory.mktemp("cache"))
+
+
+@pytest.fixture(scope="session", autouse=True)
 def forked_workers() -> None:
     """Fork the workers of runs in this process."""
     if hasattr(os, "fork"):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.allocation import Allocation
 from mcnav.analysis.linear_filter import LinearVerdict
 

@@ -8,11 +8,12 @@ y and z share cancels (z is a control variate whose covariance is known). Its er
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.block_moments import (

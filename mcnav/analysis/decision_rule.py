@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.verdict import Judgement, Verdict, judge
 from mcnav.statistics.estimates import Estimate, summed_mean

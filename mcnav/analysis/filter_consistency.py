@@ -18,17 +18,29 @@ that no correction is needed (an intersection-union test; Berger, 1982). See `mc
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
+from mcnav.analysis.linear_covariance import NOMINAL
 
 MEAN: Final = "mean_of_"
 """Beginning of the name of an error whose mean is larger than its sigma."""
+
+
+def cause_words(name: str) -> str:
+    """Name a cause for people.
+
+    >>> cause_words("mean_of_gyro_bias"), cause_words("mean_of_nominal_errors")
+    ('mean of gyro bias', 'errors without a source, such as faults')
+    """
+    if name.removeprefix(MEAN) == NOMINAL:
+        return "errors without a source, such as faults"
+    return name.replace("_", " ")
 
 
 class Honesty(StrEnum):
@@ -286,6 +298,15 @@ class NeglectedError:
     true: float
     believed: float
     share: float
+
+
+def neglected_words(name: str) -> str:
+    """Name a neglected error for people.
+
+    >>> neglected_words("gyro_scale_factor_x"), neglected_words("mean_of_nominal_errors")
+    ('gyro scale factor x', 'the error without any dispersion, as of faults')
+    """
+    return "the error without any dispersion, as of faults" if name == f"{MEAN}{NOMINAL}" else name.replace("_", " ")
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from mcnav.analysis.filter_consistency import (
     Honesty,
     SensorConsistency,
     SigmaConsistency,
+    cause_words,
 )
 from mcnav.analysis.filter_decision import Decision
 from mcnav.statistics.power import sensible_step
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
 
 GROUPS: Final[Mapping[str, str]] = {"all": "all states", "sensors": "errors of instruments and sensors"}
 """Groups of states in a sentence, where their names do not say it."""
+
+
+LEAST_MINUTES: Final = 0.995
+"""Minutes below which an instant is in seconds: from there on, three digits are a minute."""
 
 
 def remarks_on(
@@ -182,7 +187,7 @@ def _departed(consistency: FilterConsistency) -> str:
     cause = ""
     if consistency.neglected:
         largest = consistency.neglected[0]
-        cause = f"; the largest error that it neglects is {_spoken(largest.name)} ({100.0 * largest.share:.0f} %)"
+        cause = f"; the largest error that it neglects is {cause_words(largest.name)} ({100.0 * largest.share:.0f} %)"
     return f"The {consistency.subject} is {', and '.join(parts)}{cause}."
 
 
@@ -213,20 +218,37 @@ def _when(departure: CertainDeparture, consistency: FilterConsistency) -> str:
     begin, end = instant(departure.begin, consistency.label), instant(departure.end, consistency.label)
     if departure.end >= consistency.times[np.isfinite(consistency.times)][-1]:
         return f" from {begin} on"
-    return f" at {begin}" if begin == end else f" from {instant(departure.begin, '')} to {end}"
+    return f" at {begin}" if begin == end else f" from {period(departure.begin, departure.end, consistency.label)}"
 
 
 def instant(time: float, label: str) -> str:
     """Format an instant to three digits, in the unit of a label ``name [unit]``.
 
+    Less than a minute is in seconds.
+
     >>> instant(1503.2, "time [s]"), instant(24.0926, "time [min]"), instant(59.98, "")
     ('1,503 s', '24.1 min', '60')
+    >>> instant(0.00833, "time [min]"), instant(0.0, "time [min]")
+    ('0.5 s', '0 min')
     """
+    unit = label.partition(" [")[2].removesuffix("]")
+    if unit == "min" and 0.0 < abs(time) < LEAST_MINUTES:
+        time, unit = 60.0 * time, "s"
     size = abs(time)
     decimals = max(0, 2 - math.floor(math.log10(size))) if size > 0.0 else 0
     digits = f"{time:,.{decimals}f}".replace("-", "−")
-    unit = label.partition(" [")[2].removesuffix("]")
     return f"{digits.rstrip('0').rstrip('.') if '.' in digits else digits} {unit}".rstrip()
+
+
+def period(begin: float, end: float, label: str) -> str:
+    """Format a period, with its unit once where both ends have the same.
+
+    >>> period(20.0, 25.0, "time [min]"), period(0.5, 25.0, "time [min]"), period(0.1, 0.5, "time [min]")
+    ('20 to 25 min', '30 s to 25 min', '6 to 30 s')
+    """
+    first, last = instant(begin, label), instant(end, label)
+    unit = last.rpartition(" ")[2]
+    return f"{first.removesuffix(f' {unit}')} to {last}"
 
 
 def _spoken(name: str) -> str:

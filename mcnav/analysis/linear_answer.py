@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
@@ -170,7 +171,7 @@ class LinearAnswer:
 
     @cached_property
     def beyond(self) -> BeyondRange | None:
-        """Where errors leave the range of linear analysis; what it says later, and at the end, has no meaning."""
+        """Exit of errors from the range of linear analysis; what it says later, and at the end, has no meaning."""
         history, over_time = self.history, None
         if history is not None:
             over_time = history.readings.times, history.mean, history.sigma

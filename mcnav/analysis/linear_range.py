@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BeyondRange:
-    """Where linear errors leave the range in which they mean anything.
+    """The place where linear errors leave the range in which they mean anything.
 
     Attributes
     ----------

@@ -8,12 +8,13 @@ dispersions*: at which multiple does the sigma ratio of Monte Carlo to P S P^T l
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Verdict

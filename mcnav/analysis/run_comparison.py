@@ -9,10 +9,11 @@ reach further where the skewness of the blocks requires it (`mcnav.statistics.es
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.decision_rule import LARGEST_EXPONENT

@@ -49,7 +49,7 @@ class ShownIn(_Entry):
 
 
 class Unsettled(_Entry):
-    """Why there is no valid linear model; see `mcnav.systems.user.soundness.Unsettled`."""
+    """The reason why there is no valid linear model; see `mcnav.systems.user.soundness.Unsettled`."""
 
     source: str
     output: str
@@ -347,7 +347,7 @@ class NeglectedEntry(_Entry):
 
 
 class Departure(_Entry):
-    """Where the ratio of true to filter sigma is certain to depart from one."""
+    """The time and place where the ratio of true to filter sigma is certain to depart from one."""
 
     verdict: str
     of: str

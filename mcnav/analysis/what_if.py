@@ -12,11 +12,12 @@ numbers size ``C_nq = P_n S_nq P_q^T + P_q S_qn P_n^T``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.changeable_campaign import ChangeableCampaign
 from mcnav.analysis.requirements import Requirement
@@ -169,6 +170,64 @@ def scaled_covariance(system: SizedSystem, times: Array, label: str, entries: En
     }
     terms = tuple(Term(*pair, values) for pair, values in sorted(known.items()) if values.any())
     return ScaledCovariance(times, label, entries, system.nominal, terms, means, own)
+
+
+@dataclass(frozen=True)
+class GroupTerm:
+    """Part of a variance that a group of causes contributes, and the factors of two numbers multiply.
+
+    Attributes
+    ----------
+    group : int
+        From zero, or `FIXED` of what correlates two groups.
+    first, second : int
+        Numbers from zero, or `FIXED`.
+    values : ndarray, shape (r,)
+    """
+
+    group: int
+    first: int
+    second: int
+    values: Array
+
+
+def grouped_terms(system: SizedSystem, groups: Sequence[Sequence[int]]) -> list[GroupTerm]:
+    """Split the sum of the variances of all outputs by group of causes and by number.
+
+    With ``g`` the group of a cause, the terms are ``tr P_gn S_gn,gq P_gq^T + sum Q_j``, and for causes of two groups
+    that are correlated twice ``tr P_gn S_gn,hq P_hq^T``.
+
+    Parameters
+    ----------
+    system : SizedSystem
+        Its processes by output, shape (r, outputs).
+    groups : sequence of sequence of int
+        Causes, sources before processes, in the order of the system.
+    """
+    count, group_of = len(system.covariance), {cause: g for g, members in enumerate(groups) for cause in members}
+    cells: dict[tuple[int, int], list[int]] = {}
+    for source in range(count):
+        if source in group_of:
+            cells.setdefault((group_of[source], int(system.source_numbers[source])), []).append(source)
+    known: dict[tuple[int, int, int], Array] = {}
+
+    def add(key: tuple[int, int, int], values: Array) -> None:
+        known[key] = known[key] + values if key in known else values
+
+    listed = list(cells.items())
+    for place, ((group, number), ours) in enumerate(listed):
+        for (other, second), theirs in listed[place:]:
+            block = system.covariance[np.ix_(ours, theirs)]
+            if block.any():
+                same = (group, number) == (other, second)
+                part = np.einsum("tij,jk,tik->t", system.partials[:, :, ours], block, system.partials[:, :, theirs])
+                key = group if group == other else FIXED, min(number, second), max(number, second)
+                add(key, part if same else 2.0 * part)
+    for place, (name, added) in enumerate(system.processes.items(), count):
+        if place in group_of:
+            number = system.process_numbers[name]
+            add((group_of[place], number, number), added.sum(axis=1))
+    return [GroupTerm(*key, values) for key, values in known.items() if values.any()]
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from mcnav._dataclasses import dataclass
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.contract.quantities import Source
-from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
-from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, KINDS, CatalogueUnit, catalogue, catalogue_units
+from mcnav.systems.ins.tables.imu_catalogue import (
+    ALLAN_MINIMUM,
+    INSTABILITY,
+    NAMES,
+    CatalogueUnit,
+    catalogue,
+    catalogue_units,
+    units_of_values,
+)
 from mcnav.units import UnitError, multiplied, quantity
 
 if TYPE_CHECKING:
@@ -43,7 +50,7 @@ class DataSheetNumber:
     entry : Value
         As the file or the catalogue has it.
     causes : frozenset of str
-        Names of the sources and processes that it sizes; those of the unit and of sensors without the axis.
+        Names of the sources and processes that it sizes; those of the unit and of sensors without the axis or the beam.
     kept : mapping of str to Value
         Entries that a change of this one must leave as they are, by path.
     """
@@ -56,7 +63,8 @@ class DataSheetNumber:
     def covers(self, cause: str) -> bool:
         """Return whether it sizes a source or process."""
         kind, _, axis = cause.rpartition("_")
-        of_axis = self.path.startswith(("imu.", "aiding.")) and any(axis in axes for axes in ALL_AXES)
+        named = axis.isdecimal() or any(axis in axes for axes in ALL_AXES)
+        of_axis = named and self.path.startswith(("imu.", "aiding."))
         return cause in self.causes or (of_axis and kind in self.causes)
 
     def multiplied(self, factor: float) -> dict[str, Value]:
@@ -201,7 +209,7 @@ def _error(kind: SensorType, key: str) -> str:
 def believed_numbers(content: Mapping[str, Any]) -> list[DataSheetNumber]:
     """List the sizes that a filter believes in place of the true ones: they are settings, and change no error."""
     believes = content.get("filter", {}).get("believes", {})
-    tables = {f"imu.{name}": believes.get("imu", {}).get(name, {}) for name in KINDS}
+    tables = {f"imu.{name}": believes.get("imu", {}).get(name, {}) for name in NAMES}
     tables |= {name: believes.get(name, {}) for name in ("gravity", "errors", *OF_LOOPS)}
     tables |= {f"aiding.{name}": entries for name, entries in believes.get("aiding", {}).items()}
     numbers = [
@@ -216,7 +224,7 @@ def believed_numbers(content: Mapping[str, Any]) -> list[DataSheetNumber]:
 def _of_imu(entries: Mapping[str, Any]) -> list[DataSheetNumber]:
     below = catalogue().get(entries.get("grade", ""), {})
     numbers = []
-    for instrument in KINDS:
+    for instrument in NAMES:
         for key, entry in {**below.get(instrument, {}), **entries.get(instrument, {})}.items():
             causes = frozenset([f"{instrument}_{key}"])
             numbers.append(DataSheetNumber(f"imu.{instrument}.{key}", entry, causes, {}))
@@ -276,7 +284,8 @@ def largest_size(entry: Any, instrument: str, key: str) -> float | None:
         allan = key == INSTABILITY and sizes == ["allan_minimum"]
         return largest / ALLAN_MINIMUM if allan and largest is not None else largest
     parts = entry if isinstance(entry, list) else list(entry.values()) if isinstance(entry, dict) else [entry]
-    unit = KINDS[instrument].get(key) or KINDS[instrument].get(f"{key}.sigma")
+    units = units_of_values()[instrument]
+    unit = units.get(key) or units.get(f"{key}.sigma")
     if unit is None:
         return None
     try:

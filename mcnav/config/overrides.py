@@ -11,8 +11,8 @@ A quantity for a key that holds a table sets what gives the table its size: ``si
 distribution, ``sigma`` of a process. For a list or a table of axes it sets each axis that is there. Values of the
 catalogue that ``grade`` names count as values of the file.
 
-``absent`` takes a sensor away, ``aiding.gnss``, with its faults and with what the filter believes of it, or a state of
-the filter, ``filter.estimates.gyro_bias``; ``present`` leaves it, or puts a state there.
+``absent`` takes a sensor away, ``aiding.gnss``, with its faults, the filter's states of its errors and what the filter
+believes of it, or a state of the filter, ``filter.estimates.gyro_bias``; ``present`` leaves it, or puts a state there.
 """
 
 from __future__ import annotations
@@ -28,10 +28,9 @@ from mcnav.config.read import UNNAMED, parse_campaign
 from mcnav.config.table_of_values import TABLE
 from mcnav.config.toml import Content, load_file, load_mapping
 from mcnav.errors import CampaignError, Problem, suggestion
-from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
+from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, NEGLECTED
 from mcnav.systems.ins.sensors.quantity import LEVEL_AXES
-from mcnav.systems.ins.tables.imu_catalogue import KINDS, catalogue
-from mcnav.systems.ins.tables.instrument_tables import NEGLECTED
+from mcnav.systems.ins.tables.imu_catalogue import NAMES, catalogue
 from mcnav.units import UnitError, quantity
 
 Value = str | int | float | bool | list[Any] | Content
@@ -157,7 +156,7 @@ def _set(table: Content, names: list[str], value: Value, above: tuple[str, ...])
     name, rest, here = names[0], names[1:], (*above, names[0])
     if value in PRESENCE and _set_presence(table, names, value == PRESENT, above):
         return
-    if above[-1:] == ("imu",) and name in KINDS:
+    if above[-1:] == ("imu",) and name in NAMES:
         table[name] = _with_grade(table, name, above)
     if not rest:
         for key in _keys_of(table, name, above):
@@ -190,13 +189,25 @@ def _set_presence(table: Content, names: list[str], present: bool, above: tuple[
             faults = [each for each in table.get("faults", []) if each.get("sensor") != taken]
             table.pop("faults", None)
             table.update({"faults": faults} if faults else {})
-            table.get("filter", {}).get("believes", {}).get("aiding", {}).pop(taken, None)
+            _forget_sensor(table.get("filter", {}), taken, [_sensor_name(each) for each in inside])
         return True
     if above == ("filter",) and len(names) == 2 and isinstance(inside, list):
         kept = [each for each in inside if each != names[1]]
         table[names[0]] = inside if present and names[1] in inside else [*kept, names[1]] if present else kept
         return True
     return False
+
+
+def _forget_sensor(settings: Content, taken: str, others: list[str]) -> None:
+    """Take from ``[filter]`` what it believes of a sensor, and the states of its errors: ``NAME_…``, not of others."""
+    settings.get("believes", {}).get("aiding", {}).pop(taken, None)
+    for key in ("estimates", "considers"):
+        if isinstance(settings.get(key), list):
+            owners = {
+                state: max((name for name in (taken, *others) if state.startswith(f"{name}_")), key=len, default="")
+                for state in map(str, settings[key])
+            }
+            settings[key] = [state for state in settings[key] if owners[str(state)] != taken]
 
 
 def _sensor_name(entry: Mapping[str, Any]) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+from mcnav._dataclasses import dataclass
 from mcnav.config.distributions import ENTRY, KIND, implausible
 from mcnav.config.schema import CorrelationTable, JointTable
 from mcnav.config.table_of_values import ValuesError

@@ -7,12 +7,12 @@ tune it anew. The campaign written here states under ``[filter.believes]`` what 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import tomli_w
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.changeable_campaign import MARK, Belief, ChangeableCampaign, Size, Slider
 from mcnav.analysis.what_if import FIXED
@@ -28,8 +28,8 @@ from mcnav.config.data_sheet import (
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.config.toml import Content
 from mcnav.contract.quantities import TRUE, Source
+from mcnav.systems.ins.imu.instruments import NEGLECTED
 from mcnav.systems.ins.tables.imu_catalogue import catalogue
-from mcnav.systems.ins.tables.instrument_tables import NEGLECTED
 from mcnav.systems.registry import FURTHER_NAMES, is_code
 from mcnav.units import UnitError, parted
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 Update = Literal["before", "after"] | None
-"""Whether a reading is before or after an update of aiding that falls on its time; none without one."""
+"""Side of a reading, before or after an update of aiding that falls on its time; none without one."""
 
 
 TRAJECTORY_TIME: Final = "time of the trajectory [s]"

@@ -18,7 +18,7 @@ from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 
 
 class Capability(StrEnum):
-    """What a scenario can do besides what every one can."""
+    """A capability of a scenario besides those of every one."""
 
     NOISE = "noise"
     """Its samples may have noise: they come with their linear outcome, and it names its processes."""
@@ -86,7 +86,7 @@ class Scenario(Protocol):
 
     @property
     def can(self) -> frozenset[Capability]:
-        """What it can do besides."""
+        """Capabilities besides."""
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one engine; its accuracy is settled on probe samples, shape (n, sources)."""
@@ -111,7 +111,7 @@ class NoisyScenario(Scenario, Protocol):
 
     @property
     def noisy(self) -> bool:
-        """Whether it has noise at present."""
+        """True where it has noise at present."""
 
 
 class FilterScenario(Scenario, Protocol):

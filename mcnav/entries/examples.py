@@ -66,7 +66,7 @@ def example_name(name: str, names: Sequence[str]) -> str | None:
 
 
 def begins_with_number(stem: str, number: str) -> bool:
-    """Whether the name of a file such as ``05_reentry`` begins with a number such as ``5``.
+    """Tell whether the name of a file such as ``05_reentry`` begins with a number such as ``5``.
 
     >>> begins_with_number("05_reentry", "5"), begins_with_number("05_reentry", "50")
     (True, False)

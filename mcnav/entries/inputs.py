@@ -19,11 +19,12 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
+from mcnav._dataclasses import dataclass
 from mcnav.contract.scenario import ScenarioError
 
 SETTLED_AFTER: Final = 2.0
@@ -224,7 +225,9 @@ def _system_folders() -> tuple[str, ...]:
     """Return the folders of Python, installed packages, this program and the operating system."""
     places = {*_SYSTEM, sys.prefix, sys.base_prefix, sys.exec_prefix, str(Path(__file__).parents[1])}
     places |= {*sysconfig.get_paths().values(), *site.getsitepackages(), site.getusersitepackages()}
-    places |= {os.environ.get(name, "") for name in ("XDG_CACHE_HOME", "MPLCONFIGDIR", "NUMBA_CACHE_DIR")}
+    places |= {
+        os.environ.get(name, "") for name in ("XDG_CACHE_HOME", "MPLCONFIGDIR", "NUMBA_CACHE_DIR", "MCNAV_CACHE_DIR")
+    }
     places |= {str(Path.home() / ".config" / "matplotlib")}
     kept = {str(form) for place in places if place for form in (Path(place).absolute(), Path(place).resolve())}
     shared = (str(Path.home()), tempfile.gettempdir(), os.sep)
@@ -259,3 +262,18 @@ def find_inputs(opened_files: OpenedFiles, code: str) -> dict[str, InputFile]:
         except OSError:
             continue
     return files
+
+
+def own_modules() -> tuple[str, ...]:
+    """Return the files of loaded modules that are neither Python's nor of installed packages or this program.
+
+    The program that runs, ``__main__``, is none of them, nor are classes of scenarios, whose text is known.
+    """
+    files = set[str]()
+    for name, module in tuple(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if not isinstance(file, str) or name == "__main__" or not Path(file).is_absolute():
+            continue
+        if not file.startswith(_system_folders()) and not str(Path(file).resolve()).startswith(_system_folders()):
+            files.add(file)
+    return tuple(sorted(files))

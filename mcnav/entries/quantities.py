@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from types import FunctionType
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import (
@@ -14,6 +14,7 @@ from pydantic import (
     GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
     StringConstraints,
+    TypeAdapter,
     ValidationError,
     ValidatorFunctionWrapHandler,
     WithJsonSchema,
@@ -21,11 +22,13 @@ from pydantic import (
 )
 from pydantic_core.core_schema import (
     CoreSchema,
+    any_schema,
     no_info_before_validator_function,
     no_info_plain_validator_function,
     no_info_wrap_validator_function,
 )
 
+from mcnav._dataclasses import dataclass
 from mcnav.entries.mistakes import Mistake, explain_keys, refuse, told
 from mcnav.entries.rules import Rule
 from mcnav.entries.values import display
@@ -227,11 +230,24 @@ class Pair:
         return {**handler(schema), "minItems": 2, "maxItems": 2}
 
 
+def json_schema_of(form: Any, handler: GetJsonSchemaHandler) -> JsonSchema:
+    """Return the JSON schema of another type in place of that of an annotated one."""
+    core = TypeAdapter(form).core_schema
+    return handler(no_info_before_validator_function(lambda entry: entry, core))  # by which the type's own is called
+
+
 @dataclass(frozen=True)
 class Later:
-    """Annotation of an entry that is read later, as a model or type; its schema is that of the type."""
+    """Annotation of an entry that is read later, as a model or type; its schema is that of the type.
+
+    A function of no arguments in place of a type returns it when a schema is asked for.
+    """
 
     form: Any
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return no_info_wrap_validator_function(lambda entry, _: entry, handler.generate_schema(self.form))
+        return any_schema()
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        form = self.form() if isinstance(self.form, FunctionType) else self.form
+        return json_schema_of(form, handler)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping
-from dataclasses import dataclass
+from functools import reduce
 from typing import Any, ClassVar, Final, Literal, get_args, get_origin
 
 from pydantic import (
@@ -16,11 +17,13 @@ from pydantic import (
 from pydantic_core.core_schema import (
     CoreSchema,
     no_info_wrap_validator_function,
+    with_info_plain_validator_function,
     with_info_wrap_validator_function,
 )
 
+from mcnav._dataclasses import dataclass
 from mcnav.entries.mistakes import Mistake, refuse, told
-from mcnav.entries.quantities import UNIT, JsonSchema, Table
+from mcnav.entries.quantities import UNIT, JsonSchema, Table, json_schema_of
 from mcnav.entries.values import display
 from mcnav.errors import suggestion
 
@@ -148,6 +151,29 @@ class ByType:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
         return {**handler(schema), BY_TYPE: self.key}
+
+
+@dataclass(frozen=True)
+class ByTypeIn:
+    """Annotation of one of many tables, told apart by the text of their ``type``, each made when it is asked for."""
+
+    tables: Mapping[str, type[Table]]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def read(entry: object, info: ValidationInfo) -> Table:
+            if not isinstance(entry, Mapping):
+                raise told(f"got {display(entry)}; expected a table with a type")
+            if "type" not in entry:
+                raise refuse([Mistake(f"is missing; it is one of {', '.join(self.tables)}", ("type",))])
+            name = entry["type"]
+            if not isinstance(name, str) or name not in self.tables:
+                raise refuse([Mistake(f"got {display(name)}{suggestion(str(name), list(self.tables))}", ("type",))])
+            return self.tables[name].model_validate(entry, context=info.context)
+
+        return with_info_plain_validator_function(read)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        return {**json_schema_of(reduce(operator.or_, self.tables.values()), handler), BY_TYPE: "type"}
 
 
 @dataclass(frozen=True)

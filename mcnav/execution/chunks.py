@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Final, TypeVar
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.contract.engine import Engine, has_histories, smoother_of
@@ -19,13 +20,21 @@ from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.entries.inputs import InputFile
 from mcnav.lincov.block_sums import Normalization
-from mcnav.lincov.sample_reduction import reduce_samples
+from mcnav.lincov.sample_reduction import BlockReduction
 from mcnav.numerics.power_sums import sum_powers_about_zero
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.statistics.filter_sums import FilterSums
-from mcnav.store.chunk_files import ChunkFile, ChunkTotals, SampleSchema, verify_chunk, write_chunk
+from mcnav.store.chunk_files import (
+    ChunkFile,
+    ChunkTotals,
+    SampleSchema,
+    chunk_name,
+    identity_in,
+    verify_chunk,
+    write_chunk,
+)
 from mcnav.store.filters import SMOOTHER_MARK, filter_marks
-from mcnav.store.histories import SMOOTHED_MARK, STORED, first_marks, history_marks
+from mcnav.store.histories import FIRST_SMOOTHED_MARK, SMOOTHED_MARK, STORED, first_marks, history_marks
 from mcnav.store.inputs import check_unchanged
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import MOST_REASONS, STORED_ROWS, Summary, summary_chunk
@@ -74,6 +83,8 @@ class ChunkJob:
         Time that one sample may take, s.
     frame : Normalization or None
         Normalization of the sums, where only a summary is stored.
+    earlier : tuple of str
+        Digests of runs of fewer samples whose summaries have blocks half as long, a quarter, and so on.
     wanted : Path or None
         File that exists as long as the run lasts: later no worker may write into the folder.
     inputs : tuple of InputFile
@@ -89,6 +100,7 @@ class ChunkJob:
     frame: Normalization | None = None
     wanted: Path | None = None
     inputs: tuple[InputFile, ...] = ()
+    earlier: tuple[str, ...] = ()
 
     @property
     def in_processes(self) -> bool:
@@ -163,11 +175,13 @@ class _Chunk:
     failed: int = 0
     fallback_count: int = 0
     summary: Summary | None = None
+    reduction: BlockReduction | None = None
     power_sums: PowerSums | None = None
     filter_sums: FilterSums | None = None
     smoothed_sums: PowerSums | None = None
     smoother_sums: FilterSums | None = None
     followed: Array | None = None
+    followed_smoothed: Array | None = None
     rows: list[tuple[Array, ...]] = field(default_factory=list)
     failures: dict[int, Failure] = field(default_factory=dict)
     tracebacks: dict[int, str] = field(default_factory=dict)
@@ -195,7 +209,8 @@ class _Chunk:
         self.tracebacks |= dict(islice(raised, None if frame is None else MOST_REASONS - len(self.tracebacks)))
         if frame is not None:
             status = {begin + row: failure.status for row, failure in by_row.items()}
-            block_sums = reduce_samples(frame, begin, errors, result.values, result.linear_values)
+            self.reduction = self.reduction or BlockReduction(frame, begin)
+            block_sums = self.reduction.add(errors, result.values, result.linear_values)
             self.summary = _total(self.summary, Summary.of(block_sums, len(errors), status))
 
     def _add_histories(self, errors: Array, result: SimulationResult, by_row: Mapping[int, Failure]) -> None:
@@ -207,8 +222,7 @@ class _Chunk:
         if sums is not None:
             self.power_sums = _total(self.power_sums, sums)
         if schema is not None and result.history is not None and begin < STORED:  # slow: not to be simulated again
-            first = result.history[: STORED - begin]
-            self.followed = first if self.followed is None else np.concatenate([self.followed, first])
+            self.followed = _followed(self.followed, result.history, begin)
         if schema is not None and result.filter_values is not None:
             simulated = np.delete(result.filter_values, list(by_row), axis=0) if by_row else result.filter_values
             self.filter_sums = _total(self.filter_sums, FilterSums.of(schema, simulated))
@@ -217,17 +231,28 @@ class _Chunk:
             simulated = np.delete(result.smoother_values, list(by_row), axis=0)
             self.smoother_sums = _total(self.smoother_sums, FilterSums.of(smoother, simulated))
             self.smoothed_sums = _total(self.smoothed_sums, sum_powers_about_zero(result.smoothed_history))
+        if smoother is not None and result.smoothed_history is not None and begin < STORED:
+            self.followed_smoothed = _followed(self.followed_smoothed, result.smoothed_history, begin)
 
     def marks(self) -> dict[str, str]:
         """Return the sums as metadata of the chunk's file."""
         marks = history_marks(self.power_sums) | filter_marks(self.filter_sums) | first_marks(self.followed)
         marks |= history_marks(self.smoothed_sums, SMOOTHED_MARK) | filter_marks(self.smoother_sums, SMOOTHER_MARK)
-        return marks | ({} if self.summary is None else self.summary.marks(self.place.begin))
+        marks |= first_marks(self.followed_smoothed, FIRST_SMOOTHED_MARK)
+        if self.summary is None or self.reduction is None:
+            return marks
+        return marks | self.summary.followed_by(self.reduction.rest()).marks(self.place.begin)
 
 
 def _total(total: Sums | None, more: Sums) -> Sums:
     """Add sums to those of earlier pieces, if there are any."""
     return more if total is None else total + more
+
+
+def _followed(known: Array | None, histories: Array, begin: int) -> Array:
+    """Append the histories, shape (n, m, outputs), of samples from an index on that are among the first."""
+    first = histories[: STORED - begin]
+    return first if known is None else np.concatenate([known, first])
 
 
 def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, SimulationResult]]) -> ChunkFile:
@@ -286,3 +311,12 @@ def find_chunk(work: ChunkJob, place: SampleRange) -> ChunkFile | None:
 def find_file(work: ChunkJob, number: int) -> ChunkFile | None:
     """Return the file of a chunk's number, if it is undamaged and of this run, however many samples it has."""
     return verify_chunk(work.folder.chunk_folder, number, work.identity, None if work.frame is None else STORED_ROWS)
+
+
+def find_earlier(work: ChunkJob, number: int) -> tuple[ChunkFile, int] | None:
+    """Return the file of a chunk that a run of fewer samples left, and how often its blocks must be doubled."""
+    identity = identity_in(work.folder.chunk_folder / chunk_name(number))
+    if identity not in work.earlier:
+        return None
+    file = verify_chunk(work.folder.chunk_folder, number, identity, STORED_ROWS)
+    return None if file is None else (file, work.earlier.index(identity) + 1)

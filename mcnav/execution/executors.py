@@ -1,4 +1,4 @@
-"""Where the chunks of a command are simulated: on this machine, or by the workers of a cluster."""
+"""Executors of the chunks of a command: on this machine, or by the workers of a cluster."""
 
 from __future__ import annotations
 

@@ -27,7 +27,8 @@ from mcnav.store.summaries import SLOW, SUMMARY, summary_chunk
 
 LIBRARIES: Final = ("numpy", "scipy", "numba", "pyarrow")
 CHUNKS: Final = 2
-"""Version of the content of a chunk's file."""
+SUMMARY_CHUNKS: Final = 3
+"""Versions of the content of a chunk's file: of one with all samples, and of a summary's."""
 
 SHOWN: Final = 3
 """Differences that a refusal names."""
@@ -62,7 +63,8 @@ def identity_of(
     with epochs besides its usual ones, for which requirements ask, has them in ``further_epochs``.
     """
     entries = to_json({key: entry for key, entry in resolved.items() if key not in UNUSED})
-    identity = Identity(campaign=entries, engine=engine, versions=versions(), chunks=CHUNKS)
+    chunks = SUMMARY_CHUNKS if entries.get("store") == SUMMARY else CHUNKS
+    identity = Identity(campaign=entries, engine=engine, versions=versions(), chunks=chunks)
     return identity.completed(
         {
             "revision": getattr(scenario, "revision", None) or None,
@@ -82,6 +84,28 @@ def chunk_digest(identity: Identity, design: str, samples: int) -> str:
     return json_digest(content | {"drawn": _draw_layout(design, samples)} | _summary_layout(identity, design, samples))
 
 
+def earlier_digests(identity: Identity, design: str, samples: int) -> tuple[str, ...]:
+    """Digest the runs of fewer samples whose summaries have blocks half as long, a quarter, and so on, in this order.
+
+    The chunks of these, but the last one, are those of this run when their blocks are doubled.
+    """
+    digests, fewer = list[str](), samples // 2
+    while _can_double(_summary_layout(identity, design, fewer), _summary_layout(identity, design, 2 * fewer)):
+        if _draw_layout(design, fewer) != _draw_layout(design, samples):
+            break
+        digests.append(chunk_digest(identity, design, fewer))
+        fewer //= 2
+    return tuple(digests)
+
+
+def _can_double(before: Mapping[str, Mapping[str, int]], now: Mapping[str, Mapping[str, int]]) -> bool:
+    """Return whether the blocks of one summary are twice as long as those of another, in chunks of as many samples."""
+    if not before:
+        return False
+    earlier, later = before["summed"], now["summed"]
+    return 2 * earlier["block"] == later["block"] and earlier["chunk"] == later["chunk"]
+
+
 def _draw_layout(design: str, samples: int) -> dict[str, int]:
     """Return what the number of samples decides of each sample."""
     return {"block": block_length(design, samples), "probes": min(PROBES, samples)}
@@ -93,6 +117,12 @@ def _summary_layout(identity: Identity, design: str, samples: int) -> dict[str, 
         return {}
     block = block_size(samples, block_length(design, samples))
     return {"summed": {"block": block, "chunk": summary_chunk(SLOW, samples)}}
+
+
+def _chunk_of(identity: Identity, design: str, samples: int) -> int | None:
+    """Return what tells the samples of a summary's chunk; none of stored samples."""
+    layout = _summary_layout(identity, design, samples)
+    return layout["summed"]["chunk"] if layout else None
 
 
 def check_resumable(folder: RunFolder, identity: Identity, design: str, samples: int) -> tuple[list[str], str]:
@@ -116,7 +146,7 @@ def check_resumable(folder: RunFolder, identity: Identity, design: str, samples:
         _refuse_changed(folder, earlier.identity, identity, design, samples)
         return _processors(folder, earlier.processor)
     stored = identities_in(folder.chunk_folder)
-    if stored - {chunk_digest(identity, design, samples)}:
+    if stored - {chunk_digest(identity, design, samples), *earlier_digests(identity, design, samples)}:
         state = "missing" if damage is None else "damaged"
         raise RunFolderError(
             f"{folder.path}: holds samples of another run, and the {MANIFEST} that would say which is {state}; {REMEDY}"
@@ -182,8 +212,8 @@ def _refuse_other_samples(folder: RunFolder, identity: Identity, design: str, be
             f"a run of {before:,} samples, which design {design} would change if there were {samples:,}; "
             f"up to {most:,} they stay as they are, {REMEDY}"
         )
-    elif _summary_layout(identity, design, before) != _summary_layout(identity, design, samples):
-        fault = f"a summary of {before:,} samples, and one of {samples:,} is kept in larger blocks; {REMEDY}"
+    elif _chunk_of(identity, design, before) != _chunk_of(identity, design, samples):
+        fault = f"a summary of {before:,} samples, and one of {samples:,} has fewer, longer files; {REMEDY}"
     else:
         return
     raise RunFolderError(f"{folder.path}: holds {fault}")

@@ -11,15 +11,12 @@ import os
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import Future
-from dataclasses import dataclass
-from typing import Any, Final
+from concurrent.futures import BrokenExecutor, Future
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from joblib import Parallel, delayed
-from joblib.externals.loky import get_reusable_executor
-from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
+from mcnav._dataclasses import dataclass
 from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav._types import Array
 from mcnav.contract.engine import ConditionalEngine, ConditionalNoise, Engine, conditions_noise
@@ -43,6 +40,9 @@ from mcnav.store.chunk_files import ChunkFile
 from mcnav.systems.sample_loop import join_results
 from mcnav.systems.timeouts import timeout_message
 
+if TYPE_CHECKING:
+    from joblib.externals.loky.process_executor import ProcessPoolExecutor
+
 TRIED_WHOLE: Final = 2
 """Pools that may die before chunks are simulated one at a time."""
 
@@ -61,6 +61,8 @@ _isolated_executors: dict[int, ProcessPoolExecutor] = {}
 
 
 def _isolated_worker() -> ProcessPoolExecutor:
+    from joblib.externals.loky.process_executor import ProcessPoolExecutor  # a twentieth of a second, as joblib
+
     thread = threading.get_ident()
     if thread not in _isolated_executors:
         executor = ProcessPoolExecutor(1, timeout=IDLE, initializer=_begin_worker, initargs=(os.getpid(),))
@@ -80,6 +82,8 @@ def end_workers() -> None:
 
     Without ``reuse`` loky would let the workers of joblib's pool end in order and start another pool.
     """
+    from joblib.externals.loky import get_reusable_executor
+
     get_reusable_executor(reuse=True, kill_workers=True).shutdown(wait=True, kill_workers=True)
     end_workers_apart()
 
@@ -91,11 +95,13 @@ def end_workers_apart() -> None:
 
 
 def _run_pool(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Iterator[tuple[int, ChunkFile]]:
-    """Simulate chunks in worker processes; yield their numbers and files. Raises `BrokenProcessPool`."""
+    """Simulate chunks in worker processes; yield their numbers and files. Raises `BrokenExecutor`."""
     workers = min(jobs, len(places))
     if workers == 1:  # joblib would use this process
         yield from (_submit(_numbered, work, place).result() for place in places)
         return
+    from joblib import Parallel, delayed
+
     with interrupts_blocked():
         result = Parallel(
             n_jobs=workers,
@@ -116,7 +122,7 @@ def run_in_processes(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) 
             for number, stored in _run_pool(work, tuple(left.values()), jobs):
                 del left[number]
                 yield stored
-        except BrokenProcessPool:
+        except BrokenExecutor:
             broken += 1
             end_workers()
             for place in list(left.values()):
@@ -143,7 +149,7 @@ def _in_one_worker(task: Callable[..., Any], *arguments: Any) -> Any:
     """Run a task in an isolated process; none when the process dies. An interrupt kills the process."""
     try:
         return _submit(task, *arguments).result()
-    except (BrokenProcessPool, KeyboardInterrupt) as end:
+    except (BrokenExecutor, KeyboardInterrupt) as end:
         executor = _isolated_executors.pop(threading.get_ident(), None)
         if executor is not None:
             executor.shutdown(wait=True, kill_workers=True)

@@ -10,14 +10,13 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from pathlib import Path
 
-from joblib import Parallel, delayed
-
 from mcnav.errors import TooManyFailures
-from mcnav.execution.chunks import ChunkJob, SampleRange, find_file, simulate_chunk
+from mcnav.execution.chunks import ChunkJob, SampleRange, find_earlier, find_file, simulate_chunk
 from mcnav.execution.memory import keep_freed_memory
 from mcnav.execution.processes import end_workers, run_in_processes
 from mcnav.progress import Progress
 from mcnav.store.chunk_files import ChunkFile, chunk_name
+from mcnav.store.summaries import double_blocks
 
 ChunkExecutor = Callable[[ChunkJob, Sequence[SampleRange], int], Generator[ChunkFile, None, None]]
 """Function that simulates chunks by so many workers and yields their files as they become ready, until it is closed."""
@@ -25,7 +24,12 @@ ChunkExecutor = Callable[[ChunkJob, Sequence[SampleRange], int], Generator[Chunk
 
 def _run_in_threads(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[ChunkFile, None, None]:
     keep_freed_memory()
-    workers = min(jobs, max(1, len(missing)))
+    workers = min(jobs, len(missing))
+    if workers <= 1:
+        yield from (simulate_chunk(work, place) for place in missing)
+        return
+    from joblib import Parallel, delayed  # a twentieth of a second, which one chunk does not need
+
     parallel = Parallel(n_jobs=workers, return_as="generator_unordered", backend="threading")
     yield from parallel(delayed(simulate_chunk)(work, place) for place in missing)
 
@@ -45,6 +49,11 @@ def _stored_and_missing(
     for number, begin in enumerate(range(first, samples, chunk), start=first // chunk):
         place = SampleRange(number, begin, min(begin + chunk, samples))
         file = find_file(work, number)
+        earlier = find_earlier(work, number) if file is None and work.earlier else None
+        if earlier is not None:
+            file, times = earlier
+            if (file.begin, file.end) == (begin, place.end):
+                file = double_blocks(work.folder.chunk_folder, file, work.identity, times)
         if file is not None and (file.begin, file.end) == (begin, place.end):
             chunks.append(file)
             progress.advance(place.end - begin, stored=True)

@@ -1,1 +1,1 @@
-"""What one record says of a filter: tests of its innovations and errors, and the number of a campaign that is wrong."""
+"""A filter judged by one record: tests of its innovations and errors, and the number of a campaign that is wrong."""

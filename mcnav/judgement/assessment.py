@@ -9,12 +9,14 @@ Testing*).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.likelihood import DROP, whiten
@@ -32,6 +34,9 @@ LEVEL: Final = 0.05
 
 FACTORS: Final = (1.2, 1.5, 2.0, 3.0, 5.0, 10.0)
 """Factors of a size for which the power is computed."""
+
+Tell = Callable[[float], None]
+"""Receiver of the time that a computation will take, s."""
 
 SHARE: Final = 0.9
 """Share of records in which what is said to be noticed is noticed."""
@@ -104,7 +109,7 @@ class Assessment:
 
     @property
     def drops(self) -> Array:
-        """What the log-likelihood falls by at the ends of 95 % intervals of the factors, shape (j,).
+        """Fall of the log-likelihood at the ends of 95 % intervals of the factors, shape (j,).
 
         The 95 % point of its gain in simulated records, at least that of chi-square.
         """
@@ -119,7 +124,7 @@ class Assessment:
 
     @property
     def alarms(self) -> Array:
-        """Whether each record is at odds with the campaign, shape (R,)."""
+        """True for each record at odds with the campaign, shape (R,)."""
         return np.asarray(self.probability(self.scores.max(axis=0)) <= LEVEL)
 
     @property
@@ -134,7 +139,9 @@ class Assessment:
         return np.array([1.0] * (self.candidates - len(sizes)) + [float(each) for each in sizes])
 
 
-def assess(record: FilteredRecord, given: Innovations, count: int, trials: int, seed: int) -> Assessment:
+def assess(
+    record: FilteredRecord, given: Innovations, count: int, trials: int, seed: int, tell: Tell = lambda seconds: None
+) -> Assessment:
     """Test R records of the same campaign.
 
     Parameters
@@ -145,6 +152,8 @@ def assess(record: FilteredRecord, given: Innovations, count: int, trials: int, 
         Simulated records, N.
     trials : int
         Simulated records by which the power is computed, p; at most N.
+    tell : callable
+        Told how long it will take, s, after the first of what takes longest.
     """
     generator = np.random.default_rng(seed)
     mean = respond(record, record.mean[:, None])
@@ -156,7 +165,7 @@ def assess(record: FilteredRecord, given: Innovations, count: int, trials: int, 
     causes = range(len(record.causes))
     alone = [simulate(record, trials, generator, cause) for cause in causes]
     everything = _Everything(_without_mean(record), own, simulated, alone, trials)
-    return everything.assess()
+    return everything.assess(tell)
 
 
 def _without_mean(record: FilteredRecord) -> FilteredRecord:
@@ -176,10 +185,10 @@ class _Everything:
         responses = [respond(record, unit) for unit in units]
         self.columns = beside([own, simulated, *alone, *responses])
 
-    def assess(self) -> Assessment:
+    def assess(self, tell: Tell) -> Assessment:
         """Compute everything."""
         base, offsets = self._base()
-        gains, in_power = self._gains_of_causes(base)
+        gains, in_power = self._gains_of_causes(base, tell)
         direct, names = self._of_filter()
         centres = np.median(direct[:, self.given :], axis=1)
         estimates = [self._offset_gains(offset) for offset in offsets]
@@ -233,7 +242,7 @@ class _Everything:
             added += np.einsum("fcjp,fcjp->fjp", alone, alone)
         return [Sums(*each) for each in zip(squares, pairs, added, total.tolist(), strict=True)]
 
-    def _gains_of_causes(self, base: Sums) -> tuple[Array, Array]:
+    def _gains_of_causes(self, base: Sums, tell: Tell) -> tuple[Array, Array]:
         """Compute the gains of all causes: of records, (j, given + N), and with one size multiplied, (j, j, f, p)."""
         extra = np.sqrt(np.array(FACTORS) ** 2 - 1.0)
         values = np.zeros((self.causes, len(GRID), self.given + self.count))
@@ -248,7 +257,10 @@ class _Everything:
         at_one = changed(base)
         places = [(cause, place) for cause in range(self.causes) for place, factor in enumerate(GRID) if factor != 1.0]
         together = max(1, TOGETHER // (self.given + self.count + self.causes * self.trials))
+        began = time.perf_counter()
         for begin in range(0, len(places), together):
+            if begin == together:
+                tell((time.perf_counter() - began) * len(places) / together)
             some = places[begin : begin + together]
             for at, sums in zip(some, self._sums([{cause: GRID[place]} for cause, place in some]), strict=True):
                 grown = base.log_determinant - sums.log_determinant

@@ -15,19 +15,19 @@ are measured: see the documentation.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy import stats
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 MOST_ORDER: Final = 12
 """Largest order of the autoregression; at most an eighth of the number of values."""
 
 FREQUENCIES: Final = 8192
-"""Of the grid on which spectral densities are summed."""
+"""Points of the grid on which spectral densities are summed."""
 
 TINY: Final = 1e-300
 """Least variance whose logarithm is taken."""

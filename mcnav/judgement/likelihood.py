@@ -13,13 +13,13 @@ Anderson and Moore 1979, *Optimal Filtering*, section 10.5).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.optimize import brentq, minimize_scalar
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.simulation import Innovations
@@ -28,7 +28,7 @@ WIDEST: Final = 30.0
 """Largest factor that is looked for, and the inverse of the smallest."""
 
 DROP: Final = 1.920729410347062
-"""What the log-likelihood falls by at the ends of a 95 % interval: half the 95 % point of chi-square of one degree."""
+"""Fall of the log-likelihood at the ends of a 95 % interval: half the 95 % point of chi-square of one degree."""
 
 
 def whiten(
@@ -114,7 +114,7 @@ def estimate_factor(record: FilteredRecord, innovations: Innovations, cause: int
     Parameters
     ----------
     drop : float
-        What the log-likelihood falls by at the ends of the interval.
+        Fall of the log-likelihood at the ends of the interval.
     """
 
     def values(logarithms: Array) -> Array:

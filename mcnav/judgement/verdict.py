@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.recorded import FilteredRecord, Part
-from mcnav.judgement.assessment import FACTORS, LEVEL, SHARE, Assessment, assess
+from mcnav.judgement.assessment import FACTORS, LEVEL, SHARE, Assessment, Tell, assess
 from mcnav.judgement.likelihood import Factor, estimate_factor
 from mcnav.judgement.simulation import Innovations, beside, recorded, simulate
 from mcnav.judgement.statistics import SensorStatistics, mean_nees, sensor_statistics
@@ -166,7 +167,10 @@ class Judgement:
         return self.probability <= LEVEL
 
 
-def judge(record: FilteredRecord, count: int = SIMULATED, trials: int = TRIALS, seed: int = 0) -> Judgement:
+def judge(
+    record: FilteredRecord, count: int = SIMULATED, trials: int = TRIALS, seed: int = 0,
+    tell: Tell = lambda seconds: None,
+) -> Judgement:  # fmt: skip
     """Judge one record by records of the same campaign simulated.
 
     Parameters
@@ -175,9 +179,12 @@ def judge(record: FilteredRecord, count: int = SIMULATED, trials: int = TRIALS, 
         Simulated records.
     trials : int
         Simulated records for each size whose power is computed.
+    tell : callable
+        Told how long the verdict will take, s, where no number is named.
     """
     given = recorded(record)
-    assessment = assess(record, given, count, trials, seed)
+    estimates = 2.0 if len(record.stages) <= MANY_STAGES else 1.0  # factors of all numbers take as long as their gains
+    assessment = assess(record, given, count, trials, seed, lambda seconds: tell(estimates * seconds))
     causes = _causes(record, given, assessment)
     offsets = _offsets(record, assessment)
     probability = float(assessment.probability(assessment.scores.max(axis=0))[0])

@@ -7,11 +7,12 @@ whatever the mean. Sums are additive: over chunks that share a block, and over t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields, replace
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.statistics.whitening import whitening
 
@@ -126,3 +127,13 @@ class BlockSums:
         blocks[len(self.blocks) - shared :] += other.blocks
         totals = (getattr(self, each.name) + getattr(other, each.name) for each in fields(self)[2:])
         return BlockSums(self.first, blocks, *totals)
+
+    def followed_by(self, blocks: Array) -> BlockSums:
+        """Append blocks, shape (n, columns), whose samples the totals have already."""
+        return replace(self, blocks=np.concatenate([self.blocks, blocks]))
+
+    def doubled(self) -> BlockSums:
+        """Return the sums over blocks twice as long, of which the first and the last may have one half each."""
+        edges = (self.first % 2, (self.first + len(self.blocks)) % 2)
+        halves = np.pad(self.blocks, (edges, (0, 0)))
+        return replace(self, first=self.first // 2, blocks=halves[::2] + halves[1::2])

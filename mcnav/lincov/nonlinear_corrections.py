@@ -128,7 +128,8 @@ def polynomial_moments(engine: Engine, errors: ErrorModel) -> PolynomialMoments:
         polynomial = fit(without_noise(engine), errors.mean, errors.standard_deviations, HIGHER_ORDER)
     if not polynomial.error <= ROUGHEST:
         raise SimulationFailed(
-            f"a polynomial of order {polynomial.order} is {polynomial.error:.2g} of the dispersion off the flights"
+            f"a polynomial of order {polynomial.order} departs from the flights by {polynomial.error:.2g} times their "
+            "dispersion"
         )
     result = moments(polynomial, errors.covariance)
     sigma = np.sqrt(np.diag(result.covariance))

@@ -1,4 +1,4 @@
-"""What columns mean by their names, and the units that stand in names.
+"""Meanings of columns by their names, and the units that stand in names.
 
 Names are compared as small letters and digits joined by `_`: "GyroX (deg/s)" is `gyro_x` with the unit deg/s,
 "gyro_rad[0]" is `gyro_rad_0`, "field.angular_velocity.x" is `field_angular_velocity_x`.
@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
+from mcnav._dataclasses import dataclass
 from mcnav.units import conversion
 
 BRACKET: Final = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*)[\])}]\s*$", re.DOTALL)
@@ -33,7 +33,7 @@ SUFFIXES: Final = "|".join(
 
 @dataclass(frozen=True)
 class Named:
-    """What the name of a column says.
+    """Meaning of a column's name.
 
     Attributes
     ----------

@@ -9,7 +9,7 @@ import numpy as np
 from mcnav._types import Array
 
 RADIUS: Final = 6_378_137.0
-"""Of the equator, m."""
+"""Radius of the equator, m."""
 
 FLATTENING: Final = 1.0 / 298.257223563
 

@@ -1,4 +1,4 @@
-"""What gravity and the rates of vehicles say of the units of a record; nothing is converted that was not told.
+"""Checks of a record's units by gravity and the rates of vehicles; nothing is converted that was not told.
 
 A specific force is about 9.8 m/s^2 for a vehicle at rest, and in the median over a drive or a flight. Without a stated
 unit, a size that belongs to another unit is refused; with one it is noted.
@@ -44,10 +44,10 @@ TURNING: Final = 0.1
 INTERVAL_UNITS: Final = {"ms": 1e3, "us": 1e6, "ns": 1e9}
 
 LONGEST_INTERVAL: Final = 2.0
-"""Of an inertial sensor, s; a longer one is that of another unit."""
+"""Longest interval of an inertial sensor, s; a longer one is that of another unit."""
 
 SHORTEST_INTERVAL: Final = 1e-5
-"""Of an inertial sensor, s."""
+"""Shortest interval of an inertial sensor, s."""
 
 MOST: Final = 200_000
 """Rows from which sizes are taken."""

@@ -1,4 +1,4 @@
-"""What is wrong with a recorded file: one line that names it, the row or column, what came, and what would do."""
+"""Faults of a recorded file: one line that names it, the row or column, what came, and what would do."""
 
 from __future__ import annotations
 

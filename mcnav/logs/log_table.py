@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from numpy.typing import NDArray
+
+from mcnav._dataclasses import dataclass
 
 Values: TypeAlias = NDArray[Any]
 """A column, shape (n,): integers, floating-point numbers with NaN where they are missing, or objects."""

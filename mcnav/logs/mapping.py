@@ -1,4 +1,4 @@
-"""Which column of a file is which quantity: as it is told, or suggested by names.
+"""Mapping of a file's columns to quantities: as it is told, or suggested by names.
 
 A mapping names columns by keys such as `gyro_x`; a minus sign before a name negates it. Units are given by the same
 keys, or for all axes of a vector at once by `gyro`.
@@ -7,11 +7,11 @@ keys, or for all axes of a vector at once by `gyro`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.errors import suggestion
 from mcnav.logs.column_names import named, spelled_unit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import UTC, date, datetime
 from functools import reduce
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, table_of
@@ -25,7 +26,7 @@ DAY: Final = 86_400.0
 
 @dataclass
 class _Epoch:
-    """What the sentences of one time of day say; NaN where they say nothing."""
+    """Content of the sentences of one time of day; NaN where they say nothing."""
 
     position: tuple[float, float, float] | None = None
     quality: int = 0

@@ -25,7 +25,7 @@ POSITIONS: Final = ("vehicle_gps_position", "sensor_gps", "vehicle_global_positi
 """Topics with positions, the better first."""
 
 PARTS: Final = {"sensor_gyro": "gyro_", "sensor_accel": "accelerometer_"}
-"""What comes before `x`, `y`, `z` of topics of one instrument."""
+"""Beginning of the names of axes, before `x`, `y`, `z`, in topics of one instrument."""
 
 UNITS: Final = {
     "delta_angle[0]": "rad", "delta_angle[1]": "rad", "delta_angle[2]": "rad",

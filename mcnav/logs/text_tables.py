@@ -6,13 +6,13 @@ import csv
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import pyarrow as pa
 
+from mcnav._dataclasses import dataclass
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, Values
 from mcnav.parquet import numbers_in
@@ -35,7 +35,7 @@ INTEGER: Final = re.compile(r"\s*[-+]?\d{10,19}\s*")
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text is laid out.
+    """Layout of a text.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ def _is_number(text: str) -> bool:
 
 
 def _numeric(cells: Sequence[str]) -> bool:
-    """Whether most cells are numbers: a row may hold a date, too."""
+    """Tell whether most cells are numbers: a row may hold a date, too."""
     return 2 * sum(map(_is_number, cells)) > len(cells)
 
 

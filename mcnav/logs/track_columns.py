@@ -1,4 +1,4 @@
-"""Which columns of a record are those of a track, and in which units."""
+"""Columns of a track in a record, and their units."""
 
 from __future__ import annotations
 

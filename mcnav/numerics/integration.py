@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from scipy.integrate import DOP853, solve_ivp
-
 from mcnav._types import Array
 from mcnav.numerics.dense_output import DenseOutput
 
@@ -33,6 +31,8 @@ def integrate(
 
     Returns scipy's solution, with ``options`` of its `solve_ivp`; its ``sol``, if there is one, is a `DenseOutput`.
     """
+    from scipy.integrate import DOP853, solve_ivp  # slow to import: a tenth of a second
+
     relative, absolute = tolerances
     solution = solve_ivp(rates, span, state, method=DOP853, rtol=relative, atol=absolute, args=args, **options)
     if solution.sol is not None:

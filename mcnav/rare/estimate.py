@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from typing import Final
 
@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.rare.curvature import ALL_PAIRS, turned
 from mcnav.rare.facets import Facets, Outputs, linear_facets
@@ -36,7 +37,7 @@ from mcnav.rare.strata import draw_members, strata_of
 from mcnav.rare.unseen import UnseenNoise
 
 END: Final = 3.5
-"""How far beyond the farthest entry expected a line is followed."""
+"""Distance beyond the farthest entry expected to which a line is followed."""
 
 PILOT: Final = 36
 OTHERS: Final = 8

@@ -1,13 +1,13 @@
-"""Where lines enter the event: all lines together, one flight of each at a time."""
+"""Entries of lines into the event: all lines together, one flight of each at a time."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.rare.flights import NoisyMargins
 

@@ -1,4 +1,4 @@
-"""Where lines are laid: a normal distribution fitted to a few of them.
+"""Proposal for lines: a normal distribution fitted to a few of them.
 
 On a line at v, a standard normal, the probability is ``w(v) = Phi(-t*(v))``. With the fit
 ``t*(v) = c + b . v + sum_k q_k v_k^2`` and the hazard ``h = phi(c) / Phi(-c)``, the lines that matter are distributed
@@ -14,12 +14,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from scipy import special
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 PLAIN: Final = 0.2

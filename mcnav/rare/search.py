@@ -9,13 +9,13 @@ another facet.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.rare.facets import Facets
 from mcnav.rare.flights import Flown, Margins, Places
@@ -51,7 +51,7 @@ ASIDE: Final = 0.08
 
 @dataclass(frozen=True)
 class Search:
-    """What the search led to: facets, with those added; flights; why nothing can be stated, or nothing."""
+    """Result of the search: facets, with those added; flights; why nothing can be stated, or nothing."""
 
     facets: Facets
     flights: int

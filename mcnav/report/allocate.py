@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Final
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.allocation import MOST, Allocation, Goal, GradeChange, GradeSearch, NumberChange
 from mcnav.analysis.linear_answer import LinearRequirement
 from mcnav.report.document import (

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.brief import Advice, FilterRemedy
 from mcnav.analysis.filter_remarks import group_words
 from mcnav.report import sentences

@@ -6,17 +6,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
 from scipy import special
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.filter_remarks import instant
+from mcnav.analysis.what_if import GroupTerm, SizedSystem, WhatIf, grouped_terms
 from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.quantities import NAVIGATED, TRUE
 from mcnav.report.arrays import filter_covariances, linear_covariances
@@ -40,8 +42,14 @@ BODIES: Final = {"wgs84": RADIUS, "moon": 1737.4, "mars": 3389.5}
 ALIKE: Final = 0.05
 """Difference of the radius up to which a sphere is the earth."""
 
+AT_REST: Final = 1e-6
+"""Extent of a track up to which nothing moves, km: that of a base at rest is rounding of its latitude, 1e-12."""
+
 MOST_INSTANTS: Final = 160
 """Instants of a page; of more epochs, some are left out."""
+
+LEAST: Final = 1e-9
+"""Share of a mean square below which a part is left out: a hundred times as large, its number adds 1e-5."""
 
 NAMED: Final = 3
 """Causes that a sentence names."""
@@ -77,7 +85,7 @@ class Dispersion:
 
 @dataclass(frozen=True)
 class Place:
-    """Where the nominal flies in a plane, km.
+    """Position of the nominal in a plane, km.
 
     Attributes
     ----------
@@ -115,7 +123,7 @@ class Place:
     @property
     def moves(self) -> bool:
         """Return whether there is a track to be drawn."""
-        return bool(np.ptp(self.track, axis=0).max(initial=0.0) > 0.0)
+        return bool(np.ptp(self.track, axis=0).max(initial=0.0) > AT_REST)
 
 
 @dataclass(frozen=True)
@@ -143,6 +151,8 @@ class Deck:
         Share of each in the linear mean square of the two outputs, without means; empty where it is not known.
     caused : str
         What they are shares of.
+    terms : tuple of GroupTerm
+        Their parts by number of the data sheet, as shares of the whole; empty where no number can be changed.
     """
 
     label: str
@@ -156,6 +166,7 @@ class Deck:
     causes: tuple[Contributor, ...]
     shares: Array
     caused: str
+    terms: tuple[GroupTerm, ...] = ()
 
     @cached_property
     def worst(self) -> int:
@@ -218,12 +229,13 @@ def deck_of(content: RunAnalysis) -> Deck | None:
     dispersions = _dispersions(content, known, place, chosen)
     if not dispersions:
         return None
-    causes, shares, caused = _causes(content, place, times)
+    causes, shares, caused, terms = _causes(content, place, times)
     columns = content.history.columns
     height = next((name for name in columns if name.startswith("altitude [")), None)
     return Deck(
         known.label, times, columns[known.label], None if height is None else (height, columns[height]), place,
         tuple(dispersions), tuple(lanes(content, known.times)), known.events, causes, shares, caused,
+        terms,
     )  # fmt: skip
 
 
@@ -354,11 +366,16 @@ def _linear(content: RunAnalysis, known: Envelopes) -> Array | None:
     return np.asarray(between * known.linear_sigma[:, :, None] * known.linear_sigma[:, None, :])
 
 
-def _causes(content: RunAnalysis, place: Place, times: Array) -> tuple[tuple[Contributor, ...], Array, str]:
-    """Return the causes of the foremost outputs with their shares over time."""
+def _causes(
+    content: RunAnalysis, place: Place, times: Array
+) -> tuple[tuple[Contributor, ...], Array, str, tuple[GroupTerm, ...]]:
+    """Return the causes of the foremost outputs with their shares over time, also by number of the data sheet.
+
+    Where numbers can be changed on the page, a cause that is small now has its place as well.
+    """
     development, nothing = content.development, np.empty((len(times), 0))
     if development is None or not len(development.times):
-        return (), nothing, ""
+        return (), nothing, "", ()
     outputs = {each.name: number for number, each in enumerate(content.manifest.model.outputs)}
     prefix, words = (
         (TRUE, SUBJECTS["true"])
@@ -371,5 +388,28 @@ def _causes(content: RunAnalysis, place: Place, times: Array) -> tuple[tuple[Con
     parts = [variance_over_time(content, each.members)[:, picked].sum(axis=1) for each in listed]
     shares = np.array([np.divide(part, whole, out=np.zeros_like(part), where=whole > 0.0) for part in parts]).T
     nearest = np.abs(development.times - times[:, None]).argmin(axis=1)
-    kept = [j for j in range(len(listed)) if shares[:, j].max(initial=0.0) >= 0.01]
-    return tuple(listed[j] for j in kept), shares[nearest][:, kept], words
+    if content.what_if is None:
+        kept = [j for j in range(len(listed)) if shares[:, j].max(initial=0.0) >= 0.01]
+        return tuple(listed[j] for j in kept), shares[nearest][:, kept], words, ()
+    terms = _terms(content, content.what_if, [each.members for each in listed], picked, nearest, whole[nearest])
+    return tuple(listed), shares[nearest], words, terms
+
+
+def _terms(
+    content: RunAnalysis, what_if: WhatIf, groups: Sequence[Sequence[int]], outputs: Sequence[int],
+    readings: IndexArray, whole: Array,
+) -> tuple[GroupTerm, ...]:  # fmt: skip
+    """Split the mean square of some outputs, ``whole``, at some readings; small terms are left out."""
+    known, model, campaign = content.development, content.model, what_if.campaign
+    if known is None:
+        return ()
+    system = SizedSystem(
+        known.partials[readings][:, outputs], np.zeros((len(readings), len(outputs))),
+        {name: each[readings][:, outputs] for name, each in known.processes.items()},
+        model.mean, model.covariance, campaign.source_numbers, campaign.process_numbers,
+    )  # fmt: skip
+    split = [
+        replace(term, values=np.divide(term.values, whole, out=np.zeros_like(whole), where=whole > 0.0))
+        for term in grouped_terms(system, groups)
+    ]
+    return tuple(term for term in split if np.abs(term.values).max(initial=0.0) > LEAST)

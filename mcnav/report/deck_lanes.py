@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.filter_consistency import SensorConsistency
-from mcnav.analysis.filter_remarks import instant
+from mcnav.analysis.filter_remarks import period
 from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
 from mcnav.report.requirements import requirement_rows
@@ -168,4 +168,4 @@ def _runs(known: NDArray[np.bool_]) -> Sequence[tuple[int, int]]:
 
 
 def _span(begin: float, end: float, label: str) -> str:
-    return f"{instant(begin, '')} to {instant(end, label)}"
+    return period(begin, end, label)

@@ -125,22 +125,24 @@ def _budget(content: RunAnalysis) -> str:
 
 
 def _development(content: RunAnalysis) -> str:
-    """Say of which outputs the linear sigma is largest at the end, and when the first of the others is."""
+    """Say of which outputs the linear sigma, but for its start, is largest at the end, and of one that is not when."""
     known, moving = content.development, content.moving
-    if known is None or not moving:
+    if known is None or not moving or len(known.times) < 2:
         return ""
     sigma = np.sqrt(variance_over_time(content))[:, moving]
-    peaks = np.argmax(np.nan_to_num(sigma), axis=0)
+    peaks = 1 + np.argmax(np.nan_to_num(sigma[1:]), axis=0)
     early = np.flatnonzero(sigma[peaks, np.arange(len(moving))] > (1.0 + 1e-9) * sigma[-1])
+    later = bool((sigma[0] > sigma[1:].max(axis=0)).any())
     if not len(early):
-        return "By linear analysis every sigma is largest at the end."
+        return f"By linear analysis every sigma {'but for its start ' if later else ''}is largest at the end."
     place = int(early[np.argmax([sigma[peaks[k], k] / max(sigma[-1, k], 1e-300) for k in early])])
     output, at = moving[place], instant(float(known.times[peaks[place]]), known.label)
     largest = float(sigma[peaks[place], place]) * content.output_scale[output]
     size = f"{rounded(largest)} {content.output_units[output]}".strip()
+    verb, when = "is" if len(early) == 1 else "are", "after the start, but before" if later else "before"
     return (
-        f"By linear analysis {len(early)} of {len(moving)} sigmas {'is' if len(early) == 1 else 'are'} largest before "
-        f"the end; that of {content.output_names[output]} is {size} at {at}."
+        f"By linear analysis {len(early)} of {len(moving)} sigmas {verb} largest {when} the end; 1σ of "
+        f"{content.output_names[output]} is {size} at {at}."
     )
 
 
@@ -234,7 +236,7 @@ def _combination(content: RunAnalysis) -> str:
         return f"The mean of {name} is off by {rounded(joint.mean_error)} linear sigmas."
     simulated, linear = (f"{rounded(each * scale)} {unit}".strip() for each in (foremost.sigma_paired,
                                                                               foremost.sigma_linear))  # fmt: skip
-    return f"The sigma of {name} is {simulated} by Monte Carlo, {linear} by linear analysis."
+    return f"1σ of {name} is {simulated} by Monte Carlo, {linear} by linear analysis."
 
 
 def _requirements(content: RunAnalysis) -> str:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
+from mcnav._dataclasses import dataclass
+from mcnav.analysis.filter_consistency import cause_words
 from mcnav.analysis.filter_decision import deciding_names
-from mcnav.analysis.filter_remarks import instant
+from mcnav.analysis.filter_remarks import instant, period
 from mcnav.analysis.summary import Ends, FilterRatio, FilterSummary, NeglectedEntry, SensorEntry, Summary
 from mcnav.report.document import Cell, Column, Table
 from mcnav.report.filter_verdict import LEAST, TONES
@@ -43,7 +45,7 @@ class RatioRow:
 
     @property
     def worst(self) -> str:
-        """When the ratio is farthest from one."""
+        """Time at which the ratio is farthest from one."""
         return "–" if self.entry.worst is None else instant(self.entry.worst, self.filter.time)
 
     @property
@@ -52,8 +54,7 @@ class RatioRow:
         begin, end = self.entry.begin, self.entry.end
         if begin is None or end is None:
             return "–"
-        until = instant(end, self.filter.time)
-        return until if begin == end else f"{instant(begin, '')} to {until}"
+        return instant(end, self.filter.time) if begin == end else period(begin, end, self.filter.time)
 
     @property
     def verdict(self) -> Cell:
@@ -204,14 +205,14 @@ class SensorRow:
 
     @property
     def nis(self) -> Cell:
-        """Whether the mean NIS is within its bounds."""
+        """True where the mean NIS is within its bounds."""
         if self.entry.nis_mean is None:
             return Cell("no updates")
         return Cell("beyond bounds", tone="differs") if self.entry.nis_beyond else Cell("within bounds", tone="agrees")
 
     @property
     def innovations(self) -> Cell:
-        """Whether the innovations are white."""
+        """True where the innovations are white."""
         if self.entry.correlation is None:
             return Cell("–")
         if not self.entry.correlation_beyond:
@@ -306,7 +307,7 @@ def neglected_rows(summary: Summary, units: Units = "shown") -> list[NeglectedRo
     scale, unit = in_units(summary.outputs[place].unit, summary.units_shown[place], units)
     labels = dict(zip((source.name for source in summary.sources), labels_in(summary), strict=True))
     return [
-        NeglectedRow(entry, name, labels.get(entry.name, humanize(entry.name)), scale, unit)
+        NeglectedRow(entry, name, labels.get(entry.name, cause_words(entry.name)), scale, unit)
         for entry in result.neglected
     ]
 

@@ -79,19 +79,23 @@ def _outside(values: Array, low: Array | float, high: Array | float) -> int | No
 
 
 def errors(result: FilterConsistency) -> str:
-    """Compare true and filter sigma of the output for which they differ most where the true one is largest."""
+    """Compare true and filter sigma of the output for which they differ most where the true one is largest.
+
+    The first epoch counts only where nothing is known later: its sigmas are those of the campaign file.
+    """
     best: tuple[float, str] | None = None
     for each in result.outputs:
         own = sigmas(each)
         true, stated = own["Monte Carlo"], own["filter"]
         if not np.isfinite(true).any():
             continue
-        place = int(np.nanargmax(true))
+        place = 1 + int(np.nanargmax(true[1:])) if np.isfinite(true[1:]).any() else 0
         if not (true[place] > 0.0 and stated[place] > 0.0):
             continue
         unit, at = each.shown_in, instant(float(result.times[place]), result.label)
+        later = " after the start" if true[0] > true[place] else ""
         words = (
-            f"The sigma of {humanize(each.name)} is largest at {at}: {rounded(float(true[place]))} {unit} by Monte "
+            f"1σ of {humanize(each.name)} is largest{later} at {at}: {rounded(float(true[place]))} {unit} by Monte "
             f"Carlo; the filter states {rounded(float(stated[place]))} {unit}."
         )
         off = abs(float(np.log(true[place] / stated[place])))

@@ -1,13 +1,13 @@
-"""What a filter says of each output, and where it is farthest off, in the units shown."""
+"""Tables of a filter's sigmas by output, and of the times when they are farthest off, in the units shown."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.filter_consistency import FilterConsistency, Finding, Honesty, SigmaConsistency
 from mcnav.analysis.filter_remarks import group_words, instant

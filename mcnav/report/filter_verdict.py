@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from mcnav.analysis.filter_consistency import cause_words
 from mcnav.analysis.summary import FilterSummary, Summary
 from mcnav.report.format import number
 from mcnav.report.names import humanize
@@ -46,7 +47,7 @@ def explanation(summary: Summary) -> str:
 def _neglected(result: FilterSummary) -> str:
     """Name the errors that make a filter optimistic, with their shares; empty where the verdict names the only one."""
     named = [each for each in result.neglected if each.share >= LEAST][:NAMED]
-    shares = [f"{humanize(each.name)} {100.0 * each.share:.0f} %" for each in named]
+    shares = [f"{cause_words(each.name)} {100.0 * each.share:.0f} %" for each in named]
     return f"Neglected errors: {', '.join(shares)}." if len(shares) > 1 else ""
 
 
@@ -54,9 +55,9 @@ def worst_sigmas(name: str, when: str, true: float, stated: float, unit: str) ->
     """Compare the true sigma of an output at an instant with the filter's; the factor is that of the output alone.
 
     >>> worst_sigmas("position_north", "25 min", 24.91, 7.53, "m")
-    'At 25 min the sigma of position north is 24.9 m; the filter states 7.53 m (factor of this output alone: 3.31).'
+    'At 25 min 1σ of position north is 24.9 m; the filter states 7.53 m (factor of this output alone: 3.31).'
     """
     shown = f"{number(true, 3)} {unit}; the filter states {number(stated, 3)} {unit}"
     factor = max(true, stated) / min(true, stated) if true * stated > 0.0 else 0.0
     alone = f" (factor of this output alone: {factor:.3g})" if factor else ""
-    return f"At {when} the sigma of {humanize(name)} is {shown}{alone}."
+    return f"At {when} 1σ of {humanize(name)} is {shown}{alone}."

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.gates import SIGMAS
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.report.document import Cell, Column, Table

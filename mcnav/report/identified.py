@@ -1,13 +1,13 @@
-"""What logs at rest say of an inertial measurement unit: the results that a page, a terminal and files show."""
+"""An inertial measurement unit identified from logs at rest: the results that a page, a terminal and files show."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.identification.allan import AllanDeviation
 from mcnav.identification.fit import AxisFit
@@ -35,7 +35,7 @@ class LogFacts:
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """What the logs say of a parameter of an axis, as CSV and JSON have it: SI units, names of ``[imu]``.
+    """A parameter of an axis by the logs, as CSV and JSON have it: SI units, names of ``[imu]``.
 
     Attributes
     ----------
@@ -184,7 +184,7 @@ class CampaignSigmas:
 
 @dataclass(frozen=True)
 class IdentificationReport:
-    """What logs at rest say of a unit."""
+    """A unit identified from logs at rest."""
 
     logs: tuple[LogFacts, ...]
     axes: tuple[AxisReport, ...]

@@ -1,4 +1,4 @@
-"""What logs at rest say of an inertial measurement unit, as a page and in the terminal."""
+"""Page and terminal output of a unit identified from logs at rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a judged record says: sentences, tables, lines to paste, and the content of ``judge.json``."""
+"""Results of a judged record: sentences, tables, lines to paste, and the content of ``judge.json``."""
 
 from __future__ import annotations
 

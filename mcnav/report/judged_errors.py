@@ -1,4 +1,4 @@
-"""What a table of errors and sigmas says of a filter: sentences, a table, a page, and ``judge.json``."""
+"""Results of a table of errors and sigmas: sentences, a table, a page, and ``judge.json``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the model of a type of scenario leaves out, for its pages."""
+"""Effects that the model of a type of scenario leaves out, for its pages."""
 
 from __future__ import annotations
 
@@ -10,8 +10,15 @@ GRAVITY: Final = "disturbances of gravity, "
 NOT_MODELLED: Final = {
     "ins": "Not modelled: disturbances of gravity, vibration and what it rectifies to, errors of time tags, "
     "temperature, bending between instruments and antennas, faults of sensors.",
+    "reentry": "Not modelled: motion out of the plane, rotation and flattening of the earth, wind, noise of the "
+    "instruments.",
+    "cruise": "Not modelled: rotation and flattening of the earth, disturbances of gravity, noise of the instruments.",
+    "hover": "Not modelled: rotation and flattening of the earth, disturbances of gravity, noise of the instruments.",
 }
-"""By type of scenario; others are their authors' business, or those of the publication that they follow."""
+"""By type of scenario; others are their authors' business."""
+
+BENDING, FAULTS = "bending between instruments and antennas", "faults of sensors"
+"""Effects of which a campaign may state some."""
 
 NO_FIELD: Final = (
     "Gravity disturbances are processes of the distance travelled, and no field: a place that is visited twice has two "
@@ -19,13 +26,15 @@ NO_FIELD: Final = (
 )
 
 
-def not_modelled(kind: str, causes: Collection[str] = ()) -> str:
+def not_modelled(kind: str, causes: Collection[str] = (), faulty: bool = False) -> str:
     """Say what the model of a type of scenario leaves out; empty where nothing is known of it.
 
     Parameters
     ----------
     causes : collection of str
         Names of what it has.
+    faulty : bool
+        Whether the campaign states faults of sensors.
 
     Examples
     --------
@@ -33,8 +42,14 @@ def not_modelled(kind: str, causes: Collection[str] = ()) -> str:
     ('Not modelled: disturbances of gravity, v', '')
     >>> not_modelled("ins", ["gravity_anomaly"])[-44:]
     'instruments and antennas, faults of sensors.'
+    >>> not_modelled("ins", ["master_flexure_x"], faulty=True)[-76:]
+    'bending but for the stated flexure, faults of sensors but for those stated.'
     """
     words = NOT_MODELLED.get(kind, "")
+    if any("_flexure" in name for name in causes):
+        words = words.replace(BENDING, "bending but for the stated flexure")
+    if faulty:
+        words = words.replace(FAULTS, f"{FAULTS} but for those stated")
     if not words or not any(name.startswith("gravity_") for name in causes):
         return words
     return f"{NO_FIELD} {words.replace(GRAVITY, '')}"

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.answer_times import in_minutes
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, causes_at
 from mcnav.contract.quantities import KINDS, Output, end_words, kinds_of
@@ -144,7 +145,7 @@ class ReadingRow:
 
 @dataclass(frozen=True)
 class ContributorRow:
-    """What one cause contributes to the final sigma of an output, in the unit shown, as JSON has it."""
+    """Contribution of one cause to the final sigma of an output, in the unit shown, as JSON has it."""
 
     output: str
     cause: str

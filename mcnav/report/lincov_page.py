@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.answer_times import MINUTE, in_minutes, is_of_trajectory
 from mcnav.analysis.linear_answer import LinearAnswer
-from mcnav.analysis.linear_covariance import LinearCovariance
+from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
 from mcnav.analysis.what_if import WhatIf
 from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report.document import (
@@ -75,7 +76,8 @@ def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = 
     """Return the page; outages are those of the aiding sensors."""
     answer, outages = _as_read(answer, outages)
     (words, tone), *others = statements(answer)
-    left_out, largest = not_modelled(answer.kind, answer.causes), largest_table(answer)
+    faulty = answer.history is not None and bool(np.any(answer.history.means.get(NOMINAL, 0.0)))
+    left_out, largest = not_modelled(answer.kind, answer.causes, faulty), largest_table(answer)
     verdict = Verdict(
         f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION], noticed(answer.remarks)
     )

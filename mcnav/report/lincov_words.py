@@ -55,7 +55,7 @@ def label_of(answer: LinearAnswer, cause: str) -> str:
     labels = dict(zip(answer.causes, cause_labels(answer), strict=True))
     name = cause.removeprefix(MEAN)
     if name == NOMINAL:
-        return "nominal value"
+        return "faults of sensors" if answer.kind == "ins" else "nominal value"
     return f"{'mean of ' if cause != name else ''}{labels.get(name, humanize(name))}"
 
 

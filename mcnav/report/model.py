@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.budget import ErrorBudget
 from mcnav.analysis.comparison import Comparison, Criterion, Model
@@ -43,7 +43,7 @@ class RunAnalysis:
     failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter, ``smoother`` where
     none follows it, and ``beyond`` where linear errors leave the range in which they have a meaning, none where they do
     not. ``what_if`` is known where a page is to be written, ``histories`` of the first samples where a requirement
-    holds at epochs.
+    holds at epochs, and ``smoothed_histories`` where one of those is on the errors behind a smoother.
     """
 
     folder: RunFolder
@@ -64,6 +64,7 @@ class RunAnalysis:
     beyond: BeyondRange | None = None
     sizes: tuple[SampledSize, ...] = ()
     histories: ErrorHistories | None = None
+    smoothed_histories: ErrorHistories | None = None
     what_if: WhatIf | None = None
 
     @cached_property
@@ -105,14 +106,16 @@ class RunAnalysis:
     @cached_property
     def requirement_curves(self) -> tuple[RequirementCurve | None, ...]:
         """Curve of each requirement that holds at epochs, none of others; empty without histories."""
-        histories = self.histories
-        if histories is None or self.beyond is not None:
+        if (self.histories is None and self.smoothed_histories is None) or self.beyond is not None:
             return ()
-        return tuple(
-            requirement_curve(each.requirement, histories, self.criterion.confidence)
-            if each.requirement.epochs and max(each.requirement.epochs) < len(histories.times) else None
-            for each in self.requirements
-        )  # fmt: skip
+        return tuple(map(self._requirement_curve, self.requirements))
+
+    def _requirement_curve(self, result: RequirementResult) -> RequirementCurve | None:
+        requirement = result.requirement
+        histories = self.smoothed_histories if requirement.of else self.histories
+        if histories is None or not requirement.epochs or max(requirement.epochs) >= len(histories.times):
+            return None
+        return requirement_curve(requirement, histories, self.criterion.confidence)
 
     @cached_property
     def tail_curves(self) -> tuple[TailCurve | None, ...]:

@@ -188,6 +188,7 @@ def _notes(content: RunAnalysis) -> list[str]:
         f"seed {summary.seed}{took}."
     )
     kind = str(content.manifest.identity.campaign.get("scenario", {}).get("type", ""))
-    left_out = not_modelled(kind, content.model.processes)
+    causes = [*(each.name for each in content.manifest.model.sources), *content.model.processes]
+    left_out = not_modelled(kind, causes, bool(content.manifest.identity.campaign.get("faults")))
     remarks = (*_further(content), sentences.certain_but_small(summary), sentences.stopping(summary))
     return [*filter(None, (missing, *remarks, kept, flown, left_out))]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from threading import Timer
 from typing import Final
 
@@ -15,7 +15,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from mcnav.progress import COMPILATION, Phase, Progress
+from mcnav._dataclasses import dataclass
+from mcnav.progress import COMPILATION, MEASUREMENT, Phase, Progress, duration
 
 QUIET_SECONDS: Final = 1.0
 """Time after which progress appears."""
@@ -46,8 +47,12 @@ class _Line:
         if self.ended is None and COMPILATION.begun:
             once = ", once" if COMPILATION.stored else ""
             words += f"; compiling for this machine{once}: {COMPILATION.functions} functions so far"
+        if self.ended is None and MEASUREMENT.total:
+            words += f"; covariance of the noise: {MEASUREMENT.done:,} of {MEASUREMENT.total:,} simulations"
+            left = MEASUREMENT.seconds_left
+            words += "" if math.isnan(left) else f", {duration(left)} left"
         if self.phase != Phase.SIMULATING:
-            return Text(words), Text(), Text(), Text(_seconds(elapsed))
+            return Text(words), Text(), Text(), Text(duration(elapsed))
         count = f"{self.ready:,}" if self.total is None else f"{self.ready:,}/{self.total:,}"
         bar = ProgressBar(total=self.total, completed=self.ready, width=BAR_WIDTH, pulse=False)
         return Text(words), Text() if self.total is None else bar, Text(f"{count} samples"), Text(self._pace(elapsed))
@@ -55,25 +60,11 @@ class _Line:
     def _pace(self, elapsed: float) -> str:
         simulated = self.ready - self.stored
         if self.ended is not None or not simulated or elapsed <= 0.0:
-            return _seconds(elapsed)
+            return duration(elapsed)
         rate = simulated / elapsed
         if self.total is None or self.ready >= self.total:
             return f"{rate:,.0f} samples/s"
-        return f"{rate:,.0f} samples/s, {_seconds((self.total - self.ready) / rate)} left"
-
-
-def _seconds(value: float) -> str:
-    """Format a duration.
-
-    >>> _seconds(3.4), _seconds(75.0), _seconds(7_260.0)
-    ('3 s', '1 min 15 s', '2 h 1 min')
-    """
-    whole = round(value)
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3_600:
-        return f"{whole // 60} min {whole % 60} s"
-    return f"{whole // 3_600} h {whole % 3_600 // 60} min"
+        return f"{rate:,.0f} samples/s, {duration((self.total - self.ready) / rate)} left"
 
 
 class Lines:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.filter_consistency import MEAN
+from mcnav._dataclasses import dataclass
+from mcnav.analysis.filter_consistency import MEAN, cause_words
 from mcnav.analysis.summary import RequirementEntry, Summary
 from mcnav.report import sentences
 from mcnav.report.document import Cell, Column, Table
@@ -68,7 +69,7 @@ def cause_label(summary: Summary, cause: str) -> str:
     """Name a cause of a summary for people."""
     labels = dict(zip((source.name for source in summary.sources), labels_in(summary), strict=True))
     name = cause.removeprefix(MEAN)
-    return f"{'mean of ' if name != cause else ''}{labels.get(name, humanize(name))}"
+    return f"{'mean of ' if name != cause else ''}{labels[name]}" if name in labels else cause_words(cause)
 
 
 def way_to_fail(summary: Summary, way: Mapping[str, float]) -> str:
@@ -100,7 +101,7 @@ class RequirementRow:
 
     @property
     def words(self) -> str:
-        """What is required."""
+        """The requirement in words."""
         return stated(self.entry, shown_units(self.summary))
 
     @property
@@ -180,7 +181,7 @@ class RequirementRow:
 
     @property
     def to_decide(self) -> str:
-        """How many samples would decide, and why nothing was decided."""
+        """Number of samples that would decide, and why nothing was decided."""
         needed = self.entry.samples_needed
         decides = sentences.more_samples(needed, self.summary.samples) if needed else ""
         return "; ".join(filter(None, (decides, self.entry.remark)))

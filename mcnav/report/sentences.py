@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final, Literal
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.summary import Beyond, Summary, Tally, Unsettled
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, NUMERICAL
@@ -24,13 +24,13 @@ JOINT: Final = "joint distribution"
 """Name of the NEES test among the outputs."""
 
 BEYOND: Final = "beyond linear range"
-"""What stands in place of a linear number that has no meaning."""
+"""Text in place of a linear number that has no meaning."""
 
 LEAST_ROOM, MOST_ROOM = 1.1, 30.0
 """Multiples of all errors below which, and above which, no number is told."""
 
 Subject = Literal["linear", "requirements", "filter", "smoother"]
-"""What a verdict is on."""
+"""Subjects of verdicts."""
 
 SUBJECTS: Final[tuple[Subject, ...]] = ("linear", "requirements", "filter", "smoother")
 

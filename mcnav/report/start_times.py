@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.comparison import Comparison, OutputComparison
 from mcnav.contract.quantities import KINDS, Output, Source, end_words, kinds_of
 from mcnav.lincov.start_times import StartTimeStudy
@@ -56,7 +56,7 @@ WEIGHTED: Final = (
 )
 
 OF_KIND: Final = " of the {}"
-"""Which sigmas those are, by the kind that a clock weighs."""
+"""Names of those sigmas, by the kind that a clock weighs."""
 
 MOST_BESIDE: Final = 4
 """Outputs whose checks stand beside each other; those of more stand below each other."""

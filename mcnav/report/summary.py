@@ -247,8 +247,9 @@ def _requirement(judged: RequirementResult, names: Sequence[str]) -> Keys:
     if exceedance is not None:
         exceedance["from"], exceedance["to"] = exceedance.pop("low"), exceedance.pop("high")
         entry["exceedance"] = {**exceedance, "method": METHOD}
-    at_the_end = () if judged.requirement.epochs else ("when", "epochs", "time", "samples")
-    return {key: value for key, value in entry.items() if key not in at_the_end}
+    at_the_end = () if judged.requirement.epochs else ("epochs", "time", "samples")
+    unsaid = () if judged.requirement.when else ("when",)
+    return {key: value for key, value in entry.items() if key not in (*at_the_end, *unsaid)}
 
 
 def _joint(joint: MultivariateTests | None, outputs: int) -> Keys:

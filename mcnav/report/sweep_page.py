@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.accuracy_measures import Measure
 from mcnav.analysis.curve_refinement import BEND
 from mcnav.analysis.sweep import Confirmation, JustMet, Sweep, Variable
@@ -109,7 +109,7 @@ def _accuracy(sweep: Sweep) -> list[Part]:
 
 @dataclass(frozen=True)
 class _Limit:
-    """Where a limit is met, and rows of a page that its name covers."""
+    """A value at which a limit is met, and rows of a page that its name covers."""
 
     just_met: JustMet
     rows: int

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 ELSEWHERE = "report.html or --format csv"
-"""Where a narrow terminal's missing columns are."""
+"""Note on a narrow terminal's missing columns."""
 
 
 def verdict(summary: Summary) -> RenderableType:

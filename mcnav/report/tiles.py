@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Sequence
-from dataclasses import dataclass
 from typing import Final
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.summary import Ends, FilterSummary, Summary
@@ -152,14 +152,14 @@ def _requirement(summary: Summary, time_unit: str) -> Worst:
     if row is None:
         return NOTHING
     entry, known = row.entry, row.entry.exceedance
-    if known and None not in (known.estimate, known.low, known.high):
+    if known and not known.refusal and None not in (known.estimate, known.low, known.high):
         allowed = f"allowed {_power(1.0 - (entry.probability or 0.5))}"
         estimate, low, high = map(_power, (known.estimate, known.low, known.high))
         return Worst(estimate, f"beyond the limit ({low} to {high}); {allowed}")
     if entry.estimate is None or not math.isfinite(entry.estimate):
-        return NOTHING
+        return Worst("–", row.exceedance) if known and known.refusal else NOTHING
     limit = f"at least {100.0 * (entry.probability or 0.0):g} %" if entry.kind == "box" else _limit(row)
-    when = f" at {instant(entry.time, '')} {row.time_unit}".rstrip() if entry.time is not None else ""
+    when = f" at {instant(entry.time, f'time [{row.time_unit}]')}" if entry.time is not None else ""
     return Worst(_three(row, entry.estimate), f"{_measure(row)}{when}{_between(row)}; {limit}")
 
 

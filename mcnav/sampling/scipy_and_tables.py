@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import math
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 

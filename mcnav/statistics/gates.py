@@ -1,4 +1,4 @@
-"""What a gate lets pass: a normal innovation n of M components is accepted where ``|n|^2 <= T``.
+"""Gates on normal innovations: an innovation n of M components is accepted where ``|n|^2 <= T``.
 
 n is whitened by what the filter believes. Where it believes the truth n has the covariance one, ``|n|^2`` is noncentral
 chi-square, and the error e after an accepted measurement is independent of n. Otherwise ``|n|`` has the law of
@@ -12,12 +12,12 @@ where e has the mean mu and the sigma s, and n the mean m, the covariance C and 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy import special
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.statistics.bisection import root_between
 from mcnav.statistics.normal_size import NormalSize

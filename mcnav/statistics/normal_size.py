@@ -13,12 +13,12 @@ exp K(-t)) t^(-3/2) dt``, by the trapezoidal rule in log t. Both are good to 1e-
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy import special
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.statistics.bisection import root_between
 

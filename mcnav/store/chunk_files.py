@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pydantic import Field
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.contract.failure import OK, Failure
 from mcnav.files import read_whole, write_whole
@@ -349,12 +350,26 @@ def verify_chunk(folder: Path, number: int, identity: str, stored_rows: int | No
 
 def identities_in(folder: Path) -> set[str]:
     """Collect the identities of the chunks in a folder that can be read."""
-    identities = set()
-    for path in sorted(folder.glob("part-*.parquet")):
-        with suppress(OSError, pa.ArrowException, ValueError, KeyError):
-            marks = pq.read_schema(io.BytesIO(read_whole(path, LARGEST_CHUNK))).metadata or {}
-            identities.add(marks[b"mcnav.identity"].decode())
-    return identities
+    known = map(identity_in, sorted(folder.glob("part-*.parquet")))
+    return {identity for identity in known if identity is not None}
+
+
+def identity_in(path: Path) -> str | None:
+    """Read the digest of the run that a chunk's file is of, unverified; none where it cannot be read."""
+    with suppress(OSError, pa.ArrowException, ValueError, KeyError):
+        marks = pq.read_schema(io.BytesIO(read_whole(path, LARGEST_CHUNK))).metadata or {}
+        return str(marks[b"mcnav.identity"], "utf-8")
+    return None
+
+
+def rewrite_marks(folder: Path, file: ChunkFile, change: Callable[[dict[str, str]], dict[str, str]]) -> ChunkFile:
+    """Write a verified chunk again with other metadata, whole or not at all; its rows stay as they are."""
+    table = table_from(read_whole(folder / file.file, LARGEST_CHUNK), text=STATUS)
+    marks = change({key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()})
+    marks[CHECKSUM] = _checksum_of(marks)
+    content = parquet_bytes(table.replace_schema_metadata(marks), _TEXT)
+    write_whole(folder / file.file, content)
+    return replace(file, sha256=hashlib.sha256(content).hexdigest())
 
 
 def _described(number: int, begin: int, count: int, failed: int, fallback_count: int, content: bytes) -> ChunkFile:

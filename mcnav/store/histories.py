@@ -28,6 +28,7 @@ from mcnav.store.chunk_files import ChunkFile, check_room
 MARK: Final = "mcnav.histories"
 SMOOTHED_MARK: Final = "mcnav.smoothed"
 FIRST_MARK: Final = "mcnav.first_histories"
+FIRST_SMOOTHED_MARK: Final = "mcnav.first_smoothed"
 PERCENTILES: Final = (1.0, 5.0, 50.0, 95.0, 99.0)
 """Percentiles of the samples whose histories are stored."""
 
@@ -58,14 +59,16 @@ def power_sums_in(marks: Mapping[bytes, bytes], pivot: Array, mark: str = MARK) 
     return PowerSums(int(numbers[-1]), pivot, numbers[:-1].reshape(len(pivot), -1).astype(float))
 
 
-def first_marks(histories: Array | None) -> dict[str, str]:
+def first_marks(histories: Array | None, mark: str = FIRST_MARK) -> dict[str, str]:
     """Encode histories of samples, shape (n, m, outputs), as metadata of a chunk's file."""
     if histories is None or not len(histories):
         return {}
-    return {FIRST_MARK: base64.b64encode(histories.astype("<f8").tobytes()).decode()}
+    return {mark: base64.b64encode(histories.astype("<f8").tobytes()).decode()}
 
 
-def first_histories_in(marks: Mapping[bytes, bytes], chunk: ChunkFile, shape: tuple[int, ...]) -> Array | None:
+def first_histories_in(
+    marks: Mapping[bytes, bytes], chunk: ChunkFile, shape: tuple[int, ...], mark: str = FIRST_MARK
+) -> Array | None:
     """Decode the histories of a chunk's samples that are among the first, shape (n, m, outputs); none without them.
 
     Parameters
@@ -76,7 +79,7 @@ def first_histories_in(marks: Mapping[bytes, bytes], chunk: ChunkFile, shape: tu
     wanted = max(min(chunk.end, STORED) - chunk.begin, 0)
     numbers = np.empty(0)
     if wanted:
-        numbers = np.frombuffer(base64.b64decode(marks.get(FIRST_MARK.encode(), b"")), dtype="<f8").astype(float)
+        numbers = np.frombuffer(base64.b64decode(marks.get(mark.encode(), b"")), dtype="<f8").astype(float)
     return numbers.reshape(wanted, *shape) if len(numbers) == wanted * math.prod(shape) else None
 
 

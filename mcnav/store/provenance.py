@@ -1,4 +1,4 @@
-"""Where the program came from: the commit of its checkout."""
+"""Origin of the program: the commit of its checkout."""
 
 from __future__ import annotations
 

@@ -23,7 +23,8 @@ from mcnav.records import Record
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
 HISTORY, DEVELOPMENT, SAMPLES, LOCK = "history.parquet", "development.parquet", "samples", ".lock"
 EPOCHS, HISTORIES, FILTER = "epochs.parquet", "histories.parquet", "filter.parquet"
-FILES: Final = (MANIFEST, SUMMARY, REPORT, HISTORY, DEVELOPMENT, EPOCHS, HISTORIES, FILTER, CAMPAIGN)
+SMOOTHED = "smoothed_histories.parquet"
+FILES: Final = (MANIFEST, SUMMARY, REPORT, HISTORY, DEVELOPMENT, EPOCHS, HISTORIES, SMOOTHED, FILTER, CAMPAIGN)
 TABLES: Final = "tables"
 """Folder of a run with the tables of its campaign."""
 

@@ -2,7 +2,8 @@
 
 ``campaign.toml`` (resolved), ``manifest.json``, ``samples/part-*.parquet``, ``history.parquet``, where partial
 derivatives are known over time ``development.parquet``, where the engine knows errors throughout the flight
-``epochs.parquet`` and ``histories.parquet``, with a filter ``filter.parquet``, ``summary.json``, ``report.html``, and
+``epochs.parquet`` and ``histories.parquet``, with a filter ``filter.parquet``, behind a smoother
+``smoothed_histories.parquet``, ``summary.json``, ``report.html``, and
 the Python file of a scenario of the user's own, which only ``mcnav run`` on the campaign beside it ever executes, with
 the small files that it reads in ``inputs/``. A file is written under a temporary name and renamed when it is complete,
 so that a file that is there is whole. The file of a chunk has the identity of its run and its place in it; it is
@@ -344,7 +345,7 @@ class RunFolder:
             return _columns(table), json.loads((table.schema.metadata or {})[b"mcnav.epochs"])
 
     def histories(
-        self, samples: int, expected: Sequence[str] | None = None
+        self, samples: int, expected: Sequence[str] | None = None, name: str = HISTORIES
     ) -> tuple[str, Array, dict[str, Array]] | None:
         """Read the errors of the first samples at every epoch; none where the run has no histories.
 
@@ -352,6 +353,8 @@ class RunFolder:
         ----------
         expected : sequence of str, optional
             Outputs that the file must have, as ``name [unit]``; others are not read.
+        name : str
+            Of the file: those behind a smoother have one of their own.
 
         Returns
         -------
@@ -366,7 +369,7 @@ class RunFolder:
         RunFolderError
             When they cannot be read.
         """
-        path = self.path / HISTORIES
+        path = self.path / name
         if not path.exists():
             return None
         with _reading(path, "is damaged"):

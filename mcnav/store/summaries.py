@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any, Final
@@ -17,9 +17,11 @@ from typing import Any, Final
 import numpy as np
 import pyarrow.parquet as pq
 
+from mcnav._dataclasses import dataclass
+from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason, without_numbers
 from mcnav.lincov.block_sums import BlockSums
-from mcnav.store.chunk_files import ChunkFile
+from mcnav.store.chunk_files import ChunkFile, rewrite_marks
 
 SUMMARY: Final = "summary"
 """The ``store`` of a campaign whose samples are not stored."""
@@ -101,6 +103,10 @@ class Summary:
         failures = _together(chain(self.failures.items(), other.failures.items()))
         return Summary(self.sums + other.sums, self.samples + other.samples, failures)
 
+    def followed_by(self, blocks: Array) -> Summary:
+        """Append blocks whose samples are counted already."""
+        return replace(self, sums=self.sums.followed_by(blocks))
+
     def marks(self, begin: int) -> dict[str, str]:
         """Encode the summary of samples from an index on as metadata of their chunk's file."""
         sums = self.sums
@@ -115,6 +121,10 @@ class Summary:
         }
         counts = {"begin": begin, "samples": self.samples, "failed": self.failed}
         return {MARK: json.dumps(described)} | {f"mcnav.{key}": str(count) for key, count in counts.items()}
+
+    def doubled(self) -> Summary:
+        """Return the summary in blocks twice as long."""
+        return replace(self, sums=self.sums.doubled())
 
     @property
     def failed(self) -> int:
@@ -131,6 +141,18 @@ class Summary:
         arrays = [part.reshape(shape) for part, shape in zip(np.split(numbers, cuts), shapes, strict=True)]
         failures = {reason: FailureCount(int(samples), tuple(first)) for reason, samples, first in known["failures"]}
         return cls(BlockSums(int(known["first"]), *arrays), int(known["samples"]), failures)
+
+
+def double_blocks(folder: Path, file: ChunkFile, identity: str, times: int) -> ChunkFile:
+    """Write a verified chunk again as that of a run whose blocks are 2^times as long: the same bits as if simulated."""
+
+    def doubled(marks: dict[str, str]) -> dict[str, str]:
+        summary = Summary.from_mark(marks[MARK])
+        for _ in range(times):
+            summary = summary.doubled()
+        return marks | {"mcnav.identity": identity} | summary.marks(file.begin)
+
+    return rewrite_marks(folder, file, doubled)
 
 
 def collect_summary(folder: Path, chunks: Sequence[ChunkFile]) -> Summary:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import pyarrow.parquet as pq
 
+from mcnav._dataclasses import dataclass
 from mcnav._recent import Recent
 from mcnav._types import Array
 from mcnav.contract.filter_record import FilterSchema
@@ -17,7 +18,13 @@ from mcnav.contract.power_sums import PowerSums
 from mcnav.statistics.filter_sums import FilterSums
 from mcnav.store.chunk_files import ChunkFile
 from mcnav.store.filters import SMOOTHER_MARK, filter_sums_in
-from mcnav.store.histories import SMOOTHED_MARK, first_histories_in, power_sums_in
+from mcnav.store.histories import (
+    FIRST_MARK,
+    FIRST_SMOOTHED_MARK,
+    SMOOTHED_MARK,
+    first_histories_in,
+    power_sums_in,
+)
 
 
 @dataclass(frozen=True)
@@ -30,8 +37,8 @@ class Totals:
     filter_sums : FilterSums or None
     smoothed_sums, smoother_sums : PowerSums or None, FilterSums or None
         Of a smoother.
-    first : ndarray, shape (n, m, outputs), or None
-        Histories of the first samples; none unless all of their chunks have them.
+    first, first_smoothed : ndarray, shape (n, m, outputs), or None
+        Histories of the first samples, and behind a smoother; none unless all of their chunks have them.
     """
 
     power_sums: PowerSums | None
@@ -39,6 +46,7 @@ class Totals:
     first: Array | None
     smoothed_sums: PowerSums | None = None
     smoother_sums: FilterSums | None = None
+    first_smoothed: Array | None = None
 
 
 _KNOWN: Final = Recent[Totals](most=2)
@@ -71,7 +79,7 @@ def read_totals(
     if not histories:
         return _KNOWN.get((key, False), lambda: _add_up(pivot, schema, smoother, folder, chunks, False))
     totals = _add_up(pivot, schema, smoother, folder, chunks, True)
-    _KNOWN.get((key, False), lambda: replace(totals, first=None))
+    _KNOWN.get((key, False), lambda: replace(totals, first=None, first_smoothed=None))
     return totals
 
 
@@ -80,8 +88,9 @@ def _add_up(
     chunks: Sequence[ChunkFile], histories: bool,
 ) -> Totals:  # fmt: skip
     """Read the files of chunks for `read_totals`."""
-    power, filters, first, known = None, None, list[Array](), histories
+    power, filters = None, None
     smoothed, smoothers = None, None
+    first, first_smoothed = _First(FIRST_MARK, pivot.shape), _First(FIRST_SMOOTHED_MARK, pivot.shape)
     for chunk in chunks:
         marks = pq.read_metadata(folder / chunk.file).metadata or {}
         if (power_sums := power_sums_in(marks, pivot)) is not None:
@@ -93,8 +102,28 @@ def _add_up(
                 smoothed = power_sums if smoothed is None else smoothed + power_sums
             if (filter_sums := filter_sums_in(marks, smoother, SMOOTHER_MARK)) is not None:
                 smoothers = filter_sums if smoothers is None else smoothers + filter_sums
-        if known:
-            first_histories = first_histories_in(marks, chunk, pivot.shape)
-            known = first_histories is not None
-            first += [] if first_histories is None else [first_histories]
-    return Totals(power, filters, np.concatenate(first) if known and first else None, smoothed, smoothers)
+        if histories:
+            first.read(marks, chunk)
+            first_smoothed.read(marks, chunk)
+    return Totals(power, filters, first.whole, smoothed, smoothers, first_smoothed.whole)
+
+
+@dataclass
+class _First:
+    """Histories of the first samples, of one kind, put together from chunks; ``shape`` has epochs and outputs."""
+
+    mark: str
+    shape: tuple[int, ...]
+    known: bool = True
+    parts: list[Array] = field(default_factory=list)
+
+    def read(self, marks: Mapping[bytes, bytes], chunk: ChunkFile) -> None:
+        """Append those of a chunk; where one has none, none are known."""
+        histories = first_histories_in(marks, chunk, self.shape, self.mark) if self.known else None
+        self.known = histories is not None
+        self.parts += [] if histories is None else [histories]
+
+    @property
+    def whole(self) -> Array | None:
+        """All of them, shape (n, m, outputs); none unless all chunks have theirs."""
+        return np.concatenate(self.parts) if self.known and self.parts else None

@@ -56,12 +56,12 @@ from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import allocate as tables
 from mcnav.report.html import page_html
 from mcnav.studies.lincov import answer_linearly
-from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, KINDS
+from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, NAMES
 
 FILE: Final = "allocate.json"
 PAGE: Final = "allocate.html"
 
-TOGETHER: Final = {f"bias and instability, {instrument}": f"imu.{instrument}.bias" for instrument in KINDS} | {
+TOGETHER: Final = {f"bias and instability, {instrument}": f"imu.{instrument}.bias" for instrument in NAMES} | {
     "all of imu.gyro": "imu.gyro.", "all of imu.accelerometer": "imu.accelerometer.", "all of imu": "imu.",
 }  # fmt: skip
 """Beginnings of the keys of numbers that are also changed together: a bias and what it does in run grow together."""

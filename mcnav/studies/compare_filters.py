@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from time import thread_time
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_kinds import KindComparison, KindResult
 from mcnav.analysis.sweep import Variable
 from mcnav.config.overrides import VariedCampaign
+from mcnav.config.read import Campaign
 from mcnav.config.sweep_values import read_variables
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario
 from mcnav.errors import CampaignError, Problem, suggestion
 from mcnav.files import indented_json, write_texts
-from mcnav.progress import SILENT, Phase, Progress
+from mcnav.progress import SILENT, Phase, Progress, duration, note
 from mcnav.report import filter_kinds as report
 from mcnav.report.html import page_html
 from mcnav.systems.ins.filter.model import KINDS
 from mcnav.systems.ins.recognition import is_ins
+from mcnav.workflow.cost import LONG, time_of
 from mcnav.workflow.run import run_campaign
 
 ENGINE: Final = "reference"
@@ -59,6 +62,14 @@ class FilterPlan:
     jobs: int = 2
 
 
+@dataclass(frozen=True)
+class Pace:
+    """Computing time of a sample on one thread, and how many one worker takes at a time."""
+
+    milliseconds: float
+    chunk: int
+
+
 def compare_filters(
     campaign: str | Path, plan: FilterPlan, folder: Path, progress: Progress = SILENT
 ) -> tuple[KindComparison, list[Path]]:
@@ -84,11 +95,13 @@ def compare_filters(
     for value, kind in points:  # all are read before the first runs
         at = {} if variable is None or value is None else {variable.path: variable.written(value)}
         campaigns.append(varied.at({"filter.kind": kind, **at, **samples}))
+    paces = [_pace(each.scenario) for each in campaigns]
+    _tell_time(campaigns, paces, plan.jobs)
     results = []
-    for number, ((value, kind), each) in enumerate(zip(points, campaigns, strict=True)):
+    for number, ((value, kind), each, pace) in enumerate(zip(points, campaigns, paces, strict=True)):
         name = kind if value is None else f"{number // len(kinds) + 1:02d}_{kind}"
         summary = run_campaign(each, folder / RUNS / name, ENGINE, plan.jobs, progress=progress).results
-        results.append(KindResult(kind, value, f"{RUNS}/{name}", summary, _milliseconds(each.scenario)))
+        results.append(KindResult(kind, value, f"{RUNS}/{name}", summary, pace.milliseconds))
     comparison = KindComparison(varied.campaign.name, kinds, variable, tuple(results))
     progress.phase(Phase.REPORTING)
     texts = {
@@ -114,11 +127,22 @@ def _variable(varied: Mapping[str, str | Sequence[object]]) -> Variable | None:
     return read_variables(varied, POINTS)[0]
 
 
-def _milliseconds(scenario: Scenario) -> float:
-    """Measure the computing time of a sample on one thread: the mean of some without errors, after a first one."""
+def _tell_time(campaigns: Sequence[Campaign], paces: Sequence[Pace], jobs: int) -> None:
+    """Print how long the runs will take, where that is long."""
+    seconds = sum(
+        time_of(each.samples, pace.milliseconds / 1000.0, pace.chunk, jobs)
+        for each, pace in zip(campaigns, paces, strict=True)
+    )
+    if seconds >= LONG:
+        runs = f"{len(campaigns)} run{'' if len(campaigns) == 1 else 's'} of {campaigns[0].samples:,} samples"
+        note(f"{runs}: about {duration(seconds)} with --jobs {jobs}, less what is stored already")
+
+
+def _pace(scenario: Scenario) -> Pace:
+    """Measure the computing time of a sample: the mean of some without errors, after a first one."""
     nothing = np.zeros((TIMED, len(scenario.sources)))
     engine = scenario.engine(ENGINE, nothing[:1])
     engine.simulate(Batch(np.arange(1), nothing[:1], 0), noise=False)
     begun = thread_time()
     engine.simulate(Batch(np.arange(TIMED), nothing, 0), noise=False)
-    return 1000.0 * (thread_time() - begun) / TIMED
+    return Pace(1000.0 * (thread_time() - begun) / TIMED, engine.chunk)

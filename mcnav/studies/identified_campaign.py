@@ -13,13 +13,14 @@ from the asymptotic normal law of the estimates, each half of which is stretched
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from scipy.stats import norm
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.config.overrides import Value, VariedCampaign
 from mcnav.config.read import Campaign
@@ -90,7 +91,7 @@ def _navigation(campaign: Campaign) -> Navigation:
 
 @dataclass(frozen=True)
 class _Change:
-    """What a log puts in the place of a campaign's values, of one axis.
+    """Values of a log in place of a campaign's, for one axis.
 
     Attributes
     ----------

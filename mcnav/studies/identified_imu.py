@@ -1,4 +1,4 @@
-"""What logs identify as a table ``[imu]`` of a campaign file, and the grades of the catalogue around it."""
+"""Table ``[imu]`` of a campaign file from identified logs, and the grades of the catalogue around it."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import numpy as np
 from mcnav.report.identified import AxisReport, GradeRow, ParameterRow
 from mcnav.report.identify import statement_words
 from mcnav.systems.ins.imu.instruments import AXES
-from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
-from mcnav.systems.ins.tables.imu_catalogue import KINDS, CatalogueUnit, catalogue_units
+from mcnav.systems.ins.tables.imu_catalogue import ALLAN_MINIMUM, CatalogueUnit, catalogue_units, units_of_values
 from mcnav.systems.ins.tables.instrument_tables import INTERVALS
 from mcnav.units import conversion, quantity
 
@@ -31,7 +30,10 @@ def imu_table(axes: Sequence[AxisReport], interval: float) -> str:
     text = "# Noise identified from logs at rest; 95 % intervals are comments.\n"
     for instrument in dict.fromkeys(axis.instrument for axis in axes):
         own = [axis for axis in axes if axis.instrument == instrument]
-        rows = {key: [row for axis in own for row in axis.parameters if row.key == key] for key in KINDS[instrument]}
+        rows = {
+            key: [row for axis in own for row in axis.parameters if row.key == key]
+            for key in units_of_values()[instrument]
+        }
         lines = list(_lines(rows, own, interval))
         text += f"\n[imu.{instrument}]\n" + "".join(f"{line}\n" for line in lines)
     return text

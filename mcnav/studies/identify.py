@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import chi2
 
+from mcnav._dataclasses import dataclass
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.constants import STANDARD_GRAVITY
@@ -67,7 +68,7 @@ WALKS: Final = {"gyro": "angle", "accelerometer": "velocity"}
 
 @dataclass(frozen=True)
 class IdentifyPlan:
-    """How logs are read.
+    """Settings by which logs are read.
 
     Attributes
     ----------
@@ -162,7 +163,7 @@ def identify_logs(paths: Sequence[Path], plan: IdentifyPlan | None = None) -> Id
 
 @dataclass(frozen=True, eq=False)
 class _AxisRecord:
-    """What the readings of an axis in one log say; the readings themselves are not kept."""
+    """Results of the readings of an axis in one log; the readings themselves are not kept."""
 
     fitted: AxisFit
     goodness: Goodness

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,14 @@ from mcnav.files import indented_json, to_json, write_texts
 from mcnav.judgement.error_table import ErrorVerdict, judge_errors
 from mcnav.judgement.verdict import SIMULATED, TRIALS, Judgement, judge
 from mcnav.logs.log_error import LogError
+from mcnav.progress import duration, note
 from mcnav.report import judged
 from mcnav.report import judged_errors as errors_report
 from mcnav.report.html import page_html
 from mcnav.report.judge_page import page
 from mcnav.studies.error_tables import read_error_table
 from mcnav.studies.recordings import RecordingFiles, read_recording, recordable
+from mcnav.workflow.cost import LONG
 
 JSON, PAGE = "judge.json", "judge.html"
 
@@ -60,12 +63,18 @@ def _judged(campaign: Campaign, files: RecordingFiles, simulated: int, seed: int
         with one_thread():
             mean = np.asarray(campaign.errors.mean)
             record = scenario.filter_recording(recording, mean, campaign.errors.covariance)
-            judgement = judge(record, simulated, min(TRIALS, simulated), seed)
+            judgement = judge(record, simulated, min(TRIALS, simulated), seed, partial(_tell_time, simulated))
     except RecordingError as problem:
         raise LogError(files.imu, str(problem)) from None
     except ScenarioError as problem:
         raise CampaignError([Problem(campaign.file, problem.key, str(problem))]) from None
     return record, replace(judgement, notes=(*notes, *judgement.notes))
+
+
+def _tell_time(simulated: int, seconds: float) -> None:
+    """Print how long a judgement will take, where that is long."""
+    if seconds >= LONG:
+        note(f"judging by {simulated:,} simulated records: about {duration(seconds)}, longer where numbers are named")
 
 
 def write_judgement(

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Final
 
 import tomli_w
 
+from mcnav._dataclasses import dataclass
 from mcnav.config.data_sheet import DataSheetNumber, data_sheet_numbers
 from mcnav.config.overrides import Value, override
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
@@ -26,8 +27,11 @@ from mcnav.studies.live_run import REFUSED, RunningCampaign, in_one_line
 MOST: Final = 6
 """Settings that are kept besides the campaign itself."""
 
+READINGS: Final = 3
+"""Times that a file is read which is written meanwhile."""
+
 CHANGED: Final = "the file has changed in the meantime"
-"""Why a setting of an earlier content of the file is refused."""
+"""Reason why a setting of an earlier content of the file is refused."""
 
 
 @dataclass(frozen=True)
@@ -65,16 +69,23 @@ class LiveCampaign:
         self._seen = self._signature()
 
     def watch(self) -> None:
-        """Answer again if the file, or one that it names, has changed; a mistake leaves the last answer standing."""
-        signature = self._signature()
-        if signature == self._seen:
-            return
-        self._seen, self._error = signature, ""
-        try:
-            self._answer()
-        except REFUSED as wrong:
-            self._error = in_one_line(wrong)
-        self._seen = self._signature()  # files that are named now
+        """Answer again if the file, or one that it names, has changed; a mistake leaves the last answer standing.
+
+        A file that is written while it is read is read again, at once or the next time.
+        """
+        for _ in range(READINGS):
+            before = self._signature()
+            if before == self._seen:
+                return
+            self._error = ""
+            try:
+                self._answer()
+            except REFUSED as wrong:
+                self._error = in_one_line(wrong)
+            now = self._signature()
+            self._seen = now | {path: state for path, state in before.items() if path in now}
+            if self._seen == now:
+                return
 
     def page(self) -> str:
         """Return the page as HTML."""
@@ -180,9 +191,9 @@ class LiveCampaign:
             raise CampaignError([Problem(f"setting {number}", "", f"is not among the last {MOST}")])
         return chosen
 
-    def _signature(self) -> tuple[tuple[int, int] | None, ...]:
+    def _signature(self) -> dict[Path, tuple[int, int] | None]:
         """Return time and size of the file and of those that it names; none of one that is not there."""
-        return tuple(map(_state_of, (self._file, *self._inputs)))
+        return {path: _state_of(path) for path in (self._file, *self._inputs)}
 
 
 def _shortened(tried: list[_Tried]) -> list[_Tried]:

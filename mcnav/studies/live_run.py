@@ -110,7 +110,7 @@ class RunningCampaign:
 
     @property
     def running(self) -> bool:
-        """Whether it goes on."""
+        """True while it goes on."""
         return self.look().state == "running"
 
     def stop(self) -> None:

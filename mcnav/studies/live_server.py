@@ -38,7 +38,7 @@ LARGEST: Final = 100_000
 WRONG: Final = "403: this is not the address that mcnav live has printed; its token is missing or wrong"
 
 Call = Callable[[LiveCampaign], str]
-"""What a request asks for; its text is the answer."""
+"""Function that answers a request; its text is the answer."""
 
 
 class LiveServer(ThreadingHTTPServer):
@@ -161,14 +161,14 @@ def _stopped(_: dict[str, Any]) -> Call:
 ACTIONS: Final[dict[str, Callable[[dict[str, Any]], Call]]] = {
     "tune": _tuned, "confirm": _confirmed, "stop": _stopped,
 }  # fmt: skip
-"""What the page asks to be done."""
+"""Requests of the page that change something."""
 
 SHOWN: Final[dict[str, tuple[str, Callable[[LiveCampaign, int], str]]]] = {
     "setting": ("text/html", LiveCampaign.setting_page),
     "report": ("text/html", LiveCampaign.report),
     "campaign": ("text/plain", LiveCampaign.campaign_file),
 }
-"""What else there is, each of a setting by its number, with the type of its content."""
+"""Further content, each of a setting by its number, with the type of its content."""
 
 
 class _Requests(BaseHTTPRequestHandler):

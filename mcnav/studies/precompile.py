@@ -8,11 +8,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from mcnav._dataclasses import dataclass
 from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav.config.read import read_campaign
 from mcnav.contract.scenario import ScenarioError
@@ -44,7 +45,7 @@ LEFT_OUT: Final = ("26_reentry_to_a_landing_site",)
 """Examples that need no kernel which the distinct ones do not, and take seconds to prepare: left out unless named."""
 
 REFUSALS: Final = (CampaignError, ScenarioError, SimulationFailed)
-"""What is raised where an example does not suit an engine or so few samples; what it needs by then is compiled."""
+"""Errors where an example does not suit an engine or so few samples; what it needs by then is compiled."""
 
 
 @dataclass(frozen=True)

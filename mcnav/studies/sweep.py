@@ -6,13 +6,14 @@ The answers are linear. Monte Carlo confirms them at chosen points.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import (
@@ -49,7 +50,7 @@ CSV, JSON, PAGE = "sweep.csv", "sweep.json", "sweep.html"
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """What is varied, and what is looked at.
+    """Variables that are varied, and measures that are looked at.
 
     Attributes
     ----------

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, Any, Final, get_args, get_origin
 
+from mcnav._dataclasses import dataclass
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
@@ -77,7 +78,7 @@ class FurtherTable:
 
     @property
     def is_list(self) -> bool:
-        """Whether the file has several of it, ``[[name]]``."""
+        """True where the file has several of it, ``[[name]]``."""
         form = get_args(self.form)[0] if get_origin(self.form) is Annotated else self.form
         return get_origin(form) is list
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
+from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
@@ -40,7 +41,7 @@ from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.store.chunk_files import Samples
 from mcnav.store.histories import STORED
 from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord, PartialsRecord
-from mcnav.store.run_files import MANIFEST, REPORT
+from mcnav.store.run_files import HISTORIES, MANIFEST, REPORT, SMOOTHED
 from mcnav.store.run_files import SUMMARY as SUMMARY_FILE
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, collect_summary
@@ -116,10 +117,16 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         comparison = compare_reduced(model, reduced, criterion, design)
         filtered = filter_evidence(folder, manifest, comparison.failed)
         smoothed = smoother_evidence(folder, manifest, comparison.failed)
-    over_time = any(requirement.epochs for requirement in requirements)
-    histories = error_histories(folder, manifest, design) if over_time and unfinished is None else None
+    histories, smoothed_histories = (
+        error_histories(folder, manifest, design, smoothed)
+        if unfinished is None and any(each.epochs and bool(each.of) == smoothed for each in requirements) else None
+        for smoothed in (False, True)
+    )  # fmt: skip
     beyond = beyond_range(manifest.model, model)
-    judge = _Judge(manifest, requirements, model, criterion, comparison, samples.outputs, blocks, histories, beyond)
+    judge = _Judge(
+        manifest, requirements, model, criterion, comparison, samples.outputs, blocks, histories, smoothed_histories,
+        beyond,
+    )  # fmt: skip
     return RunAnalysis(
         folder=folder,
         manifest=manifest,
@@ -139,6 +146,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         beyond=beyond,
         sizes=sampled_sizes(model, samples.outputs, blocks, criterion),
         histories=histories,
+        smoothed_histories=smoothed_histories,
     )
 
 
@@ -157,7 +165,7 @@ def _reduce(folder: RunFolder, manifest: Manifest, model: Model, samples: Sample
 
 @dataclass(frozen=True)
 class _Judge:
-    """What requirements are judged by."""
+    """Numbers by which requirements are judged."""
 
     manifest: Manifest
     requirements: tuple[Requirement, ...]
@@ -167,15 +175,17 @@ class _Judge:
     outputs: Array
     blocks: IndexArray
     histories: ErrorHistories | None
+    smoothed_histories: ErrorHistories | None
     beyond: BeyondRange | None
 
     def result(self, requirement: Requirement) -> RequirementResult:
         """Judge a requirement, and add what linear analysis says of it."""
         confidence = self.criterion.confidence
         if requirement.epochs:
-            result = judge_over_time(requirement, self.histories, confidence)
-            if self.histories is not None and max(requirement.epochs) < len(self.histories.times):
-                result = self._with_exceedance(result, requirement, self.histories.errors, self.histories.blocks)
+            histories = self.smoothed_histories if requirement.of else self.histories
+            result = judge_over_time(requirement, histories, confidence)
+            if histories is not None and max(requirement.epochs) < len(histories.times):
+                result = self._with_exceedance(result, requirement, histories.errors, histories.blocks)
         else:
             most = STORED_ROWS if self.manifest.store == SUMMARY else None
             result = judge_requirement(
@@ -257,11 +267,18 @@ def _evidence(
     )
 
 
-def error_histories(folder: RunFolder, manifest: Manifest, design: SamplingDesign) -> ErrorHistories | None:
-    """Read the histories of a run's first samples, with the linear moments where these are known at the same epochs."""
+def error_histories(
+    folder: RunFolder, manifest: Manifest, design: SamplingDesign, smoothed: bool = False
+) -> ErrorHistories | None:
+    """Read the histories of a run's first samples, with the linear moments where these are known at the same epochs.
+
+    ``smoothed`` are those behind the smoother.
+    """
     model, development = manifest.model, manifest.model.development
+    if smoothed:
+        development = None if model.smoother is None else model.smoother.errors
     names = [f"{output.name} [{output.unit}]" for output in model.outputs]
-    histories = folder.histories(STORED, names)
+    histories = folder.histories(STORED, names, SMOOTHED if smoothed else HISTORIES)
     if histories is None:
         return None
     _, times, by_output = histories

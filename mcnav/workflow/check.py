@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._threads import one_thread
 from mcnav.analysis.heading import heading_remark
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
@@ -18,6 +18,7 @@ from mcnav.statistics.demonstration import runs_to_show
 from mcnav.systems.user.code import classes_in
 from mcnav.systems.user.conformance import Check, check_conformance
 from mcnav.systems.user.table import read_code
+from mcnav.workflow.cost import cost_check
 from mcnav.workflow.trajectory import describe_file
 
 CAMPAIGN, CODE = ".toml", ".py"
@@ -63,7 +64,15 @@ def _campaign_checks(campaign: Campaign) -> list[Check]:
     asked = len(campaign.requirements)
     told = [f"{asked} requirement{'' if asked == 1 else 's'}", *by_counting(campaign)]
     read = Check("keys and values", True, "; ".join(told))
-    return [read, *check_conformance(campaign.scenario, campaign.errors.standard_deviations)]
+    return [read, *_scenario_checks(campaign)]
+
+
+def _scenario_checks(campaign: Campaign) -> list[Check]:
+    """Check a scenario with the errors of a campaign, and tell what a run costs where nothing is wrong."""
+    checks = check_conformance(campaign.scenario, campaign.errors.standard_deviations)
+    if not all(check.passed for check in checks):
+        return checks
+    return [*checks, *cost_check(campaign.scenario, campaign.errors, campaign.samples)]
 
 
 def by_counting(campaign: Campaign) -> list[str]:
@@ -119,7 +128,7 @@ def _check_class(path: Path, name: str, campaign: Path | None) -> Checked:
         read = parse_campaign(described, str(path), path.stem)
     except (CampaignError, ScenarioError) as wrong:
         return Checked(title, [Check("contract", False, line) for line in str(wrong).splitlines()])
-    return Checked(title, check_conformance(read.scenario, read.errors.standard_deviations))
+    return Checked(title, _scenario_checks(read))
 
 
 def _check_trajectory(path: Path, columns: Mapping[str, str] | None) -> Checked:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 from scipy import special
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.exceedance import Event, allowed_share, most_likely_way, samples_deciding
@@ -225,13 +225,16 @@ def estimate_exceedances(
     """
     records = []
     engine = isolated(system.scenario, exact_part(system.engine), system.timeout)
-    over_time = any(requirement.epochs for requirement in requirements)
+    over_time = any(requirement.epochs and not requirement.of for requirement in requirements)
     throughout = linear_at_epochs(system.scenario, exact_part(system.engine)) if over_time else None
     noisy = has_noise(system.scenario, system.engine)
     for number, requirement in enumerate(requirements):
         if requirement.kind == "sigma_ratio":
             continue
         over_time, rare = bool(requirement.epochs), is_rare(size_probability(requirement))
+        if requirement.of and over_time:
+            records += [_refused(number, "errors behind a smoother are counted alone")] if rare else []
+            continue
         reason = _refusal(system, over_time, throughout)
         if reason and (over_time or noisy):
             records += [_refused(number, reason)] if rare else []

@@ -1,4 +1,4 @@
-"""What linear analysis adds to a run over time: causes of each requirement, and the range in which it has a meaning."""
+"""Linear analysis beside a run over time: causes of each requirement, and the range in which it has a meaning."""
 
 from __future__ import annotations
 
@@ -54,7 +54,8 @@ def explain(
     if beyond is not None and _meaningless(result.requirement, record.development, beyond):
         return replace(result, linear=math.nan, linear_meets=False, largest_sigmas=None)
     if result.requirement.epochs:
-        development = record.development
+        behind = record.smoother if result.requirement.of else None
+        development = record.development if behind is None else behind.errors
         if development is None or result.time is None:
             return result
         at = int(np.argmin(np.abs(development.times - result.time)))

@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
 from mcnav.analysis.requirements import requirements_from
@@ -21,7 +22,7 @@ from mcnav.config.stopping import StoppingRule
 from mcnav.entries.inputs import InputFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, did_you_mean, near_names
 from mcnav.execution.chunks import ChunkJob, DrawPlan
-from mcnav.execution.identity import check_no_foreign_files, check_resumable, chunk_digest, identity_of
+from mcnav.execution.identity import check_no_foreign_files, check_resumable, chunk_digest, earlier_digests, identity_of
 from mcnav.execution.processes import end_workers_apart
 from mcnav.execution.runner import ChunkExecutor
 from mcnav.lincov.polynomial_engine import engine_names
@@ -33,13 +34,15 @@ from mcnav.store.run_files import CAMPAIGN, FORMAT
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY
 from mcnav.systems.timeouts import stopped_by
-from mcnav.systems.user.conformance import Check, check_conformance
 from mcnav.workflow.analyse import analyse, linear_model, summary_frame, write_results
 from mcnav.workflow.corrections import compute_corrections
 from mcnav.workflow.exceedance import estimate_exceedances
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from mcnav.workflow.stopping import Execution
 from mcnav.workflow.stored_samples import doubt_samples, tables_over_time
+
+if TYPE_CHECKING:
+    from mcnav.systems.user.conformance import Check
 
 Result = TypeVar("Result")
 
@@ -148,10 +151,7 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
     notices, processors = ([], target()) if fresh else check_resumable(folder, identity, draws.design, draws.samples)
     digest = chunk_digest(identity, draws.design, draws.samples)
-    if any(each.of for each in campaign.requirements):
-        message = "samples have no requirements of a smoother; mcnav lincov judges them"
-        raise CampaignError([Problem(campaign.file, "accept", message)])
-    together = [each.outputs for each in campaign.requirements if each.epochs]
+    together = [each.outputs for each in campaign.requirements if each.epochs and not each.of]
     system = prepare_system(
         campaign.scenario, draws, engine_name, campaign.tolerance, campaign.sample_timeout, campaign.file, force,
         together,
@@ -161,7 +161,10 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     manifest = _first_manifest(campaign, system, identity, inputs, processors)
     folder.begin(manifest, system.history, campaign.stored_files(), inputs)
     layout, frame = manifest.sample_schema, summary_frame(manifest)
-    job = ChunkJob(draws, system.engine, folder, digest, layout, campaign.sample_timeout, frame, inputs=inputs)
+    job = ChunkJob(
+        draws, system.engine, folder, digest, layout, campaign.sample_timeout, frame, inputs=inputs,
+        earlier=earlier_digests(identity, draws.design, draws.samples),
+    )  # fmt: skip
     return _Begun(system, manifest, job, notices)
 
 
@@ -276,5 +279,7 @@ def engine_of(path: Path, campaign: Path) -> str | None:
 
 def check_scenario(campaign: Campaign) -> list[Check]:
     """Check the scenario of a campaign with its errors; see `mcnav.systems.user.conformance`."""
+    from mcnav.systems.user.conformance import check_conformance  # which no run needs
+
     with one_thread():
         return check_conformance(campaign.scenario, campaign.errors.standard_deviations)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 
+from mcnav._dataclasses import dataclass
 from mcnav.config.stopping import StoppingRule
 from mcnav.execution.chunks import ChunkJob
 from mcnav.execution.runner import ChunkExecutor, run_chunks

@@ -1,4 +1,4 @@
-"""What the stored samples of a run say over time, and of the linear model of a user's class."""
+"""Answers of a run's stored samples: tables over time, and tests of the linear model of a user's class."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_samples import doubt_noise
-from mcnav.contract.engine import Engine, has_histories
+from mcnav.contract.engine import Engine, has_histories, smoother_of
 from mcnav.contract.history import Epochs
 from mcnav.contract.scenario import is_linear_over_time, runs_user_code
 from mcnav.execution.processes import IsolatedEngine
@@ -21,7 +21,7 @@ from mcnav.store.chunk_files import ChunkFile, Samples
 from mcnav.store.filters import filter_columns, filter_table
 from mcnav.store.histories import STORED, epochs_table, histories_table
 from mcnav.store.manifest import UnsettledRecord
-from mcnav.store.run_files import EPOCHS, FILTER, HISTORIES
+from mcnav.store.run_files import EPOCHS, FILTER, HISTORIES, SMOOTHED
 from mcnav.store.totals import read_totals
 from mcnav.systems.user.soundness import LARGEST, SHARE, Unsettled
 from mcnav.systems.user.stochastic_engine import without_linear
@@ -99,7 +99,8 @@ def _tables_of_followed(
     """Tabulate what an engine has returned of its samples over time."""
     errors, outputs = system.draws.errors, system.scenario.outputs
     schema, tables, columns = engine.filter, {}, {}
-    totals = read_totals(np.zeros((len(epochs.times), len(outputs))), schema, folder, chunks, histories=True)
+    pivot, smoother = np.zeros((len(epochs.times), len(outputs))), smoother_of(engine)
+    totals = read_totals(pivot, schema, folder, chunks, histories=True, smoother=smoother)
     sums, histories = totals.power_sums, totals.first
     if histories is None:
         histories = _first_histories(system, engine, epochs)
@@ -107,6 +108,8 @@ def _tables_of_followed(
         means = FilterMeans.of(schema, totals.filter_sums)
         tables[FILTER] = filter_table(epochs, outputs, means)
         columns = filter_columns(outputs, means, filter_prediction(system.scenario, epochs))
+    if totals.first_smoothed is not None:
+        tables[SMOOTHED] = histories_table(epochs, outputs, totals.first_smoothed)
     if sums is None and histories is not None:  # those of a map are of the samples that are simulated for it
         sums = sum_powers_about_zero(histories)
     if sums is None or sums.count < FEWEST_FOLLOWED or histories is None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_answer import LinearAnswer
@@ -55,7 +55,7 @@ def what_if_of_answer(answer: LinearAnswer, content: Mapping[str, Any], beside: 
     beside : str
         See `WhatIf`.
     """
-    requirements = [each.requirement for each in answer.requirements]
+    requirements = _judged([each.requirement for each in answer.requirements])
     entries, throughout = _entries(requirements, answer.model), None
     if answer.history is not None:
         readings = answer.history.readings
@@ -72,7 +72,7 @@ def what_if_of_run(content: RunAnalysis) -> WhatIf | None:
     if not content.dispersed:
         return None
     record = content.manifest.model
-    requirements = [each.requirement for each in content.requirements]
+    requirements = _judged([each.requirement for each in content.requirements])
     entries = _entries(requirements, content.model)
     sources = tuple(Source(each.name, each.unit, each.shown_in, 0.0, group=each.group or "") for each in record.sources)
     throughout = _throughout(content, entries)
@@ -125,17 +125,18 @@ def _over_time(content: RunAnalysis, pair: tuple[int, int]) -> bool:
     return any(
         set(pair) <= set(size_members(each.requirement.outputs, sizes) or each.requirement.outputs)
         for each in content.requirements
-        if each.requirement.epochs
+        if each.requirement.epochs and not each.requirement.of
     )
 
 
 def _entries(requirements: Sequence[Requirement], model: Model) -> Entries:
-    limited = [size_members(each.outputs, model.sizes) or each.outputs for each in _judged(requirements)]
+    limited = [size_members(each.outputs, model.sizes) or each.outputs for each in requirements]
     return entries_of(len(model.partials), limited)
 
 
 def _judged(requirements: Sequence[Requirement]) -> list[Requirement]:
-    return [each for each in requirements if each.kind != "sigma_ratio"]
+    """Return the requirements that sums of the filter's errors judge: not those behind a smoother over time."""
+    return [each for each in requirements if each.kind != "sigma_ratio" and not (each.of and each.epochs)]
 
 
 def _what_if(
@@ -169,7 +170,7 @@ def _what_if(
             each, members or each.outputs, bool(members),
             tuple(int(np.searchsorted(kept, settled[epoch])) for epoch in each.epochs) or (len(kept) - 1,),
         )
-        for each in _judged(requirements)
+        for each in requirements
         for members in [size_members(each.outputs, model.sizes)]
     )  # fmt: skip
     without = tuple(unsized_causes(campaign, sources, model.covariance))

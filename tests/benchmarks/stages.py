@@ -27,7 +27,7 @@ STAGES: Final = {
     "errors at 60 epochs": ("mcnav.systems.reentry.scenario:EnsembleEngine.history_sums",),
     "store": (
         "mcnav.execution.chunks:write_chunk",
-        "mcnav.execution.chunks:reduce_samples",
+        "mcnav.lincov.sample_reduction:BlockReduction.add",
         "mcnav.workflow.run:tables_over_time",
     ),
     "analyse": ("mcnav.workflow.run:analyse",),

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.browser.conftest import Browser
+from tests.conftest import ROOT
 
 HEIGHT = 800
 
@@ -23,7 +24,11 @@ def test_the_answers_are_on_the_first_screen(browser: Browser, report: Path) -> 
 
     A verdict has its worst number in three digits, and leads to its section; the worst one is the window's title.
     """
+    asked = (ROOT / "mcnav" / "REPORT.md").read_text(encoding="utf-8").partition("## Fifteen questions")[2]
+    asked = asked.partition("## ")[0]
+    assert asked.count("? |") == 15
     with browser.opened(report, height=HEIGHT) as page:
+        assert set(re.findall(r"\*([^*]+)\*", asked)) <= set(page.locator("nav.contents li").all_inner_texts())
         headlines = page.locator(".tile .headline").all_inner_texts()
         assert headlines[0] == "0 of 1 met, 1 not met: |heading| below 3 mrad in 95 % of samples."
         assert page.locator(".tile .tag").all_inner_texts() == ["not met", "optimistic", "undecided"]

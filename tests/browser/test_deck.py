@@ -86,7 +86,7 @@ def test_a_figure_of_the_worst_instant_without_script(page_of: Callable[[str], P
     figure = re.search(r'<figure id="figure-deck">.*?</figure>', text, re.DOTALL)
     assert figure is not None
     content = json.loads(re.search(r'<script type="application/json">(.*?)</script>', figure[0], re.DOTALL)[1])  # type: ignore[index]
-    worst, rows = content["at"], re.findall(r"<tr><td>([\d.e+-]+)</td><td>([\d.e+-]+)</td>", figure[0])
+    worst, rows = content["at"], re.findall(r"<tr><td>([\d.e+-]+)<td>([\d.e+-]+)<td>", figure[0])
     lengths = [float(longest) for _, longest in rows]
     assert lengths[worst] == max(lengths[1:])
     assert figure[0].count("series-now") == 3

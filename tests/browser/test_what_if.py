@@ -7,6 +7,7 @@ whose boxes are to 1e-7 by another rule.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 
 import mcnav
+from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.requirements import normal_box_probability
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.report.html import page_html
@@ -122,9 +124,47 @@ def test_sigmas_of_a_reentry(browser: Browser, tmp_path: Path, monkeypatch: pyte
         compare(page, file, 3)
 
 
+DECK = """async () => {
+  await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+  const figure = document.querySelector("#figure-deck");
+  const data = JSON.parse(figure.querySelector(":scope > script").textContent);
+  return [data.times[document.querySelector(".clock input").value],
+    data.causes.map(([name]) => figure.querySelector(`.series-${name} path`).dataset.tip),
+    figure.querySelectorAll(".ghost").length, figure.querySelector(".shows").textContent];
+}"""
+"""Instant of the flight deck, its causes in words, how many have a mark of the campaign's share, and its sentence."""
+
+BEGINNINGS = {"gyros": "gyro_", "accelerometers": "accelerometer_", "gnss": "gnss_", "altimeter": "altimeter_"}
+
+
+def compare_deck(page: Any, answer: LinearAnswer, campaign: LinearAnswer) -> None:
+    """Compare the deck's causes with the shares of linear covariance analysis in the variance of north and east.
+
+    Shares are shown to a tenth of a per cent, the ratio of sigmas with three digits.
+    """
+    time, told, ghosts, said = page.evaluate(DECK)
+    history, before = answer.history, campaign.history
+    assert history is not None
+    assert before is not None
+    at = int(history.settled[np.argmin(np.abs(history.readings.times[history.settled] - 60.0 * time))])
+    added = {name: float(values[at, :2].sum()) for name, values in history.variances.items()}
+    expected = dict.fromkeys(["initial errors", *BEGINNINGS], 0.0)
+    for name, part in added.items():
+        origin = next((each for each, begin in BEGINNINGS.items() if name.startswith(begin)), "initial errors")
+        expected[origin] += 100.0 * part / sum(added.values())
+    shown = dict(re.fullmatch(r"(.+): ([\d.]+) %, in the campaign [\d.]+ %", each).groups() for each in told)  # type: ignore[union-attr]
+    assert {name: float(share) for name, share in shown.items()} == pytest.approx(expected, abs=0.0501)
+    assert ghosts == len(expected)
+    ratio = float(np.sqrt(sum(added.values()) / (before.sigma[at, :2] ** 2).sum()))
+    factor = re.search(r"With the numbers of What if, the filter not tuned anew: .*is ([\d.]+) times", said)
+    assert factor is not None
+    assert float(factor[1]) == pytest.approx(ratio, rel=6e-3)
+
+
 def test_report_of_a_run(browser: Browser, page_of: Callable[[str], Path]) -> None:
-    """The file that it copies is one of its folder; its sigmas are those after updates."""
+    """The file that it copies is one of its folder; its sigmas are those after updates; the deck's causes follow."""
     report = page_of("aided")
+    campaign = answer_linearly(read_campaign(report.parent / "campaign.toml"))
     with browser.opened(report) as page:
         for found in settings(page, 4):
             (report.parent / "what_if.toml").write_text(found["toml"], encoding="utf-8")
@@ -133,6 +173,7 @@ def test_report_of_a_run(browser: Browser, page_of: Callable[[str], Path]) -> No
             settled = answer.history.sigma[answer.history.settled]
             np.testing.assert_allclose(np.array(found["sigmas"])[:-1], settled, rtol=1e-6)
             np.testing.assert_allclose(found["sigmas"][-1], answer.sigma, rtol=1e-6)
+        compare_deck(page, answer, campaign)
 
 
 def test_by_keyboard(browser: Browser, page_of: Callable[[str], Path]) -> None:

@@ -13,8 +13,10 @@ import tomli_w
 from mcnav.analysis.filter_kinds import KindComparison, KindResult
 from mcnav.analysis.summary import FilterRatio, Summary
 from mcnav.analysis.sweep import Variable
+from mcnav.config.read import parse_campaign
 from mcnav.report.document import Verdict
 from mcnav.report.filter_kinds import terminal
+from mcnav.studies.compare_filters import Pace, _tell_time
 from tests.commands import invoke
 from tests.filter_kinds import CAMPAIGN
 
@@ -75,6 +77,16 @@ def test_one_command_gives_one_table(folder: Path) -> None:
         assert row["nees_navigation_low"] < row["nees_navigation"] < row["nees_navigation_high"]
         assert row["milliseconds"] > 0.0
     assert (folder / "out" / "filters.html").exists()
+
+
+def test_the_time_of_long_comparisons_is_told_beforehand(capsys: pytest.CaptureFixture[str]) -> None:
+    """Two workers take 150 samples in chunks of 100 as long as one chunk; comparisons of seconds are not told."""
+    campaigns = [parse_campaign(CAMPAIGN | {"samples": 150}, "kinds.toml", "kinds")] * 2
+    _tell_time(campaigns, [Pace(500.0, 100), Pace(250.0, 100)], 2)
+    told = "note: 2 runs of 150 samples: about 1 min 15 s with --jobs 2, less what is stored already\n"
+    assert capsys.readouterr().err == told
+    _tell_time(campaigns, [Pace(5.0, 100)] * 2, 2)
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize(

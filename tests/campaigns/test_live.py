@@ -166,7 +166,7 @@ def test_settings_are_tuned_anew(filtered: Path, tmp_path: Path) -> None:
     assert numbers == [1, *[2] * (MOST - 1), 3]
 
 
-def test_the_file_is_followed(filtered: Path, tmp_path: Path) -> None:
+def test_the_file_is_followed(filtered: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A mistake is one line, and the last answer stays; settings of an earlier content are kept and not continued."""
     live = LiveCampaign(filtered, tmp_path / "runs", 1)
     live.tune(1, {"errors.heading": 2.0})
@@ -193,6 +193,19 @@ def test_the_file_is_followed(filtered: Path, tmp_path: Path) -> None:
     os.utime(tmp_path / "flight.csv", ns=(1, 1))
     live.watch()
     assert live.state()["revision"] == 3  # a file that the campaign names
+
+    def meanwhile() -> None:
+        """Read half a file, whose other half is written before the watch ends."""
+        monkeypatch.undo()
+        try:
+            live._answer()
+        finally:
+            filtered.write_text(FILTERED, encoding="utf-8")
+
+    filtered.write_text(FILTERED[: len(FILTERED) // 8], encoding="utf-8")
+    monkeypatch.setattr(live, "_answer", meanwhile)
+    live.watch()
+    assert (live.state()["error"], live.state()["revision"]) == ("", 4)
 
 
 def test_usual_mistakes(tmp_path: Path) -> None:

@@ -22,7 +22,8 @@ from mcnav.contract.engine import follows_samples
 from mcnav.contract.scenario import can_have_noise
 from mcnav.errors import CampaignError
 from mcnav.report.linearity_words import WITHOUT_NOISE
-from mcnav.systems.user.stochastic_scenario import MEASURED_FROM
+from mcnav.systems.user import noise_measurement
+from mcnav.systems.user.noise_measurement import INDEPENDENT
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
 from tests.commands import in_process
@@ -93,18 +94,18 @@ def _refused(path: Path, folder: Path, **options: bool) -> str:
 def test_workers_chunks_restarts_and_extensions_give_the_same_bits(tmp_path: Path) -> None:
     path = _written(tmp_path / "code")
     for jobs in (1, 2):
-        run_campaign(read_campaign(path), tmp_path / str(jobs), None, jobs)
+        simulate(read_campaign(path), tmp_path / str(jobs), None, jobs)
     whole = _digests(tmp_path / "1")
     assert len(whole) == 3
     assert _digests(tmp_path / "2") == whole
     (tmp_path / "2" / "samples" / "part-00001.parquet").unlink()
-    assert run_campaign(read_campaign(path), tmp_path / "2", None, 1).simulated == 128
+    assert simulate(read_campaign(path), tmp_path / "2", None, 1).simulated == 128
     assert _digests(tmp_path / "2") == whole
-    run_campaign(read_campaign(path, {"samples": 130}), tmp_path / "extended", None, 1)
-    assert run_campaign(read_campaign(path), tmp_path / "extended", None, 1).simulated == 172
+    simulate(read_campaign(path, {"samples": 130}), tmp_path / "extended", None, 1)
+    assert simulate(read_campaign(path), tmp_path / "extended", None, 1).simulated == 172
     assert _digests(tmp_path / "extended") == whole
     chunked = _written(tmp_path / "chunked", more=COVARIANCE + "\n    chunk = 50\n")
-    run_campaign(read_campaign(chunked), tmp_path / "50", None, 2)
+    simulate(read_campaign(chunked), tmp_path / "50", None, 2)
     assert len(_digests(tmp_path / "50")) == 6
     np.testing.assert_array_equal(_outputs(tmp_path / "50"), _outputs(tmp_path / "1"))
     assert all(as_stored(replay(tmp_path / "1", index, path)) for index in (0, 127, 128, 299))
@@ -115,14 +116,14 @@ def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     path = _written(tmp_path, "time.sleep(0.01)", COVARIANCE + "\n    chunk = 20\n")
     command = [sys.executable, "-m", "mcnav", "run", path, "--jobs", "2", "--no-report", "--out"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    run_campaign(read_campaign(path), tmp_path / "calm", None, 2)
+    simulate(read_campaign(path), tmp_path / "calm", None, 2)
     with running([*command, tmp_path / "hit"], env=environment) as process:
         wait_for(lambda: _digests(tmp_path / "hit"), process)
         process.send_signal(signal.SIGKILL)
         process.communicate(timeout=LONG)
     left = _digests(tmp_path / "hit")
     assert 0 < len(left) < len(_digests(tmp_path / "calm"))
-    run_campaign(read_campaign(path), tmp_path / "hit", None, 2)
+    simulate(read_campaign(path), tmp_path / "hit", None, 2)
     assert _digests(tmp_path / "hit") == _digests(tmp_path / "calm")
 
 
@@ -198,18 +199,30 @@ def test_own_linear_simulations_are_those_of_differences(tmp_path: Path) -> None
     np.testing.assert_allclose(differences[:, 2:], own[:, 2:], atol=1e-12)
 
 
-def test_a_covariance_that_is_not_given_is_measured(tmp_path: Path) -> None:
-    """Within five standard errors; its error hardly matters in paired ratios."""
-    for name, more in (("differences", ""), ("own", TWIN)):
-        run = run_campaign(read_campaign(_written(tmp_path / name, more=more)), tmp_path / name / "run", None, 1)
+def test_a_covariance_that_is_not_given_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exactly with a probe for each variate, else within five standard errors, which hardly matter in paired ratios.
+
+    Worker processes measure the same bits.
+    """
+    varies = "walk = walk + 0.0 * (noise.normal() if walk[-1] > 0.0 else 0.0)"
+    exact = "computed from a linear simulation for each of its 8 variates"
+    rough = "measured from 1,000 linear simulations, sigmas to 2.2 %"
+    cases = {"differences": ("", "pass", exact), "own": (TWIN, "pass", exact), "varies": ("", varies, rough)}
+    for name, (more, body, words) in cases.items():
+        run = run_campaign(read_campaign(_written(tmp_path / name, body, more)), tmp_path / name / "run", None, 1)
         (process,) = run.summary["processes"]
         assert process["name"] == "noise"
-        error = np.sqrt(2.0 / MEASURED_FROM)
-        assert process["covariance"][0][0] == pytest.approx(2.0, rel=5.0 * error)
+        error = 5.0 * np.sqrt(2.0 / INDEPENDENT) if name == "varies" else 1e-9
+        assert process["covariance"][0][0] == pytest.approx(2.0, rel=error)
         np.testing.assert_allclose(run.summary["sigma_ratio_paired"], 1.0, atol=1e-9)
         assert run.summary["verdict"] == "agrees"
-        page = (tmp_path / name / "run" / "report.html").read_text()
-        assert "measured from 1,000 linear simulations, sigmas to 2.2 %" in page
+        assert words in (tmp_path / name / "run" / "report.html").read_text()
+    monkeypatch.setattr(noise_measurement, "SHARED_FROM", 0.0)
+    alone, shared = (
+        read_campaign(_written(tmp_path / name, body, "")).scenario.linear().end.processes["noise"]
+        for name, body in (("differences", "pass"), ("shared", "pass  # by workers"))
+    )
+    np.testing.assert_array_equal(alone, shared)
 
 
 @pytest.mark.parametrize("more", [COVARIANCE, ""], ids=["covariance", "measured"])

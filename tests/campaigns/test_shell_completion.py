@@ -80,6 +80,10 @@ def test_keys_and_outputs_of_a_sweep(place: Path) -> None:
         "imu.gyro.bias", "imu.gyro.bias_instability.sigma", "imu.gyro.bias_instability.correlation_time"
     ]  # fmt: skip
     assert completed(f"{line} imu.gyro.bias --against position_h", place) == ["position_horizontal"]
+    varied = keys(Before(place / "campaigns" / "19_flight_with_gnss.toml"), "aiding.gnss")
+    assert varied[-3:] == ["aiding.gnss", "aiding.gnss.outages.1.length", "aiding.gnss.outages.1.begin"]
+    states = keys(Before(place / "campaigns" / "19_flight_with_gnss.toml"), "filter.estimates.g")
+    assert states == ["filter.estimates.gyro_bias"]
 
 
 def test_figures_of_a_run(place: Path) -> None:

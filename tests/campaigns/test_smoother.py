@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError
+from mcnav.execution.chunks import DrawPlan
 from mcnav.report.lincov import statements
 from mcnav.report.lincov_page import reading_table
 from mcnav.report.tables_over_time import tables_over_time
+from mcnav.statistics.order_statistics import RankedSizes
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import answer_linearly, lincov_table
 from mcnav.studies.sweep_points import campaign_requirements
@@ -81,8 +84,18 @@ def test_a_mismatched_one_is_told() -> None:
 def test_samples_of_it_in_a_run(tmp_path: Path) -> None:
     """Of a smoother that believes in a tenth of the noise, by default with gains along the truth."""
     mistaken = content(believes={"aiding": {"position_fix": {"position": "0.3 m"}}}, smoother={"lag": "30 s"})
-    campaign = parse_campaign(mistaken, "mine.toml", "mine")
+    limited = {"outputs": ["position_north", "position_east"], "below": "3.2 m", "at": "60 s"}
+    accept = {
+        "r95": [limited, {**limited, "of": "smoother"}, {**limited, "of": "smoother", "during": ["20 s", "40 s"]}]
+    }
+    accept["r95"][2].pop("at")
+    accept["quantile"] = [
+        {"output": "heading", "below": "1 rad", "probability": 0.9999, "of": "smoother", "at": "20 s"}
+    ]
+    accept["sep"] = [{"outputs": [*limited["outputs"], "position_down"], "below": "9 m", "of": "smoother"}]
+    campaign = parse_campaign({**mistaken, "accept": accept}, "mine.toml", "mine")
     summary = run_campaign(campaign, tmp_path, None, 1).summary
+    _check_requirements(campaign, summary)
     assert summary["engine"] == "shared-gains"
     assert summary["smoother"]["verdict"] == "optimistic"
     assert summary["smoother_verdict"].startswith("The smoother is optimistic by a factor of")
@@ -101,6 +114,29 @@ def test_samples_of_it_in_a_run(tmp_path: Path) -> None:
     page = (tmp_path / "report.html").read_text()
     assert "Errors behind the smoother" in page
     assert "Smoother claims" in page
+
+
+def _check_requirements(campaign: Campaign, summary: Any) -> None:
+    """Compare requirements behind the smoother with samples smoothed apart, and with linear analysis."""
+    rare, filtered, smoothed, during, final = summary["requirements"]
+    assert final["when"] == "behind the smoother"
+    engine = campaign.scenario.engine("shared-gains", np.zeros((1, len(campaign.scenario.sources))))
+    draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
+    history = engine.simulate(draws.batch(0, 100)).smoothed_history
+    assert history is not None
+    sizes = np.hypot(history[:, :, 0], history[:, :, 1])
+    (epoch,) = smoothed["epochs"]
+    assert engine.epochs.times[epoch] == pytest.approx(1.0)  # minutes
+    assert smoothed["estimate"] == RankedSizes.of(sizes[:, epoch]).estimate(0.95) != filtered["estimate"]
+    largest = max(RankedSizes.of(sizes[:, each]).estimate(0.95) for each in during["epochs"])
+    assert during["estimate"] == largest
+    assert smoothed["samples"] == 100
+    linear = answer_linearly(campaign).requirements
+    assert [each["linear"] for each in summary["requirements"]] == pytest.approx(
+        [each.value for each in linear], rel=1e-9
+    )
+    assert smoothed["causes"] != filtered["causes"]
+    assert rare["exceedance"]["refusal"] == "errors behind a smoother are counted alone"
 
 
 def test_requirements_of_a_smoother() -> None:
@@ -128,7 +164,7 @@ def test_requirements_of_a_smoother() -> None:
         campaign_requirements(parse_campaign(described, "mine.toml", "mine"))
 
 
-def test_what_is_refused(tmp_path: Path) -> None:
+def test_what_is_refused() -> None:
     considering = content(considers=["accelerometer_scale_factor"])
     for described, told in (
         (considering, "filter.smoother: is not defined with considers"),
@@ -142,7 +178,3 @@ def test_what_is_refused(tmp_path: Path) -> None:
     for engine in ("ensemble", "reference"):
         with pytest.raises(ScenarioError, match=f'got engine = "{engine}"; samples are smoothed with "shared-gains"'):
             scenario.engine(engine, np.zeros((1, len(scenario.sources))))
-    limited = {"outputs": ["position_north", "position_east"], "below": "3 m", "at": "60 s", "of": "smoother"}
-    asked = parse_campaign({**content(), "accept": {"r95": [limited]}}, "mine.toml", "mine")
-    with pytest.raises(CampaignError, match="samples have no requirements of a smoother"):
-        run_campaign(asked, tmp_path, None, 1)

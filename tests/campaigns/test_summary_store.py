@@ -12,6 +12,8 @@ from unittest.mock import patch
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mcnav.analysis.block_moments import ReducedSamples
 from mcnav.analysis.comparison import (
@@ -26,10 +28,11 @@ from mcnav.analysis.running_ratios import convergence
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError, RunFolderError
 from mcnav.lincov.block_sums import column_count
-from mcnav.lincov.sample_reduction import reduce_samples
+from mcnav.lincov.sample_reduction import BlockReduction, reduce_samples
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.shape import shape_of_sums
 from mcnav.store import summaries as store
+from mcnav.store.chunk_files import ChunkFile
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_files import ManifestError
 from mcnav.store.run_folder import RunFolder
@@ -63,7 +66,7 @@ def _run(folder: Path, jobs: int = 2, engine: str = "ensemble", **entries: Any) 
     return simulate(described, folder, engine, jobs).summary
 
 
-def test_the_same_answers_as_from_samples(tmp_path: Path) -> None:
+def test_the_same_answers_as_from_samples_and_rows_of_the_first(tmp_path: Path) -> None:
     """Every estimate to rounding; standard errors, from larger blocks, within five of their own: 1 / sqrt(2 blocks)."""
     summed = _run(tmp_path / "summed")
     whole = simulate(campaign(4, samples=SAMPLES), tmp_path / "whole", "ensemble", 2).summary
@@ -85,10 +88,6 @@ def test_the_same_answers_as_from_samples(tmp_path: Path) -> None:
     sampled = [np.array(each["causes"]["terms"]["sampled_sigmas"]) for each in (summed, whole)]
     np.testing.assert_allclose(*sampled, rtol=1e-6)
     assert (summed["store"], summed["kept"]) == ("summary", KEPT)
-
-
-def test_rows_of_the_first_samples_are_kept_and_no_others(tmp_path: Path) -> None:
-    _run(tmp_path / "summed")
     rows = pd.read_parquet(tmp_path / "summed" / "samples")
     assert np.array_equal(rows["index"], np.arange(KEPT))
     report_run(tmp_path / "summed")
@@ -267,15 +266,64 @@ def test_a_stopping_rule_needs_samples() -> None:
         parse_campaign(content(samples=until, store="summary"), "test.toml", "test")
 
 
-def test_a_summary_is_extended_while_its_blocks_stay(tmp_path: Path) -> None:
-    """From 60,000 to 65,000 samples blocks have 16 samples; at 70,000 they would have 32."""
-    _run(tmp_path / "one")
-    described = campaign(4, samples=65_000, store="summary")
-    longer = simulate(described, tmp_path / "one", "ensemble", 2)
-    assert longer.simulated == 65_000 - 3 * CHUNK
-    assert longer.summary == simulate(described, tmp_path / "two", "ensemble", 2).summary
-    with pytest.raises(RunFolderError, match=r"one of 70,000 is kept in larger blocks"):
-        _run(tmp_path / "one", samples=70_000)
+def test_a_summary_is_extended_beyond_its_blocks(tmp_path: Path) -> None:
+    """As if all had been flown at once, with any workers, also where writing longer blocks was broken off.
+
+    Blocks of 60,000 samples are doubled for 66,000, and of the other files twice for 132,000. The manifest may be lost:
+    chunks say themselves which run they are of.
+    """
+    _run(tmp_path / "one", 1)
+    doubled = list[int]()
+
+    def break_off(folder: Path, file: ChunkFile, identity: str, times: int) -> ChunkFile:
+        if doubled == [1]:
+            raise KeyboardInterrupt
+        doubled.append(times)
+        return store.double_blocks(folder, file, identity, times)
+
+    with patch("mcnav.execution.runner.double_blocks", break_off):
+        with pytest.raises(KeyboardInterrupt):
+            _run(tmp_path / "one", 1, samples=66_000)
+        (tmp_path / "one" / "manifest.json").unlink()
+        doubled.append(0)
+        described = campaign(4, samples=132_000, store="summary")
+        extended = simulate(described, tmp_path / "one", "ensemble", 1)
+    assert (doubled, extended.simulated) == ([1, 0, 1, 2, 2], 132_000 - 3 * CHUNK)
+    assert not extended.notices
+    assert extended.summary == simulate(described, tmp_path / "two", "ensemble", 2).summary
+    assert _digests(tmp_path / "one") == _digests(tmp_path / "two")
+
+
+def test_a_summary_of_longer_files_is_not_extended(tmp_path: Path) -> None:
+    _run(tmp_path / "one", samples=100)
+    with (
+        patch.object(store, "CHUNKS", 1),
+        pytest.raises(RunFolderError, match=r"summary of 100 samples, and one of 40,000 has fewer, longer files; --fr"),
+    ):
+        _run(tmp_path / "one", samples=40_000)
+
+
+@given(st.integers(0, 40), st.lists(st.integers(0, 30), min_size=1, max_size=6), st.integers(0, 3), st.integers(1, 3))
+def test_bits_of_blocks_depend_on_no_pieces(begin: int, pieces: list[int], size: int, times: int) -> None:
+    """Sums of a stretch are those of its pieces, and doubled blocks those of a run of longer blocks; failures too."""
+    model, generator, count = _model(), np.random.default_rng(8), sum(pieces) + 1
+    errors = generator.standard_normal((count, 2))
+    outcomes = errors @ model.partials.T
+    outcomes[generator.random(count) < 0.2] = np.nan
+    frame = replace(normalization(model, 1_000, 1), block=2**size)
+    whole = reduce_samples(frame, begin, errors, outcomes)
+    reduction, blocks, done = BlockReduction(frame, begin), list[np.ndarray](), 0
+    for piece in (*pieces, 1):
+        blocks.append(reduction.add(errors[done : done + piece], outcomes[done : done + piece]).blocks)
+        done += piece
+    assert np.array_equal(np.concatenate([*blocks, reduction.rest()]), whole.blocks)
+    longer = reduce_samples(replace(frame, block=2 ** (size + times)), begin, errors, outcomes)
+    for _ in range(times):
+        whole = whole.doubled()
+    assert (whole.first, whole.blocks.tobytes()) == (longer.first, longer.blocks.tobytes())
+    ok = np.isfinite(outcomes).all(axis=1)
+    sums = [np.count_nonzero(ok), *((outcomes[ok] - frame.centre) / frame.scale).sum(axis=0)]
+    np.testing.assert_allclose(longer.blocks.sum(axis=0)[:3], sums, rtol=1e-12, atol=1e-12)
 
 
 def test_samples_are_as_before_beside_a_summary(tmp_path: Path) -> None:

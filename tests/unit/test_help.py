@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from mcnav.cli import GROUPS, app
+from mcnav.cli import app
+from mcnav.cli.program import GROUPS
 from tests.commands import invoke
 from tests.conftest import ROOT
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mcnav.cli import docs
+from mcnav.cli.start import docs
 from mcnav.pages import PAGES, Page
 from tests.conftest import ROOT
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.config.templates import fill_in, place_of, write_new
@@ -19,16 +20,17 @@ from mcnav.entries.context import FileContext
 from mcnav.entries.files import is_inside
 from mcnav.errors import CampaignError, Problem, suggestion
 from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.quantity import SensorType
-from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
+from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.velocity import MOST_SPEED
-from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
-from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, CatalogueUnit, catalogue_units
+from mcnav.systems.ins.tables.imu_catalogue import ALLAN_MINIMUM, INSTABILITY, CatalogueUnit, catalogue_units
 from mcnav.systems.ins.tables.instrument_tables import INSTRUMENTS
 from mcnav.systems.ins.tables.trajectories import read_trajectory
 from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file
 from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows
-from mcnav.units import quantity
+from mcnav.units import conversion, quantity
 
 Platform = Literal["strapdown", "inertial", "level"]
 
@@ -175,9 +177,11 @@ def new_ins(name: str, folder: Path, wanted: NewIns) -> list[Path]:
     if twice := next((aid for aid in wanted.aids if wanted.aids.count(aid) > 1), None):
         raise _mistake("--aid", f"got {twice} twice; write a second [[aiding]] table with a name of its own")
     flight = _segments(str(path)) if wanted.trajectory is None else _file(wanted.trajectory, wanted.columns, folder)
-    text = _campaign(stem, unit, wanted, flight)
-    parse_campaign(tomllib.loads(text), str(path), stem)
-    return write_new(folder, {path.name: text})
+    text, times = _campaign(stem, unit, wanted, flight)
+    scenario = parse_campaign(tomllib.loads(text), str(path), stem).scenario
+    if isinstance(scenario, Ins) and scenario.navigation.sensors:
+        text += _fault(scenario.navigation.sensors[0])
+    return write_new(folder, {path.name: _aligned(text + fill_in(f"{TEMPLATES}/requirement.toml", times))})
 
 
 def _below(seconds: float) -> float:
@@ -224,8 +228,8 @@ def _file(path: Path, columns: Mapping[str, str], folder: Path) -> Flight:
     return Flight(rows, text)
 
 
-def _campaign(stem: str, unit: CatalogueUnit, wanted: NewIns, flight: Flight) -> str:
-    """Fill in the templates of the campaign, its sensors and its filter."""
+def _campaign(stem: str, unit: CatalogueUnit, wanted: NewIns, flight: Flight) -> tuple[str, dict[str, str]]:
+    """Fill in the templates of the campaign, its sensors and its filter; return the text, and times by name."""
     tilt = _size(unit, "accelerometer", "m/s^2") / STANDARD_GRAVITY * 1e3
     drift = _size(unit, "gyro", "rad/s")
     heading, whole = drift / EARTH_RATE * 1e3, flight.last
@@ -258,7 +262,18 @@ def _campaign(stem: str, unit: CatalogueUnit, wanted: NewIns, flight: Flight) ->
         text += _sensor(SENSOR_TYPES[aid], flight, times)
     if wanted.aids:
         text += fill_in(f"{TEMPLATES}/filter.toml", _states(unit, wanted.aids))
-    return _aligned(text + fill_in(f"{TEMPLATES}/requirement.toml", times))
+    return text, times
+
+
+def _fault(sensor: Sensor) -> str:
+    """Write a fault of a sensor as a comment: ten times the usual error of what it measures first, amid its flight."""
+    component = sensor.components[0]
+    measured = QUANTITIES[component.quantity]
+    size = 10.0 * measured.usual * conversion(measured.unit, measured.shown_in)
+    named = f'# component = "{component.name}"  # of what it measures\n' if len(sensor.components) > 1 else ""
+    begin = _time(float(sensor.times[len(sensor.times) // 2]))
+    written = {"SENSOR": sensor.name, "COMPONENT": named, "BEGIN": begin, "SIZE": f"{size:.3g} {measured.shown_in}"}
+    return fill_in(f"{TEMPLATES}/faults.toml", written)
 
 
 def _time(seconds: float) -> str:

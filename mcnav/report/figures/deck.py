@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -250,10 +251,10 @@ def _ellipses(known: Deck, series: Sequence[Series], rings: Array) -> Panel:
 def ring_words(radius: float) -> str:
     """Name the radius of a ring, m.
 
-    >>> ring_words(0.2), ring_words(5000.0)
-    ('0.2 m', '5 km')
+    >>> ring_words(0.2), ring_words(1e6)
+    ('0.2 m', '1,000 km')
     """
-    return f"{radius / 1e3:g} km" if radius >= 1e3 else f"{radius:g} m"
+    return f"{radius / 1e3:,g} km" if radius >= 1e3 else f"{radius:g} m"
 
 
 def thickness(rows: int) -> float:
@@ -327,6 +328,11 @@ def _causes(known: Deck) -> Panel:
                  Axis(names=names), marks)  # fmt: skip
 
 
+def _packed(values: Array) -> str:
+    """Write numbers as base64 of single precision."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode()
+
+
 def _json(known: Deck, series: Sequence[Series], rings: Array, factor: float, places: dict[str, int]) -> str:
     """Return what the script needs at every instant, with four digits."""
 
@@ -354,6 +360,7 @@ def _json(known: Deck, series: Sequence[Series], rings: Array, factor: float, pl
         "half": 0.5 * thickness(len(known.causes)),
         "causes": [[f"deck-{each.series.name}", each.label] for each in known.causes],
         "shares": [round(1000.0 * float(each)) for each in known.shares.ravel()],
+        "terms": [[term.group, term.first, term.second, _packed(term.values)] for term in known.terms],
     }  # fmt: skip
     text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c")

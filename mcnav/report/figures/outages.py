@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from mcnav.analysis.filter_remarks import instant
+from mcnav.analysis.filter_remarks import period
 from mcnav.report.figures.marks import Series, Span
 from mcnav.report.figures.palette import OUTAGE
 from mcnav.report.model import RunAnalysis
@@ -22,7 +22,7 @@ def outages(content: RunAnalysis, sensors: Sequence[str] = ()) -> list[Span]:
     history = content.history
     label = next(iter(history.columns), "")
     return [
-        Span(SHADED, begin, end, text=f"outage of {humanize(name)}: {instant(begin, '')} to {instant(end, label)}",
+        Span(SHADED, begin, end, text=f"outage of {humanize(name)}: {period(begin, end, label)}",
              opacity=OPACITY)
         for name, spans in history.outages.items()
         if not sensors or name in sensors

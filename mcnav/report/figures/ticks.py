@@ -1,4 +1,4 @@
-"""Where axes have ticks, what these say, and where labels go so that none covers another."""
+"""Ticks of axes, their labels, and places of labels at which none covers another."""
 
 from __future__ import annotations
 
@@ -18,6 +18,10 @@ GAP: Final = 8.0
 WIDTHS: Final = {**dict.fromkeys("iljI.,:;'|!", 0.32), **dict.fromkeys("ftr ()[]/·-", 0.42),
                  **dict.fromkeys("mwMW@%", 0.95), **dict.fromkeys("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", 0.45)}  # fmt: skip
 """Width of characters over the font's size, as in DejaVu Sans, the widest of the fonts that pages ask for."""
+
+ROUNDING: Final = 1e-10
+"""Span of values over their size up to which they are one value: an altitude of 500 m that is computed from positions
+on the earth moves by 1e-11 of itself, and no figure can show less."""
 
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom of a rectangle, px."""
@@ -127,7 +131,7 @@ def limits(values: Array, log: bool, margin: float) -> tuple[float, float]:
     low, high = float(known.min()), float(known.max())
     if log:
         low, high = math.log10(low), math.log10(high)
-    if high - low <= 1e-12 * max(abs(low), abs(high)):
+    if high - low <= ROUNDING * max(abs(low), abs(high)):
         room = 0.5 if log else 0.05 * abs(low) or 1.0
         low, high = low - room, high + room
     else:

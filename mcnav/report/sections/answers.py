@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
+from mcnav._dataclasses import dataclass
 from mcnav.report import sentences
 from mcnav.report.document import Answers, Cell, Column, Table, five_digits, label
 from mcnav.report.filter_tables import FilterAnswer, filter_answers
@@ -92,9 +93,11 @@ def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answe
         Column("Verdict", lambda row: row.verdict, kind="text"),
         Column("Largest causes", lambda row: row.words, kind="words"),
     ]
+    crossed = bool(np.nanmax(content.budget.shares, initial=0.0) > 1.0 + 1e-9)
     caption = (
         f"{content.ends.title}, one sigma. Monte Carlo: paired estimate, intervals hold "
-        f"jointly at {100.0 * content.summary.confidence:g} %. Causes: share of the linear variance. "
+        f"jointly at {100.0 * content.summary.confidence:g} %. Causes: share of the linear variance"
+        f"{', which correlations may lift above 100 %' if crossed else ''}. "
         f"{KEY.format(tolerance=100.0 * content.summary.tolerance)}"
     )
     return Table(caption, columns, rows, group=lambda row: row.kind)

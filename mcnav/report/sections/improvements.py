@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
+from mcnav._dataclasses import dataclass
 from mcnav.analysis.improvements import Improvement, improvements
 from mcnav.analysis.what_if import WhatIf
 from mcnav.contract.quantities import Output

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.report import formulas
 from mcnav.report.document import (
@@ -42,7 +42,7 @@ ESTIMATES: Final = (
     "fixed points and overestimates quadratic terms. The {higher} sigma is that of a polynomial fitted to a few "
     "simulations, in closed form for normal sources."
 )
-"""What the estimates of a sigma are, after the formula of the paired one."""
+"""Description of the estimates of a sigma, after the formula of the paired one."""
 
 
 def dispersion_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.comparison import correlations
 from mcnav.report.document import Column, Section, Table, headed, joined
@@ -43,7 +44,7 @@ class CorrelationRow:
 
     @property
     def verdict(self) -> str:
-        """Whether the linear correlation is inside the interval."""
+        """Verdict on the linear correlation: inside the interval or not."""
         if self.ends is None:
             return NOT_TESTED
         low, high = self.ends

@@ -8,7 +8,31 @@
     const panel = (name) => panels[data.panels[name]];
     const [track, ellipses, bars] = ["track", "ellipses", "causes"].map(panel);
     const still = matchMedia("(prefers-reduced-motion: reduce)");
-    let [k, turning, saying, writing] = [data.at, 0, 0, 0];
+    let [k, turning, saying, writing, drawing] = [data.at, 0, 0, 0, 0];
+
+    // Causes with the numbers of the section "What if": terms of mcnav.analysis.what_if, summed anew.
+    const [whatIf] = all(".what-if");
+    const terms = whatIf ? data.terms.map(([cause, first, second, text]) => [cause, first, second,
+      new Float32Array(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer)]) : [];
+    let factors = [];
+    const changed = () => factors.some((factor) => factor !== 1);
+    const budget = () => {
+      const [parts, by] = [causes.map(() => 0), (number) => (number < 0 ? 1 : factors[number])];
+      let whole = 0;
+      terms.forEach(([cause, first, second, values]) => {
+        const part = by(first) * by(second) * values[k];
+        whole += part;
+        if (cause >= 0) parts[cause] += part;
+      });
+      return { shares: parts.map((part) => (whole > 0 ? 100 * part / whole : 0)), times: Math.sqrt(max(whole, 0)) };
+    };
+    const nominal = () => causes.map((_, row) => data.shares[k * causes.length + row] / 10);
+    const changedWords = () => {
+      if (!changed()) return "";
+      const { shares, times: larger } = budget();
+      const largest = causes.map(([, label], row) => [shares[row], label]).filter(([share]) => share >= 0.5).sort(([a], [b]) => b - a).slice(0, 3);
+      return ` With the numbers of What if${whatIf.querySelector(".filter") ? ", the filter not tuned anew" : ""}: ${largest.map(([share, label]) => `${label} ${share.toFixed(0)} %`).join(", ")}; the linear error is ${number(larger, 3)} times the campaign's, whose shares are marks on the bars.`;
+    };
 
     // Points of an ellipse about the nominal, m: mean + reach L (cos a, sin a), with the Cholesky factor L.
     const circle = Array.from({ length: 73 }, (_, n) => [Math.cos(Math.PI * n / 36), Math.sin(Math.PI * n / 36)]);
@@ -30,6 +54,24 @@
     const shows = figure.querySelector(".shows");
     const range = set(document.createElement("input"), { type: "range", min: 0, max: last, step: 1, "aria-label": "Instant" });
     const time = document.createElement("output");
+    const drawCauses = () => {
+      const [own, now] = [nominal(), changed() ? budget().shares.map((share) => +share.toFixed(1)) : null];
+      causes.forEach(([name, label], row) => {
+        const share = now ? now[row] : own[row];
+        const path = made("path");
+        const group = bars.svg.querySelector(`.series-${name}`);
+        bars.shape(path, [[0, row - half], [share, row - half], [share, row + half], [0, row + half], [0, row - half]]);
+        path.dataset.tip = `${label}: ${share} %${now ? `, in the campaign ${own[row]} %` : ""}`;
+        group.replaceChildren(path);
+        if (now) {
+          const ghost = set(made("path"), { class: "ghost" });
+          bars.shape(ghost, [[own[row], row - 1.3 * half], [own[row], row + 1.3 * half]]);
+          group.append(ghost);
+        }
+      });
+      if (bars) bars.redraw();
+      convention.reword(shows, words[k] + changedWords());
+    };
     const draw = () => {
       data.ellipses.forEach((each) => {
         const own = points(each);
@@ -39,21 +81,13 @@
       });
       if (track) track.shape(track.svg.querySelector(".series-here"), [data.place.slice(2 * k, 2 * k + 2)]);
       ellipses.svg.querySelector(".labels text").textContent = data.ringWords[k];
-      causes.forEach(([name, label], row) => {
-        const share = data.shares[k * causes.length + row] / 10;
-        const path = made("path");
-        const group = bars.svg.querySelector(`.series-${name}`);
-        bars.shape(path, [[0, row - half], [share, row - half], [share, row + half], [0, row + half], [0, row - half]]);
-        path.dataset.tip = `${label}: ${share} %`;
-        group.replaceChildren(path);
-      });
-      [track, ellipses, bars].forEach((each) => each && each.redraw());
+      [track, ellipses].forEach((each) => each && each.redraw());
       titles.forEach(([svg, title]) => {
         const before = title.textContent;
         title.textContent = `${before.slice(0, before.lastIndexOf(" at "))} at ${instants[k]}`;
         set(svg, { "aria-label": get(svg, "aria-label").replace(before, title.textContent) });
       });
-      convention.reword(shows, words[k]);
+      drawCauses();
     };
     const show = (to) => {
       k = within(to, [0, last]);
@@ -64,7 +98,7 @@
       draw();
       clock.tell("move");
       clearTimeout(saying);
-      saying = setTimeout(() => { told.textContent = words[k]; }, 600);
+      saying = setTimeout(() => { told.textContent = words[k] + changedWords(); }, 600);
       later();
     };
 
@@ -110,6 +144,13 @@
     range.addEventListener("input", () => { stop(); show(Number(range.value)); });
     clock.events.addEventListener("ask", () => { stop(); show(nearest(clock.asked)); });
     clock.events.addEventListener("zoom", () => { if (clock.everywhere) later(); });
+    if (terms.length) whatIf.addEventListener("moved", () => {
+      const before = changed();
+      factors = [...whatIf.multipliers()];
+      if (!before && !changed()) return;
+      cancelAnimationFrame(drawing); // of several moves within a frame, the last one
+      drawing = requestAnimationFrame(drawCauses);
+    });
     if (track) track.svg.addEventListener("click", (event) => {
       const own = box(track.svg);
       const at = [track.x.origin((event.clientX - own.left) / own.width * track.svg.viewBox.baseVal.width), track.y.origin((event.clientY - own.top) / own.height * track.svg.viewBox.baseVal.height)];

@@ -2,6 +2,7 @@
 // Everything on the page is there without this script. With it, tables sort, series toggle, figures say their values and
 // zoom, tables copy as CSV, and the contents show where the reader is.
 (() => {
+  document.documentElement.classList.add("ready"); // see the style of sections
   const all = (selector, root = document) => Array.from(root.querySelectorAll(selector));
   const button = (label, action) => {
     const made = document.createElement("button");
@@ -523,12 +524,16 @@
       }));
       return set_;
     };
-    const apply = () => { convertTables(); convertWords(); convention.changed.dispatchEvent(new Event("change")); };
+    const stays = set(document.createElement("p"), { class: "stays", role: "status" });
+    const apply = () => {
+      stays.textContent = convention.sigma === 1 ? "" : "In sentences and figures sigma is 1σ, unless they name another multiple.";
+      convertTables(); convertWords(); convention.changed.dispatchEvent(new Event("change"));
+    };
     const [sigma, system] = [stored("sigma"), stored("units")];
     if (sigma in SIGMAS) convention.sigma = Number(sigma);
     if (system in SYSTEMS) convention.system = system;
     place.append(choice("Sigmas in tables", "sigma", ["1", "3", "1.959963985"].map((each) => [each, SIGMAS[each][0]]), String(convention.sigma), (each) => { convention.sigma = Number(each); }),
-      choice("Units", "units", Object.entries(SYSTEMS), convention.system, (each) => { convention.system = each; }));
+      choice("Units", "units", Object.entries(SYSTEMS), convention.system, (each) => { convention.system = each; }), stays);
     if (convention.sigma !== 1 || convention.system !== "own") queueMicrotask(apply); // once the words of the glossary have their places
   });
 

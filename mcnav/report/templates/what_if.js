@@ -190,6 +190,10 @@
       return element;
     };
     const text = (v) => String(+v.toPrecision(12));
+    const brief = (v) => { // what a box has room for: the shorter of both forms, with five digits
+      const [plain, power] = [String(+v.toPrecision(5)), (+v.toPrecision(5)).toExponential()];
+      return plain.length > 8 && power.length < plain.length ? power : plain;
+    };
     const unitOf = (unit) => make("span", unit ? [` ${unit}`] : [], { class: "unit" });
     const cells = (name, words) => words.map((each) => make(name, each));
     const heading = (words) => make("thead", make("tr", words.map((each) => make("th", each, { scope: "col" }))));
@@ -221,7 +225,7 @@
       const at = (factor) => 100 * (log10(factor) - low) / (high - low);
       const near = []; // grades that are too close for letters of their own
       grades.forEach(([words, factor]) => {
-        const beside = near.find((each) => abs(at(each[0][1]) - at(factor)) < 5);
+        const beside = near.find((each) => abs(at(each[0][1]) - at(factor)) < 12);
         if (beside) beside.push([words, factor]); else near.push([[words, factor]]);
       });
       const marked = near.map((some) => set(make("span", some.map(([words]) => words[0].toUpperCase()).join("")), { class: "grade", style: `left:${at(some[0][1])}%`,
@@ -244,7 +248,7 @@
       });
       const self = { path, row, show() {
         range.value = log10(factors[n]);
-        value.value = text(size * factors[n]);
+        value.value = brief(size * factors[n]);
         value.setAttribute("aria-invalid", "false");
         set(range, { "aria-valuetext": `${value.value}${unit ? ` ${unit}` : ""}${factors[n] === 1 ? ", as in the campaign" : `, ${number(factors[n], 3)} times`}` });
         row.classList.toggle("changed", factors[n] !== 1);
@@ -355,7 +359,7 @@
       const failed = verdicts.filter(({ met }) => !met).length;
       const metWords = verdicts.length ? ` ${failed ? `${failed} of ${verdicts.length} requirement${verdicts.length > 1 ? "s" : ""} not met.` : `${verdicts.length > 1 ? "All requirements" : "The requirement is"} met.`}` : "";
       state.textContent = `${changed ? `${changed} number${changed > 1 ? "s" : ""} changed.` : "As in the campaign."}${metWords}${outside}`;
-      if (changed && until === count) state.append(` ${outputs[i].name}: ${number(outputs[i].scale * sigma(before.m, last, i), 3)} → ${number(outputs[i].scale * sigma(m, last, i), 3)} ${outputs[i].unit}.`);
+      if (changed && until === count) state.append(` 1σ of ${outputs[i].name}: ${number(outputs[i].scale * sigma(before.m, last, i), 3)} → ${number(outputs[i].scale * sigma(m, last, i), 3)} ${outputs[i].unit}.`);
       reset.disabled = !changed;
       const [now, then] = [shares(m, factors, i), shares(before.m, before.k, i)];
       rows.forEach((row, n) => row.share(now[n], then[n]));
@@ -382,6 +386,7 @@
     };
     // What a live page asks: factors of the numbers that are changed, by their keys; and the other way about.
     root_.factors = () => Object.fromEntries(sliders.map(({ path }, n) => [path, factors[n]]).filter(([, factor]) => factor !== 1));
+    root_.multipliers = () => factors;
     root_.sizes = () => Object.fromEntries(sliders.map(({ path, sizes, shown: largest }) => [path, sizes[largest].join(" ")]));
     root_.choose = (chosenFactors) => {
       sliders.forEach(({ path }, n) => { factors[n] = chosenFactors[path] ?? 1; rows[n].show(); });

@@ -1,4 +1,4 @@
-"""What a filter believes of the sizes of errors, as shares of their variances."""
+"""Beliefs of a filter in the sizes of errors, as shares of their variances."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""What a user writes: a subclass of `ClosedLoop`, and the declarations in it."""
+"""Declarations of a user: a subclass of `ClosedLoop`, and what stands in it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
+from mcnav._dataclasses import dataclass
 from mcnav.systems.closed_loop.rotations import Side
 
 

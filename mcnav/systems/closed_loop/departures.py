@@ -1,4 +1,4 @@
-"""What a loop's linear analysis says of the loop itself: growth, singular targets, and a few samples beside it."""
+"""Remarks on a loop by its linear analysis: growth, singular targets, and a few samples beside it."""
 
 from __future__ import annotations
 
@@ -55,14 +55,14 @@ def departures_from_twins(setup: Setup, result: SimulationResult, sigma: Array) 
 
 
 def _largest(setup: Setup, result: SimulationResult, rows: slice, sigma: Array) -> tuple[str, float]:
-    """Return the output with the largest departure, and that in sigma; sizes of corrections have a law of their own."""
+    """Name the output with the largest departure, and return that in sigma; corrections have a law of their own."""
     outputs, linear = setup.readout.outputs, result.linear_values
     assert linear is not None
     usual = (sigma > setup.floor) & np.array([not output.size_of for output in outputs])
     shares = np.abs(result.values - linear)[rows] / np.where(usual, sigma, np.inf)
     most = np.nan_to_num(shares).max(axis=0)
     worst = int(np.argmax(most))
-    return outputs[worst].name, float(most[worst])
+    return outputs[worst].name.replace("_", " "), float(most[worst])
 
 
 def check_finite(readings: LinearReadings, names: tuple[str, ...]) -> None:

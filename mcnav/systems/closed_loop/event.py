@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.differences import Derivatives, differentiate_map
@@ -14,7 +14,7 @@ from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.methods import Method
 
 MOST_ITERATIONS: Final = 60
-"""Of the search for a zero; each that fails to halve the interval is followed by one that does."""
+"""Steps of the search for a zero; each that fails to halve the interval is followed by one that does."""
 
 NO_KINK: Final = np.zeros((0, 0), dtype=bool)
 
@@ -58,7 +58,7 @@ def find_crossings(
 
 @dataclass(frozen=True)
 class Saltation:
-    """What an event does about the nominal: ``X+ = value + S dX + M noise``.
+    """Effect of an event about the nominal: ``X+ = value + S dX + M noise``.
 
     Attributes
     ----------

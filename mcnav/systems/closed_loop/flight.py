@@ -6,13 +6,14 @@ The linear outcome of a sample is the plan's linear system with the same draws.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.systems.closed_loop.algebra import combine, propagate, update
@@ -29,7 +30,7 @@ from mcnav.systems.closed_loop.structure import Part
 from mcnav.systems.closed_loop.timeline import Instant
 
 NOTHING: Final = np.zeros(0, dtype=bool)
-"""What samples meet where there are no events."""
+"""Flags of an event that there is not."""
 
 
 def late_failure(event: Event, time: float) -> Failure:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.closed_loop.declarations import Correction, Measurement
 from mcnav.systems.closed_loop.methods import Frame, Method
@@ -43,7 +43,7 @@ class Impulse:
 
 @dataclass(frozen=True)
 class Event:
-    """What a trigger begins.
+    """An event that a trigger begins.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class Maps:
 
     @property
     def ends(self) -> bool:
-        """Whether a trigger ends flights."""
+        """True where a trigger ends flights."""
         return bool(self.events) and self.events[-1].kind == "end"
 
     def phase_of(self, x: Array) -> str:
@@ -160,7 +160,7 @@ class Maps:
 
     @property
     def apart(self) -> bool:
-        """Whether truth and navigator ignore each other within a step: commands rest, and nothing is sensed."""
+        """True where truth and navigator ignore each other within a step: commands rest, and nothing is sensed."""
         return self.sense is None and not (self.continuous and self.guide is not None)
 
     def step(

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, cast
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.quantities import Of
 from mcnav.contract.scenario import ScenarioError
@@ -16,7 +16,7 @@ from mcnav.systems.closed_loop.quantities import Quantity, as_kept, read_axes
 from mcnav.systems.user.settings import NAME, check_unit
 
 ARGUMENTS: Final = ("time", "truth", "estimate", "command", "parameters", "memory")
-"""What ``outputs`` may name."""
+"""Arguments that ``outputs`` may name."""
 
 KINDS: Final[Sequence[Of]] = ("navigation", "truth", "control", "time")
 

@@ -13,10 +13,10 @@ from mcnav.systems.closed_loop.quantities import as_seen, spread
 from mcnav.systems.closed_loop.rotations import to_matrix
 
 UPDATE: Final = ("time", "name", "measured", "innovation", "estimate", "memory")
-"""What ``update`` may name."""
+"""Arguments that ``update`` may name."""
 
 COVARIANCE: Final = ("time", "estimate", "memory")
-"""What ``covariance`` may name."""
+"""Arguments that ``covariance`` may name."""
 
 SYMMETRIC: Final = 1e-6
 """Difference of a covariance and its transpose, as a share of its largest element, up to which it is one."""

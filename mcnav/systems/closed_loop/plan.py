@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.linear import Update
 from mcnav.contract.scenario import ScenarioError
@@ -134,7 +135,7 @@ class Composed:
 
 @dataclass(frozen=True)
 class PlannedInstant:
-    """What happens from one instant to the next, about the nominal.
+    """Linear maps from one instant to the next, about the nominal.
 
     Attributes
     ----------
@@ -175,7 +176,7 @@ class PlannedInstant:
 
     @property
     def changed(self) -> bool:
-        """Whether a measurement or a correction changes X at it."""
+        """True where a measurement or a correction changes X at it."""
         return any(each.kind in ("measure", "correct") for each in self.updates)
 
 

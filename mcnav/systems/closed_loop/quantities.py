@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
 from typing import Any, Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
@@ -149,7 +149,7 @@ class Block:
 
     @cached_property
     def views(self) -> dict[str, View]:
-        """How users' methods see the quantities, by name."""
+        """Views of the quantities in users' methods, by name."""
         return {
             quantity.name: View(place, bool(quantity.axes), quantity.turns is not None)
             for quantity, place in self._places
@@ -158,7 +158,7 @@ class Block:
 
 @dataclass(frozen=True)
 class View:
-    """How a user's method sees a quantity: its place in an array, or zeros of so many numbers; see `as_seen`."""
+    """View of a quantity in a user's method: its place in an array, or zeros of so many numbers; see `as_seen`."""
 
     place: slice | int
     vector: bool

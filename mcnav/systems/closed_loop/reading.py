@@ -21,7 +21,7 @@ from mcnav.systems.closed_loop.structure import Structure, measurements_of, phas
 
 OF_TRUTH: Final = ("time", "truth", "command", "parameters", "noise")
 OF_NAVIGATOR: Final = ("time", "estimate", "sensed", "parameters", "command", "memory")
-"""What ``rates`` and ``sense``, and ``navigate``, may name."""
+"""Arguments that ``rates`` and ``sense``, and ``navigate``, may name."""
 
 TRIED: Final = 3
 """Samples with which methods are tried out."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.quantities import Of, Output
 from mcnav.systems.closed_loop.differences import Derivatives, differentiate_map
@@ -62,7 +62,7 @@ class Readout:
 
     @property
     def guided(self) -> bool:
-        """Whether there are commands."""
+        """True where there are commands."""
         return self.maps.guide is not None
 
     @cached_property

@@ -147,7 +147,7 @@ class ClosedLoopScenario:
 
     @property
     def can(self) -> frozenset[Capability]:
-        """What the scenario can do."""
+        """Capabilities of the scenario."""
         over_time = {Capability.LINEAR_OVER_TIME, Capability.EPOCHS, Capability.UPDATES, Capability.START_TIMES}
         always = {Capability.USER_CODE, Capability.REMARKS, *over_time}
         noise = {Capability.NOISE} if self.noisy else set()
@@ -169,7 +169,7 @@ class ClosedLoopScenario:
 
     @property
     def noisy(self) -> bool:
-        """Whether it has noise at present."""
+        """True where it has noise at present."""
         return bool(self.processes)
 
     def with_sizes(self, sizes: LoopSizes) -> ClosedLoopScenario:
@@ -323,7 +323,7 @@ class ClosedLoopScenario:
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
-        """What is to be noticed of the loop.
+        """Remarks on the loop.
 
         Raises `ScenarioError` when samples depend on more than their errors and noise.
         """

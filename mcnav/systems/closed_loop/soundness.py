@@ -1,14 +1,14 @@
-"""What must be noticed of a loop before its samples are compared with its linear system."""
+"""Faults that must be noticed of a loop before its samples are compared with its linear system."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import takewhile
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError

@@ -8,11 +8,12 @@ derivatives along the nominal are those of any start: of each start the filter's
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.differences import Derivatives
@@ -30,7 +31,7 @@ LARGEST_INNOVATION: Final = 1e-3
 
 @dataclass(frozen=True)
 class Starts:
-    """What the plans of all starts share.
+    """Parts that the plans of all starts share.
 
     Attributes
     ----------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Final, Literal
@@ -11,6 +11,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.quantities import Of
 from mcnav.contract.scenario import ScenarioError
@@ -21,7 +22,7 @@ from mcnav.systems.closed_loop.rotations import Space
 from mcnav.systems.user.settings import NAME, check_unit
 
 Part = Literal["both", "truth", "navigator"]
-"""What of a loop moves within a step: truth with its processes, navigator with what it remembers, or both."""
+"""Parts of a loop that move within a step: truth with its processes, navigator with what it remembers, or both."""
 
 PARTS: Final[tuple[Part, ...]] = ("both", "truth", "navigator")
 
@@ -120,7 +121,7 @@ class Structure:
 
     @cached_property
     def known_parameters(self) -> dict[str, View]:
-        """How the navigator sees parameters: as it estimates them, else zero."""
+        """Parameters as the navigator sees them: as it estimates them, else zero."""
         return self._known(self.parameters)
 
     def known_noise(self, with_white: bool) -> dict[str, View]:
@@ -143,7 +144,7 @@ class Structure:
 
     @property
     def remembers(self) -> bool:
-        """Whether what is remembered has names."""
+        """True where what is remembered has names."""
         return self.memory.size > 0 and self.memory.names != ("memory",)
 
     def home(self, name: str) -> Block | None:
@@ -188,7 +189,7 @@ class Structure:
 
     @cached_property
     def start_partials(self) -> Array:
-        """How the sources move X at the start, shape (size, sources)."""
+        """Partial derivatives of X at the start by the sources, shape (size, sources)."""
         partials = np.zeros((self.size, len(self.sources)))
         for column, source in enumerate(self.sources):
             partials[list(source.moves), column] = 1.0

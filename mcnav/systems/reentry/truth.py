@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER, REENTRY_ALTITUDE
@@ -329,6 +328,8 @@ def _ends_of_phase(level: float, direction: int, law: _Regime) -> list[Event]:
 
 def _when(solution: DenseOutput, radius: float, begin: float, end: float) -> float:
     """Find when a solution whose radius is monotone on [begin, end] passes a radius there, s."""
+    from scipy.optimize import brentq  # slow to import: a tenth of a second
+
     return float(brentq(lambda time: float(solution(time)[0]) - radius, begin, end, xtol=1e-12))
 
 

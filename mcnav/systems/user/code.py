@@ -11,13 +11,17 @@ import sys
 import types
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from typing import Any, Final, TypeVar
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
+from mcnav._dataclasses import dataclass
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile, OpenedFiles, SourceFile, find_inputs, record_opened_files
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.settings import Value, to_argument
+
+if TYPE_CHECKING:
+    from mcnav.systems.user.noise_measurement import MeasuredNoise
 
 CACHE_SIZE: Final = 32
 """Classes, and objects, that a process keeps."""
@@ -28,12 +32,16 @@ METHODS: Final = ("propagate", "fly", "rates")
 Key = TypeVar("Key")
 
 
-@dataclass(frozen=True)
+@dataclass
 class Loaded:
-    """A user's class or an object of it, and the files that it has read so far, by path."""
+    """A user's class or an object of it, and the files that it has read so far, by path.
+
+    ``noise`` is the measured covariance of its noise, where that is known.
+    """
 
     value: Any
     inputs: dict[str, InputFile]
+    noise: MeasuredNoise | None = None
 
     @contextmanager
     def recording(self, code: str) -> Iterator[None]:

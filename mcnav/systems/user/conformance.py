@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.members import lacks_engine, lacks_scenario
-from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.systems.finite_differences import differentiate
 from mcnav.systems.histories import check_history
 from mcnav.systems.user.noise_soundness import check_noise, check_without_noise, find_unsettled_noise
-from mcnav.systems.user.soundness import SAME, SEED, apart, same
+from mcnav.systems.user.scenario import is_users
+from mcnav.systems.user.soundness import LARGEST, SAME, SEED, apart, same
 from mcnav.systems.user.stochastic_engine import StochasticUserEngine
 from mcnav.systems.user.stochastic_scenario import StochasticUserScenario, is_users_with_noise
 from mcnav.units import conversion
@@ -35,11 +36,9 @@ SMALL, SMALLER = 0.1, 0.01
 """Shares of sigma at which departures from linear are compared: ten times smaller errors must bend ten times less. A
 kink at zero bends as much at any size."""
 
-TRIED_NOISE: Final = 400
-"""Samples of noise from which a covariance is measured: a sigma to 3.5 %."""
-
 CHANCE: Final = 5.0
-"""Standard errors by which a measured sigma may differ from the stated one: by chance one in two million does."""
+"""Standard errors by which a measured sigma may differ from the stated one: by chance one in two million does. Where
+they are few, `LARGEST` is more."""
 
 LISTED: Final = 4
 """Outputs whose nominal values are listed."""
@@ -105,7 +104,7 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
     if is_users_with_noise(scenario) and isinstance(prepared, StochasticUserEngine):
         tried("noise from its generator", lambda: _noise(scenario, prepared, sizes))
         tried("linear in the noise", lambda: _linear_in_noise(scenario, prepared, sizes))
-        tried("covariance of the noise", lambda: _noise_covariance(scenario, prepared))
+        tried("covariance of the noise", lambda: _noise_covariance(scenario))
     return checks
 
 
@@ -199,7 +198,11 @@ def _linear_near_zero(scenario: Scenario, prepared: Engine, errors: Array, sizes
 
 
 def _partials(scenario: Scenario, prepared: Engine, sizes: Array) -> str:
-    model, differences = scenario.linear().end, differentiate(without_noise(prepared), sizes)
+    model = scenario.linear().end
+    if is_users(scenario) and not scenario.own_partials and np.array_equal(scenario.sizes, sizes):
+        differences = scenario.differences
+    else:
+        differences = differentiate(without_noise(prepared), sizes)
     contributions = np.abs(differences.model.partials * sizes).max(axis=1)
     contributions = np.maximum(contributions, _spread(replace(model, partials=np.zeros_like(model.partials)), sizes))
     scale = np.where(contributions > 0.0, contributions, 1.0)
@@ -244,23 +247,20 @@ def _linear_in_noise(scenario: StochasticUserScenario, prepared: StochasticUserE
     return "fly_linear agrees with differences" if scenario.own_linear else "differences at two scales agree"
 
 
-def _noise_covariance(scenario: StochasticUserScenario, prepared: StochasticUserEngine) -> str:
+def _noise_covariance(scenario: StochasticUserScenario) -> str:
+    measured = scenario.measured_noise
     if not scenario.gives_noise_covariance:
-        return "measured; return it from noise_covariance to have it exactly, and its processes in the budget"
-    none = np.zeros((TRIED_NOISE, len(scenario.sources)))
-    simulated = prepared.simulate(Batch(np.arange(TRIED_NOISE), none, SEED))
-    if simulated.failures or simulated.linear_values is None:
-        raise _Broken(f"a sample without errors failed: {next(iter(simulated.failures.values()), '')}")
+        return f"{measured}; noise_covariance of the class would give its processes rows in the budget"
     model = scenario.linear().end
     expected = np.diag(sum(model.processes.values(), np.zeros((len(model.nominal),) * 2)))
-    measured = np.mean((simulated.linear_values - model.nominal) ** 2, axis=0)
-    unknown = np.where(measured > 0.0, np.inf, 1.0)
-    ratios = np.sqrt(np.divide(measured, expected, out=unknown, where=expected > 0.0))
-    chance = CHANCE / np.sqrt(2.0 * TRIED_NOISE)
+    simulated = np.diag(measured.covariance[-1])
+    unknown = np.where(simulated > 0.0, np.inf, 1.0)
+    ratios = np.sqrt(np.divide(simulated, expected, out=unknown, where=expected > 0.0))
+    chance = max(LARGEST, CHANCE * measured.sigma_error)
     for output, ratio in zip(scenario.outputs, ratios, strict=True):
         if abs(ratio - 1.0) > chance:
             raise _Broken(f"sigma of {output.name} by linear simulations is {ratio:.2f} of that of noise_covariance")
-    return f"sigmas of {TRIED_NOISE} linear simulations are {ratios.min():.2f} to {ratios.max():.2f} of it"
+    return f"sigmas of {measured.simulations:,} linear simulations are {ratios.min():.2f} to {ratios.max():.2f} of it"
 
 
 def _history(scenario: Scenario) -> str:

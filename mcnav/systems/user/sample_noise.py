@@ -23,9 +23,11 @@ MEASURED: Final = 1
 CHECKED: Final = 2
 """Stream of the checks before a run."""
 
-
 NORMALS: Final = 3
 """Stream of the standard normals of samples whose noise is under conditions."""
+
+UNIFORM_SIGMA: Final = float(np.sqrt(1.0 / 12.0))
+"""Sigma of a uniform variate between 0 and 1."""
 
 
 def _bits(seed: int, index: int, stream: int) -> np.random.Philox:
@@ -81,6 +83,58 @@ class ScaledNoise(np.random.Generator):
     def uniform(self, low: Any = 0.0, high: Any = 1.0, size: Any = None) -> Any:
         """Draw as `numpy.random.Generator.uniform`, scaled about the middle."""
         return self._about(0.5 * (np.asarray(low) + np.asarray(high))[()], self._full.uniform(low, high, size))
+
+
+class ProbedNoise(ScaledNoise):
+    """A generator whose variates deviate from their means by given multiples of their sigmas, in the order of drawing.
+
+    Further variates do not deviate. ``used`` counts normal and uniform variates.
+
+    Parameters
+    ----------
+    deviations : ndarray, shape (variates,)
+    """
+
+    def __init__(self, deviations: Array) -> None:
+        super().__init__(0, 0, 0.0)
+        self._deviations, self.used = deviations, 0
+
+    def _next(self, size: Any) -> Array:
+        shape = () if size is None else size
+        count = int(np.prod(shape))
+        given = self._deviations[self.used : self.used + count]
+        self.used += count
+        return np.concatenate([given, np.zeros(count - len(given))]).reshape(shape)
+
+    def standard_normal(self, size: Any = None, dtype: Any = np.float64, out: Any = None) -> Any:
+        """Return the next deviations."""
+        normals = self._next(np.shape(out) if size is None and out is not None else size).astype(dtype)
+        if out is None:
+            return normals[()]
+        out[...] = normals
+        return out
+
+    def normal(self, loc: Any = 0.0, scale: Any = 1.0, size: Any = None) -> Any:
+        """Return ``loc`` and the next deviations times ``scale``."""
+        shape = np.broadcast_shapes(np.shape(loc), np.shape(scale)) if size is None else size
+        return loc + np.multiply(scale, self._next(shape or None))
+
+    def multivariate_normal(self, mean: Any, cov: Any, size: Any = None, *options: Any, **named: Any) -> Any:
+        """Transform the next deviations as `numpy.random.Generator.multivariate_normal` transforms normals."""
+        return np.random.Generator.multivariate_normal(self, mean, cov, size, *options, **named)
+
+    def random(self, size: Any = None, dtype: Any = np.float64, out: Any = None) -> Any:
+        """Return a half and the next deviations times the sigma of a uniform variate."""
+        about = 0.5 + UNIFORM_SIGMA * self.standard_normal(size, dtype, out)
+        if out is None:
+            return about
+        out[...] = about
+        return out
+
+    def uniform(self, low: Any = 0.0, high: Any = 1.0, size: Any = None) -> Any:
+        """Return the middle and the next deviations times the sigma of a uniform variate."""
+        shape = np.broadcast_shapes(np.shape(low), np.shape(high)) if size is None else size
+        return low + np.subtract(high, low) * self.random(shape or None)
 
 
 class GivenNoise(np.random.Generator):

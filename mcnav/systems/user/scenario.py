@@ -93,7 +93,7 @@ class UserScenario:
 
     @property
     def can(self) -> frozenset[Capability]:
-        """What the scenario can do: its code runs where it cannot end the program."""
+        """Capabilities of the scenario: its code runs where it cannot end the program."""
         return frozenset({Capability.USER_CODE, Capability.DIFFERENCED})
 
     def with_sigmas(self, sizes: Array) -> UserScenario:

@@ -30,7 +30,8 @@ from mcnav.systems.finite_differences import SHARES
 from mcnav.systems.sample_loop import SampleFailed, format_exception
 from mcnav.systems.user.code import UserScenarioSpec
 from mcnav.systems.user.flown import Flown, record_of, schema_of, spread_out
-from mcnav.systems.user.sample_noise import MEASURED, ScaledNoise, sample_noise
+from mcnav.systems.user.kept_noise import noise_of
+from mcnav.systems.user.noise_measurement import MeasuredNoise
 from mcnav.systems.user.scenario import SINGLE_CHUNK, UserScenario
 from mcnav.systems.user.settings import NAME
 from mcnav.systems.user.stochastic_engine import StochasticUserEngine
@@ -38,11 +39,6 @@ from mcnav.units import UnitError, conversion
 
 NOISE: Final = "noise"
 """Parameter of ``fly``, and name of a process whose covariance has no name."""
-
-MEASURED_FROM: Final = 1_000
-"""Linear simulations from which a covariance of noise is measured: sigmas have a standard error of 2.2 %."""
-
-MEASURED_SEED: Final = 1963
 
 MOST_EPOCHS: Final = 1_000
 
@@ -90,7 +86,7 @@ class StochasticUserScenario(UserScenario):
 
     @property
     def can(self) -> frozenset[Capability]:
-        """What the scenario can do."""
+        """Capabilities of the scenario."""
         return super().can | ({Capability.NOISE} if self.noisy else frozenset())
 
     def _epochs(self) -> Epochs | None:
@@ -126,9 +122,10 @@ class StochasticUserScenario(UserScenario):
         """
         if not self.noisy:
             return {}
+        if not self.gives_noise_covariance:
+            covariance = self.measured_noise.covariance
+            return {NOISE: covariance.reshape(*self.leading_shape, *covariance.shape[1:])}
         with self._object.recording(self.spec.code.file):
-            if not self.gives_noise_covariance:
-                return {NOISE: self._measured()}
             try:
                 covariance = self._instance.noise_covariance()
             except (Exception, SystemExit) as failure:
@@ -163,23 +160,13 @@ class StochasticUserScenario(UserScenario):
             raise ScenarioError("type", f"noise_covariance: that of {name} is not symmetric and positive semidefinite")
         return np.asarray(0.5 * (covariance + np.swapaxes(covariance, -1, -2)))
 
-    def _measured(self) -> Array:
-        """Measure the covariance of the noise from linear simulations without errors."""
-        engine, responses = self._engine, []
-        none = np.zeros(len(self.sources))
-        for index in range(MEASURED_FROM):
-            if engine.own_linear:
-                noise = sample_noise(MEASURED_SEED, index, MEASURED)
-                responses.append(self.linear_flight(none, noise) - self._linear_nominal)
-            else:
-                responses.append(self.response(MEASURED_SEED, index, MEASURED))
-        each = np.array(responses)
-        covariance = np.einsum("nmi,nmj->mij", each, each) / len(each)
-        return np.asarray(covariance.reshape(*self.leading_shape, *covariance.shape[1:]))
+    @property
+    def measured_noise(self) -> MeasuredNoise:
+        """Covariance of the noise from linear simulations without errors, measured once and kept.
 
-    @cached_property
-    def _linear_nominal(self) -> Array:
-        return self.linear_flight(np.zeros(len(self.sources)), ScaledNoise(0, 0, 0.0))
+        Raises `ScenarioError` when a simulation fails.
+        """
+        return noise_of(self._object, self.spec, self._engine, len(self.sources))
 
     @property
     def own_linear(self) -> bool:
@@ -228,12 +215,7 @@ class StochasticUserScenario(UserScenario):
         if not self.noisy:
             return super().accuracy
         twins = "by fly_linear" if self.own_linear else "by differences of fly with its noise scaled down"
-        error = 100.0 / np.sqrt(2.0 * MEASURED_FROM)
-        covariance = (
-            "the class's own"
-            if self.gives_noise_covariance
-            else f"measured from {MEASURED_FROM:,} linear simulations, sigmas to {error:.1f} %"
-        )
+        covariance = "the class's own" if self.gives_noise_covariance else str(self.measured_noise)
         return f"{super().accuracy}; linear outcomes {twins}; covariance of the noise {covariance}"
 
 
@@ -250,7 +232,7 @@ class TimedUserScenario(StochasticUserScenario):
 
     @property
     def can(self) -> frozenset[Capability]:
-        """What the scenario can do."""
+        """Capabilities of the scenario."""
         timed = {Capability.EPOCHS} if self._second is not None else set()
         return super().can | {Capability.LINEAR_OVER_TIME, Capability.FILTER} | timed
 

@@ -43,10 +43,10 @@ INTERVAL: Final = 1.0
 """Readings of a record, and between them, s."""
 
 EVERY: Final = 10
-"""Of so many records one is simulated again with each disturbance."""
+"""Records of which one is simulated again with each disturbance."""
 
 SHARE: Final = 3
-"""Of so many campaigns of other kinds there is one record of each grade in `mcnav calibrate`."""
+"""Campaigns of other kinds for which there is one record of each grade in `mcnav calibrate`."""
 
 DRIFT: Final = 0.1
 """Change of the bias for 1 °C, as a share of the grade's bias; the temperature rises by 1 °C in an hour."""
@@ -133,7 +133,7 @@ def _stuck(readings: Array, true: TrueNoise, bias: float) -> Array:
 DISTURBANCES: Final[Mapping[str, Callable[[Array, TrueNoise, float], Array]]] = {
     "drift": _drift, "line": _line, "quantization": _quantization, "stuck": _stuck,
 }  # fmt: skip
-"""What no grade has, by name."""
+"""Disturbances that no grade has, by name."""
 
 
 def _noticed(name: str, noise: IdentifiedNoise) -> bool:

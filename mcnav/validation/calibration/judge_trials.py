@@ -15,7 +15,6 @@ import sys
 import tomllib
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -23,6 +22,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
+from mcnav._dataclasses import dataclass
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.config.read import Campaign, campaign_from
@@ -53,7 +53,7 @@ WRONG: Final[Mapping[str, tuple[str, str, str, tuple[float, ...]]]] = {
         (-0.8, 0.36, 0.48),
     ),
 }  # fmt: skip
-"""What is wrong: a text of the campaign, what it is in flight, the candidate to be named, and its factor or error.
+"""Mistakes: a text of the campaign, what it is in flight, the candidate to be named, and its factor or error.
 
 An error of the lever arm is the used one less the true one.
 """

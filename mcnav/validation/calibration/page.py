@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from markupsafe import Markup
 
+from mcnav._dataclasses import dataclass
 from mcnav.files import write_texts
 from mcnav.report.document import (
     Cell,
@@ -100,7 +100,7 @@ SYSTEMS: Final = Markup(
     "freedom it reports none for antithetic pairs and Sobol nets, and approximate ones with a warning for the "
     "other designs."
 )
-"""What the systems are."""
+"""Descriptions of the systems."""
 
 OTHERS: Final[Mapping[str, tuple[Markup, ...]]] = {
     "noise": (
@@ -162,7 +162,7 @@ OTHERS: Final[Mapping[str, tuple[Markup, ...]]] = {
         ),
     ),
 }
-"""What other systems are, by their group."""
+"""Descriptions of other systems, by their group."""
 
 SIGN: Final = Markup('<span class="mark">{}</span>').format
 

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
 import numpy as np
 from scipy import integrate, special, stats
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.rare.estimate import Rare, estimate_probability
 from mcnav.rare.limits import AnyEpoch, Distance, Limit, Sides
@@ -66,7 +66,7 @@ class RareEvent:
 
 @dataclass(frozen=True)
 class Coverage:
-    """How estimates with different seeds turned out: shares of the trials, and relative errors of those stated."""
+    """Outcome of estimates with different seeds: shares of the trials, and relative errors of those stated."""
 
     refused: float
     holds: float

@@ -10,8 +10,8 @@ import pytest
 
 from mcnav.entries.context import FileContext
 from mcnav.systems.ins.imu.instruments import process_sizes
-from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM, ImuSizes, read_imu
-from mcnav.systems.ins.tables.imu_catalogue import catalogue
+from mcnav.systems.ins.tables.imu import ImuSizes, read_imu
+from mcnav.systems.ins.tables.imu_catalogue import ALLAN_MINIMUM, catalogue
 
 DEG_PER_HOUR = np.radians(1.0) / 3600.0
 

@@ -7,8 +7,7 @@ import json
 import pytest
 
 from mcnav.constants import STANDARD_GRAVITY
-from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
-from mcnav.systems.ins.tables.imu_catalogue import catalogue, catalogue_units
+from mcnav.systems.ins.tables.imu_catalogue import ALLAN_MINIMUM, catalogue, catalogue_units
 from mcnav.units import quantity
 from tests.commands import in_process
 

@@ -149,6 +149,10 @@ def test_a_sensor_or_a_state_that_is_absent() -> None:
     assert set_one(document, "filter.estimates.gyro_bias", "present") == document
     added = set_one(document, "filter.estimates.gnss_position_bias", "present")["filter"]["estimates"]
     assert added == ["position", "gyro_bias", "gnss_position_bias"]
+    states = ["position", "gnss_position_bias", "gnss_2_lever_arm"]
+    sensors = [{"type": "gnss"}, {"type": "gnss", "name": "gnss_2"}]
+    both = {"aiding": sensors, "filter": {"estimates": states, "considers": ["gnss_lever_arm"]}}
+    assert set_one(both, "aiding.gnss", "absent")["filter"] == {"estimates": [states[0], states[2]], "considers": []}
     assert "no sensor of [[aiding]] is named 'radar'" in mistake(document, "aiding.radar", "absent")
     found = vary(AIDED, {"filter.estimates.gyro_bias": "absent"})
     assert isinstance(found.scenario, Ins)

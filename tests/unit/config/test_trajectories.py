@@ -97,7 +97,8 @@ def test_a_swaying_base_is_a_sine_about_a_mean(tmp_path: Path) -> None:
     """The splines through forty rows of a period leave 1e-5 of an amplitude."""
     base = {"latitude": "54 deg", "longitude": "10 deg", "heading": "30 deg", "duration": "60 s"}
     moving = {"roll": {"amplitude": "4 deg", "period": "9 s"}, "heave": {"amplitude": "0.5 m", "period": "2 s"}}
-    found = read({"sway": {**base, **moving, "surge": {"amplitude": "2 m", "period": "20 s"}}}, tmp_path)
+    still = {"yaw": {"amplitude": "0 deg", "period": "14 s"}}
+    found = read({"sway": {**base, **moving, **still, "surge": {"amplitude": "2 m", "period": "20 s"}}}, tmp_path)
     times = np.array([7.3, 31.7])
     angles = found.truth.angles(times)
     np.testing.assert_allclose(angles[:, 2], np.radians(4.0) * np.sin(2.0 * np.pi * times / 9.0), atol=1e-6)

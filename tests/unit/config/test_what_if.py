@@ -28,6 +28,16 @@ def test_a_bias_and_its_instability_are_two_numbers() -> None:
     assert found.process_numbers == {"gyro_bias_instability": 1, "gyro_bias_instability_x": 1}
 
 
+def test_errors_of_beams_have_their_number() -> None:
+    beams = {"type": "velocimeter", "interval": "1 s", "beams": [[0.0, 0.0, 1.0]], "velocity": "5 cm/s"}
+    content = {"aiding": [{**beams, "range": "1 m", "range_bias": "2 m"}]}
+    found = of(content, ["velocimeter_range_bias_1"], ("velocimeter_velocity_noise_1", "velocimeter_range_noise_1"))
+    assert [slider.path.removeprefix("aiding.velocimeter.") for slider in found.sliders] == [
+        "velocity", "range", "range_bias",
+    ]  # fmt: skip
+    assert (found.source_numbers.tolist(), list(found.process_numbers.values())) == ([2], [0, 1])
+
+
 def test_an_error_with_an_entry_of_its_own() -> None:
     """Of an axis that the unit's table does not name."""
     content = {

@@ -127,8 +127,7 @@ def test_tiles_say_what_they_are_on_and_where_there_is_more() -> None:
     assert shown.count('<p class="further">') == shown.count('<a href="#budget">Causes') == 1
     assert "<strong>13.1</strong> of tilt</p>" in shown
     assert shown.count("It is &lt;so&gt;.") == shown.count("<details>") == 1
-    assert '<p class="warning">Filter: Mind it. </p>' in shown
-    assert '<p class="warning">Mind it. </p>' in parts_html([Tiles([worst])])
+    assert '<p class="warning">Mind it.</p>' in shown
     page = page_html(Page("title", "kind", "heading", status="Filter optimistic", tone="differs"))
     assert "<title>Filter optimistic – title – mcnav</title>" in page
     assert 'rel="icon"' not in page_html(Page("title", "kind", "heading"))

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,7 +22,7 @@ from mcnav.report.figures.agreement import nees
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.flight import flight
 from mcnav.report.figures.on_axes import crowded
-from mcnav.report.figures.palette import FLOWN, LINEAR, SOURCE_COLOURS
+from mcnav.report.figures.palette import FLOWN, LINEAR, OTHER, SOURCE_COLOURS, VARIABLES, readable_on
 from mcnav.report.figures.paper import read_size
 from mcnav.report.figures.ticks import (
     labelled,
@@ -286,3 +287,20 @@ def test_a_figure_of_errors_is_not_called_a_flight() -> None:
     reentry = read_campaign(ROOT / "campaigns" / "01_tn_d1772_trajectory_4.toml").scenario.nominal()
     titles = [drawn.title for history in (cruise, reentry) if (drawn := flight(history)) is not None]
     assert titles == ["Errors left by one error alone", "Nominal flight"]
+
+
+def test_texts_in_bars_are_legible_in_both_schemes() -> None:
+    """Every colour of a bar, light and dark, has a contrast of 4.5 with the text in it (WCAG 2.2, 1.4.3)."""
+
+    def luminance(colour: str) -> float:
+        channels = np.array([int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
+        linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+        return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+    style = files("mcnav.report").joinpath("templates/style.css").read_text(encoding="utf-8")
+    parts = style.split("prefers-color-scheme: dark")
+    schemes = [dict(re.findall(r"--([\w-]+): (#\w{6});", part)) for part in parts[:2]]
+    for colour in (*SOURCE_COLOURS, OTHER):
+        for scheme in schemes:
+            ends = luminance(scheme[VARIABLES[colour]]), luminance(readable_on(colour))
+            assert (max(ends) + 0.05) / (min(ends) + 0.05) >= 4.5, (colour, scheme[VARIABLES[colour]])

@@ -65,7 +65,7 @@ def test_sigmas_where_they_are_largest() -> None:
     """The true sigma grows until 24 min; there the filter's is smaller by the factor and the wave of 1 %."""
     told = words.errors(consistency(3.3))
     found = consistency(3.3).outputs[0]
-    assert told.startswith("The sigma of ")
+    assert told.startswith("1σ of ")
     assert " is largest at 24 min: " in told
     assert found.true[24] / found.filter[24] == pytest.approx(3.3, rel=0.011)
 

@@ -69,7 +69,7 @@ def test_an_optimistic_filter_and_what_it_neglects() -> None:
     )
     worst = found.outputs[0]
     assert filter_tables.at_worst(found) == (
-        f"At 24 min the sigma of position north is {worst.true[24]:.1f} m; the filter states {worst.filter[24]:.1f} m "
+        f"At 24 min 1σ of position north is {worst.true[24]:.1f} m; the filter states {worst.filter[24]:.1f} m "
         "(factor of this output alone: 3.27)."
     )
     neglected = [[cell.text for cell in row.values()] for row in page(foremost_neglected(summary(found)))]

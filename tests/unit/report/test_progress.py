@@ -8,7 +8,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from mcnav.progress import Compilation, Phase
+from mcnav.progress import MEASUREMENT, Compilation, Phase
 from mcnav.report import progress
 from mcnav.report.progress import Lines, shown
 
@@ -54,6 +54,18 @@ def test_phases_in_order() -> None:
     assert _text(lines) == [
         "preparing 3 s", "simulating 50,000/50,000 samples 20 s", "analysing 1 min 10 s", "writing the report 1 s",
     ]  # fmt: skip
+
+
+def test_a_measurement_of_noise_is_shown_in_its_phase() -> None:
+    clock = Clock()
+    lines = Lines(clock)
+    lines.phase(Phase.PREPARING)
+    with MEASUREMENT.of(546):
+        clock.now += 3.0
+        assert _text(lines) == ["preparing; covariance of the noise: 0 of 546 simulations 3 s"]
+        MEASUREMENT.done, MEASUREMENT.began = 182, time.monotonic() - 10.0
+        assert _text(lines) == ["preparing; covariance of the noise: 182 of 546 simulations, 20 s left 3 s"]
+    assert _text(lines) == ["preparing 3 s"]
 
 
 def test_looks_go_on_with_their_lines() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mcnav.systems.user.sample_noise import CHECKED, SAMPLES, ScaledNoise, sample_noise
+from mcnav.systems.user.sample_noise import CHECKED, SAMPLES, ProbedNoise, ScaledNoise, sample_noise
 
 Draw = Callable[[np.random.Generator], np.ndarray]
 DRAWS: dict[str, tuple[Draw, float]] = {
@@ -36,6 +36,28 @@ def test_a_scaled_generator_advances_as_a_plain_one() -> None:
     plain, scaled = sample_noise(1, 2), ScaledNoise(1, 2, 0.5)
     for draw, mean in DRAWS.values():
         np.testing.assert_allclose(draw(scaled) - mean, 0.5 * (draw(plain) - mean), atol=1e-15)
+
+
+COVARIANCES = {
+    "standard_normal": np.eye(5),
+    "one normal": np.eye(1),
+    "normal": np.diag([1.0, 9.0]),
+    "multivariate_normal": np.kron(np.eye(3), [[2.0, 1.0], [1.0, 2.0]]),
+    "random": np.eye(4) / 12.0,
+    "uniform": np.eye(4) * 9.0 / 12.0,
+    "into an array": np.eye(3),
+}
+
+
+@pytest.mark.parametrize("case", DRAWS)
+def test_variates_deviate_as_they_are_told(case: str) -> None:
+    """What each of them adds makes the covariance of what is drawn; there are as many as numbers here."""
+    draw, mean = DRAWS[case]
+    noise = ProbedNoise(np.zeros(0))
+    assert np.all(draw(noise) == mean)
+    assert noise.used == len(COVARIANCES[case])
+    added = np.array([draw(ProbedNoise(each)).ravel() - mean for each in np.eye(noise.used)])
+    np.testing.assert_allclose(added.T @ added, COVARIANCES[case], atol=1e-14)
 
 
 def test_what_has_no_scale_is_refused() -> None:

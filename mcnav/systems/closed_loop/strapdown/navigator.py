@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Final, Literal
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
@@ -19,7 +20,7 @@ from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
 from mcnav.systems.ins.imu.readings import compensate, reading_errors, response_matrix
 from mcnav.systems.ins.tables.imu import CONSTANTS
-from mcnav.systems.ins.tables.imu_catalogue import KINDS
+from mcnav.systems.ins.tables.imu_catalogue import units_of_values
 
 MOON: Final = replace(earth.MOON, j2=None)
 """The moon as a sphere whose field is central."""
@@ -36,7 +37,7 @@ def constants_of(instrument: str) -> dict[str, tuple[str, tuple[str, ...]]]:
     >>> list(constants_of("gyro"))[:2]
     ['gyro_bias', 'gyro_scale_factor']
     """
-    units = KINDS[instrument]
+    units = units_of_values()[instrument]
     return {
         f"{instrument}_{key}": (units[key], CROSS_AXES if key == "misalignment" else AXES)
         for key in CONSTANTS
@@ -49,8 +50,8 @@ ERRORS: Final = {name: unit for kinds in INSTRUMENTS.values() for name, unit in 
 """Kinds of constant errors, with units and axes."""
 
 PROCESSES: Final[Mapping[str, White | GaussMarkov]] = {
-    **{f"{each}_{walk}": White(KINDS[each][walk], AXES) for each, walk in WALKS.items()},
-    **{f"{each}_{INSTABILITY}": GaussMarkov(KINDS[each]["bias"], AXES) for each in WALKS},
+    **{f"{each}_{walk}": White(units_of_values()[each][walk], AXES) for each, walk in WALKS.items()},
+    **{f"{each}_{INSTABILITY}": GaussMarkov(units_of_values()[each]["bias"], AXES) for each in WALKS},
 }
 
 

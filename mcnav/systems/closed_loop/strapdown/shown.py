@@ -1,4 +1,4 @@
-"""How errors of the instruments are shown, and their usual sizes: those of type ``ins``."""
+"""Units in which errors of the instruments are shown, and their usual sizes: those of type ``ins``."""
 
 from __future__ import annotations
 

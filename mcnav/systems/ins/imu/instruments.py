@@ -7,17 +7,21 @@ of scale factors and misalignments, plus what its own error law and its processe
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.ins.imu.gravity import DISTURBANCES, GravityDisturbance
 
 AXES: Final = ("x", "y", "z")
 CROSS_AXES: Final = ("xy", "xz", "yx", "yz", "zx", "zy")
 """Pairs of axes: the first reads part of an input along the second."""
+
+NEGLECTED: Final = {"quantization": "filters neglect quantization; leave it out"}
+"""Errors of instruments that no filter knows, and what is said where one is given to it."""
 
 OUTPUTS: Final = (
     "position_north",

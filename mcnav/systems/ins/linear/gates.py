@@ -11,10 +11,9 @@ so that their covariances follow from those of X by each cause. An error b of th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.linear.closed_loop import (

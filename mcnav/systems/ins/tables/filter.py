@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, WithJsonSchema
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.gates import USUAL, GateQuestion
 from mcnav.contract.quantities import Source
@@ -37,7 +38,7 @@ from mcnav.systems.ins.tables.aiding import constant_sizes
 from mcnav.systems.ins.tables.error_names import error_patterns, kinds_of_errors, name_pattern
 from mcnav.systems.ins.tables.gravity import BelievedGravityTable, read_believed_gravity
 from mcnav.systems.ins.tables.imu import BelievedImuTable, read_imu
-from mcnav.systems.ins.tables.sensor_tables import BELIEVED, MULTIPLE, BelievedSensor, Gate, OfGate, OfName
+from mcnav.systems.ins.tables.sensor_tables import BELIEVED, MULTIPLE, Gate, OfGate, OfName, believed_sensor
 from mcnav.systems.ins.tables.sensors import SensorErrors, check_measured, errors_of
 
 ALWAYS: Final = ("position", "velocity", "attitude")
@@ -80,7 +81,7 @@ class BelievesTable(Table):
     )
     aiding: dict[
         Annotated[str, OfName],
-        Annotated[object, Later(BelievedSensor)],
+        Annotated[object, Later(believed_sensor)],
     ] = Field(
         default_factory=dict,
         description="Believed errors of the sensors, by their names.",

@@ -7,19 +7,20 @@ A value holds for each axis. A list gives the axes one by one (three, or for mis
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Annotated, Any, Final
 
 import numpy as np
 from pydantic import Field
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import OneOf, Table
 from mcnav.entries.validation import validate
 from mcnav.systems.description import FurtherTable
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, Imu, Noise
-from mcnav.systems.ins.tables.imu_catalogue import catalogue, catalogue_units
+from mcnav.systems.ins.tables.imu_catalogue import ALLAN_MINIMUM, catalogue, catalogue_units
 from mcnav.systems.ins.tables.instrument_tables import (
     AccelerometerTable,
     BelievedAccelerometerTable,
@@ -29,9 +30,6 @@ from mcnav.systems.ins.tables.instrument_tables import (
     InstabilityTable,
     QuantizationTable,
 )
-
-ALLAN_MINIMUM: Final = 0.61736
-"""Allan deviation of a Gauss-Markov process at its maximum, over the process's sigma."""
 
 STEP: Final = np.sqrt(12.0)
 """Step in which an angle or a velocity is counted, over the sigma of the error that is even within a step."""

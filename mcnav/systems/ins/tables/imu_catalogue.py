@@ -1,27 +1,37 @@
 """The catalogue of inertial measurement units: grades, and units whose data have a source.
 
-Values are kept as their sources write them; `KINDS` has the SI unit of each.
+Values are kept as their sources write them; `units_of_values` has the SI unit of each.
 """
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import Any, Final
 
+from mcnav._dataclasses import dataclass
 from mcnav.entries.axes import units_of
-from mcnav.systems.ins.tables.instrument_tables import INSTRUMENTS
 
 INSTABILITY: Final = "bias_instability"
 
-KINDS: Final = {instrument: units_of(table) for instrument, table in INSTRUMENTS.items()}
-"""SI unit of each value of an instrument, by its key in ``[imu.gyro]`` or ``[imu.accelerometer]``."""
+NAMES: Final = ("gyro", "accelerometer")
+"""Instruments, by the tables of ``[imu]``."""
+
+ALLAN_MINIMUM: Final = 0.61736
+"""Allan deviation of a Gauss-Markov process at its maximum, over the process's sigma."""
 
 Entry = str | dict[str, str]
 """A value of an instrument as ``[imu]`` has it: a quantity, or the quantities of a process."""
+
+
+@cache
+def units_of_values() -> dict[str, Mapping[str, str]]:
+    """Return the SI unit of each value of an instrument, by its key in ``[imu.gyro]`` or ``[imu.accelerometer]``."""
+    from mcnav.systems.ins.tables.instrument_tables import INSTRUMENTS  # models, which take a fortieth of a second
+
+    return {instrument: units_of(table) for instrument, table in INSTRUMENTS.items()}
 
 
 @dataclass(frozen=True)
@@ -47,7 +57,7 @@ class DataSheetValue:
     @property
     def unit(self) -> str:
         """SI unit."""
-        return KINDS[self.instrument][self.key]
+        return units_of_values()[self.instrument][self.key]
 
 
 @dataclass(frozen=True)
@@ -61,7 +71,7 @@ class CatalogueUnit:
     @property
     def table(self) -> dict[str, dict[str, Entry]]:
         """The values as the tables ``[imu.gyro]`` and ``[imu.accelerometer]`` of a campaign."""
-        tables: dict[str, dict[str, Entry]] = {instrument: {} for instrument in KINDS}
+        tables: dict[str, dict[str, Entry]] = {instrument: {} for instrument in NAMES}
         for value in self.values:
             table, (first, _, second) = tables[value.instrument], value.key.partition(".")
             inside = table.get(first, {})
@@ -80,7 +90,7 @@ def catalogue_units() -> tuple[CatalogueUnit, ...]:
 
 
 def _values(unit: Mapping[str, Any], sources: Mapping[str, str]) -> Iterator[DataSheetValue]:
-    for instrument in KINDS:
+    for instrument in NAMES:
         for key, entry in unit.get(instrument, {}).items():
             named = {f"{key}.{each}": pair for each, pair in entry.items()} if isinstance(entry, dict) else {key: entry}
             yield from (DataSheetValue(instrument, name, text, sources[cited]) for name, (text, cited) in named.items())

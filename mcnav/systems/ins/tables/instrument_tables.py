@@ -11,7 +11,7 @@ from mcnav._types import Array
 from mcnav.entries.axes import AxisSizes, OrSizes, fault_of_size, within
 from mcnav.entries.quantities import Table
 from mcnav.entries.rules import ExactlyOne, Rule, SomeButOne
-from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
+from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, NEGLECTED
 
 SHORTEST_CORRELATION: Final = 0.1
 """Shortest correlation time, s: below it a process is white noise, and is to be given as such."""
@@ -127,7 +127,6 @@ CountedVelocities = Annotated[QuantizationTable[Velocities], OrSizes(AxisSizes("
 
 INSTABILITY: Final = Field(description="Gauss-Markov process of the bias.")
 QUANTIZATION: Final = Field(description="White error of each reading of the accumulated angle or velocity.")
-NEGLECTED: Final = {"quantization": "filters neglect quantization; leave it out"}
 
 
 class GyroTable(GyroErrors):

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Mapping, Set
-from dataclasses import dataclass
-from functools import reduce
+from collections.abc import Callable, Iterator, Mapping, Set
+from functools import cache, reduce
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, WithJsonSchema, create_model
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.entries.axes import AxisSizes, Fault, within
 from mcnav.entries.mistakes import Mistake, told
 from mcnav.entries.quantities import UNIT, Later, OneOf, QuantityIn, Table
 from mcnav.entries.rules import SomeOf
-from mcnav.entries.unions import ByType, Either
+from mcnav.entries.unions import ByTypeIn, Either
 from mcnav.entries.validation import AnyTable
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.sensors.quantity import OFFSETS, FurtherKey, QuantityDefinition, SensorType
@@ -238,23 +238,35 @@ def _believed_table(kind: SensorType) -> type[Table]:
     return _model(f"believed {kind.name} sensor", base=Table, **fields)
 
 
-SENSORS: Final[Mapping[str, type[SensorTable]]] = {name: _sensor_table(kind) for name, kind in SENSOR_TYPES.items()}
+class Tables(Mapping[str, type[Table]]):
+    """Tables by type of sensor, each made when it is asked for: one takes 3 ms."""
+
+    def __init__(self, make: Callable[[SensorType], type[Table]]) -> None:
+        self._make = cache(lambda name: make(SENSOR_TYPES[name]))
+
+    def __getitem__(self, name: str) -> type[Table]:
+        return self._make(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(SENSOR_TYPES)
+
+    def __len__(self) -> int:
+        return len(SENSOR_TYPES)
+
+
+SENSORS: Final = Tables(_sensor_table)
 """Tables of ``[[aiding]]`` by type of sensor."""
 
-BELIEVED: Final[Mapping[str, type[Table]]] = {name: _believed_table(kind) for name, kind in SENSOR_TYPES.items()}
+BELIEVED: Final = Tables(_believed_table)
 """Tables of ``[filter.believes.aiding]`` by type of sensor."""
 
-AnySensor: Final[Any] = Annotated[
-    reduce(operator.or_, SENSORS.values()),
-    ByType(),
-    Field(description="A sensor, its instants, and the sizes of its errors."),
-]
+OfSensor: Final = Field(description="A sensor, its instants, and the sizes of its errors.")
+AnySensor: Final[Any] = Annotated[SensorTable, ByTypeIn(SENSORS), OfSensor]
 Sensors: Final[Any] = Annotated[list[AnySensor], Field(max_length=MOST_SENSORS)]
 """``[[aiding]]``."""
 
-BelievedSensor: Final[Any] = Annotated[
-    reduce(operator.or_, BELIEVED.values()),
-    Either(),
-    Field(description="Errors that the filter takes others for."),
-]
-"""An entry of ``[filter.believes.aiding]``, whose sensor ``[[aiding]]`` describes."""
+
+def believed_sensor() -> Any:
+    """Return the type of an entry of ``[filter.believes.aiding]``, whose sensor ``[[aiding]]`` describes."""
+    described = Field(description="Errors that the filter takes others for.")
+    return Annotated[reduce(operator.or_, BELIEVED.values()), Either(), described]

@@ -122,14 +122,14 @@ class BoostTable(Table):
 class SwingTable(Table):
     """``{ amplitude = "5 deg", period = "9 s" }``."""
 
-    amplitude: Annotated[Angle, Field(gt=0.0, le=1.0, description="Amplitude of the sine.", examples=["5 deg"])]
+    amplitude: Annotated[Angle, Field(ge=0.0, le=1.0, description="Amplitude of the sine.", examples=["5 deg"])]
     period: Annotated[Duration, Field(ge=0.1, le=1e4, description="Period of the sine.", examples=["9 s"])]
 
 
 class ShiftTable(Table):
     """``{ amplitude = "0.5 m", period = "9 s" }``."""
 
-    amplitude: Annotated[Length, Field(gt=0.0, le=100.0, description="Amplitude of the sine.", examples=["0.5 m"])]
+    amplitude: Annotated[Length, Field(ge=0.0, le=100.0, description="Amplitude of the sine.", examples=["0.5 m"])]
     period: Annotated[Duration, Field(ge=0.1, le=1e4, description="Period of the sine.", examples=["9 s"])]
 
 

@@ -6,12 +6,12 @@ processes. The rate is the slope of a straight line fitted to the CEP of three h
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy import special
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.imu.instruments import Imu, Noise
@@ -20,7 +20,7 @@ from mcnav.validation.reproduce.textbook.navigators import Case, at_rest, held_a
 from mcnav.validation.reproduce.textbook.numbers import CONFIDENCE, Number
 
 LATITUDE: Final = 39.7931
-"""Of the book's test track, deg."""
+"""Latitude of the book's test track, deg."""
 
 DURATION: Final = 3.0 * HOUR
 SAMPLES: Final = 200

@@ -23,7 +23,7 @@ NAUTICAL_MILE: Final = 1852.0
 MICRO_G: Final = 1e-6 * STANDARD_GRAVITY
 
 SAMPLES: Final = 1000
-"""Of each navigation."""
+"""Samples of each navigation."""
 
 LATITUDE: Final = 45.0
 SHORT: Final = 600.0

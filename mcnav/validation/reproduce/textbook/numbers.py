@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from typing import Final
+
+from mcnav._dataclasses import dataclass
 
 CONFIDENCE: Final = 0.999
 """Confidence of each interval of the samples: a hundred intervals all contain their numbers with 90 % probability."""
@@ -38,7 +40,7 @@ SOURCES: Final = {
     "closed": "Closed forms, evaluated here",
     "checks": "Check values of this project, each computed in two ways or against another package, without its code",
 }  # fmt: skip
-"""Where the published numbers come from."""
+"""Sources of the published numbers."""
 
 
 class Agreement(StrEnum):
@@ -106,12 +108,12 @@ class Number:
 
     @property
     def linear_agrees(self) -> bool:
-        """Whether linear analysis has the printed digits."""
+        """True where linear analysis has the printed digits."""
         return self._has_digits(self.linear)
 
     @property
     def simulated_agrees(self) -> bool | None:
-        """Whether the interval contains the size of the number, or a single simulation has the printed digits."""
+        """True where the interval contains the size of the number, or a single simulation has the printed digits."""
         if self.simulated is None:
             return None
         if self.interval is None:

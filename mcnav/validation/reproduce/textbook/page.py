@@ -75,7 +75,7 @@ COMPARED: Final = (
     "interval and must have the digits. The paired estimate adds to the linear variance what the samples' squares "
     "differ from those of their linear outcomes: it has hardly any sampling error, and shows what nonlinearity changes."
 )
-"""How each number is compared."""
+"""Way in which each number is compared."""
 
 
 @lru_cache

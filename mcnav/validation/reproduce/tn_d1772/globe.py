@@ -7,12 +7,13 @@ start. The report's ten errors are errors in the plane; each has a counterpart a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 from mcnav.contract.samples import Batch, SimulationResult
@@ -43,7 +44,7 @@ ACROSS: Final = {
 """Errors across the plane and their sizes, those of their counterparts in the plane."""
 
 ACROSS_INITIAL: Final = 4
-"""Of these, the initial conditions and the platform's alignment come first."""
+"""Sources, of which the initial conditions and the platform's alignment come first."""
 
 ALTITUDE, RANGE, CROSSRANGE = range(3)
 RESULTS: Final = ("altitude", "range", "crossrange")
@@ -62,7 +63,7 @@ INSTRUMENTS: Final = {
 """Errors of platform and instruments in the plane: their names in three dimensions, and signs."""
 
 ESTIMATES: Final = ("gyro_bias", "accelerometer_bias", "accelerometer_scale_factor")
-"""What the filter of an updated navigator estimates besides position, velocity and attitude."""
+"""States that the filter of an updated navigator estimates besides position, velocity and attitude."""
 
 TRACKING: Final[dict[str, tuple[float, float, float]]] = {
     "position": (ACROSS["position_north"], ERROR_SIZES[Error.RANGE], ERROR_SIZES[Error.ALTITUDE]),

@@ -1,4 +1,4 @@
-"""What navigation errors do to the landing point: the report's lift law, fed by the truth and by the navigator.
+"""Effect of navigation errors on the landing point: the report's lift law, fed by the truth and by the navigator.
 
 The report feeds its variable lift, L/D = -k r', with the true altitude rate, and asks how wrong the navigator is. Fed
 with the indicated one the same vehicle closes the loop, and the errors move it. Errors are the report's ten, linear and
@@ -8,13 +8,13 @@ as samples; of the air and of the vehicle, for comparison, density by 5 %, drag 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 import pandas as pd
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.constants import REENTRY_ALTITUDE
 from mcnav.contract.samples import Batch
@@ -39,7 +39,7 @@ SKIPPING: Final = (4, 6)
 """Those that leave it again."""
 
 RESULTS: Final = {"altitude error": "altitude", "range error": "range", "landing point": "true_range"}
-"""What is compared, with the names of outputs."""
+"""Quantities that are compared, with the names of outputs."""
 
 FED: Final[tuple[Whose, ...]] = ("true", "indicated")
 

@@ -5,13 +5,14 @@ Both navigators get the same samples of the report's ten errors; the spatial one
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 import pandas as pd
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.constants import REENTRY_ALTITUDE
 from mcnav.contract.engine import without_noise
@@ -244,7 +245,7 @@ def _coast(globe: Globe, errors: Array) -> Array:
 
 @dataclass(frozen=True)
 class Crossing:
-    """What crossrange has to do with the motion in the plane, on one trajectory.
+    """Coupling of crossrange to the motion in the plane, on one trajectory.
 
     Attributes
     ----------

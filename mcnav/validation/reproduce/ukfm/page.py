@@ -1,9 +1,8 @@
-"""What ukfm printed beside runs of the same filters, as an HTML page, CSV files, and the tables of ``UKFM.md``."""
+"""Printed numbers of ukfm beside our own runs, as an HTML page, CSV files, and the tables of ``UKFM.md``."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -11,6 +10,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.files import write_texts
 from mcnav.report.document import Cell, Column, MarkKey, Note, Page, Part, Section, Sentence, Table, counts_in_words
@@ -67,7 +67,7 @@ class Number:
 
     @property
     def agreement(self) -> str:
-        """Whether the range contains the printed number, which is rounded."""
+        """True where the range contains the printed number, which is rounded."""
         half = 0.5 * 10.0 ** -len(self.printed.partition(".")[2])
         return INSIDE if self.low - half <= float(self.printed) <= self.high + half else OUTSIDE
 
@@ -93,7 +93,7 @@ class Consistency:
 
     @property
     def verdict(self) -> str:
-        """Whether the filter is right about its errors."""
+        """Verdict on what the filter says of its errors."""
         lows, highs = (self.attitude[1], self.position[1]), (self.attitude[2], self.position[2])
         if min(highs) >= 1.0 >= max(lows):
             return "consistent"

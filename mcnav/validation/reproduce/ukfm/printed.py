@@ -1,4 +1,4 @@
-"""What ukfm printed of this benchmark: two printings of 100 runs each.
+"""Printed numbers of ukfm's benchmark: two printings of 100 runs each.
 
 Its documentation, ``docsource/source/auto_benchmark/inertial_navigation.rst``, was printed twice: on 23 September 2019
 (commits 4cc2a5f and 3ea27e5, 79 minutes 6.873 seconds) and on 1 October 2019 (538c513 and later ones, 81 minutes

@@ -1,0 +1,63 @@
+"""Command line: parse options, run a use case of `mcnav.workflow` or `mcnav.studies`, print the results."""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import os
+import sys
+from copy import copy
+from typing import Final
+
+import typer
+from typer.main import get_command_name
+
+from mcnav._interrupts import interruptible
+from mcnav.cli import advanced, analyse, look, start
+from mcnav.cli.program import app
+
+MODULES: Final = (start, analyse, look, advanced)
+"""Modules of commands; importing one adds its commands to the program."""
+
+GARBAGE_THRESHOLD = 50_000
+"""New objects after which Python looks for cycles to free."""
+
+
+def _prepare_process() -> None:
+    """Prepare a process that runs one command, before numerical libraries are loaded.
+
+    Their sums use one thread; idle threads of their pools would use processor time. A command ends before collecting
+    its many lasting objects would free memory; at its end they are frozen, because the interpreter would look through
+    all of them once more, which took a fifth of a second.
+    """
+    for variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+    gc.set_threshold(GARBAGE_THRESHOLD, 50, 50)
+    atexit.register(gc.freeze)
+
+
+def _with_the_command(name: str) -> typer.Typer:
+    """Return the command line with this one of its commands: building all of them takes as long as showing a run.
+
+    It is whole where no command has that name.
+    """
+    named = [
+        each
+        for each in app.registered_commands
+        if name == (each.name or get_command_name(getattr(each.callback, "__name__", "")))
+    ]
+    if not named:
+        return app
+    alone = copy(app)
+    alone.registered_commands = named
+    return alone
+
+
+def main() -> None:
+    """Run the command line."""
+    _prepare_process()
+    with interruptible():
+        _with_the_command("".join(sys.argv[1:2]))(prog_name="mcnav")
+
+
+__all__ = ["GARBAGE_THRESHOLD", "MODULES", "app", "main"]

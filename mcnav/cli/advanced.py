@@ -1,0 +1,250 @@
+"""Commands for a few: matrices, records, the editors' schema, compiling, published numbers, calibration."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from mcnav import next_command
+from mcnav.cli.analyse import show_start_times
+from mcnav.cli.options import (
+    CampaignFile,
+    ChosenAxes,
+    Count,
+    FormatOption,
+    OutFolder,
+)
+from mcnav.cli.printing import (
+    err,
+    out,
+    print_line,
+    print_next,
+    print_rows,
+    print_written,
+)
+from mcnav.cli.program import command, failure
+from mcnav.output_place import output_file, output_folder
+
+
+@command()
+def partials(
+    campaign: CampaignFile,
+    method: Annotated[
+        Literal["all", "variational", "differences", "runs"], typer.Option(help="Method used to compute P.")
+    ] = "all",
+    start_times: Annotated[
+        bool, typer.Option("--start-times", help="Compute P for all start times of the flight, as a table and curves.")
+    ] = False,
+    count: Count = None,
+    axes: ChosenAxes = None,
+    folder: OutFolder = None,
+    form: FormatOption = "table",
+) -> None:
+    """Show the partial derivatives P of the final errors.
+
+    They are computed by three methods, whose differences are shown. With --start-times, write P and the linear
+    dispersion as functions of the start of navigation.
+
+    Example: mcnav partials campaigns/11_cruise.toml --method variational
+    """
+    from mcnav.config.read import read_campaign
+    from mcnav.lincov.partials import compare_partials
+    from mcnav.report import export, terminal
+
+    if start_times:
+        if form != "table":
+            raise failure("--format: cannot be used with --start-times, which writes CSV; omit one")
+        show_start_times(campaign, folder, axes, count, checks=False)
+        return
+    scenario = read_campaign(campaign).scenario
+    methods = ["variational", "differences", "runs"] if method == "all" else [method]
+    matrix, differences = compare_partials(scenario, methods)
+    if form != "table":
+        rows = export.partial_rows(scenario.sources, scenario.outputs, matrix)
+        shares = [
+            {"method": name, "output": output.name, "largest_difference": float(values[i])}
+            for name, values in differences.items()
+            for i, output in enumerate(scenario.outputs)
+        ]
+        print_rows(form, rows, {"method": methods[0], "partials": rows, "differences": shares})
+    else:
+        out.print(terminal.partials(scenario.sources, scenario.outputs, matrix))
+    if differences:
+        console = out if form == "table" else err
+        console.print()
+        console.print(terminal.agreement(scenario.outputs, differences))
+    if form == "table":
+        print_next(next_command.written("lincov", campaign))
+
+
+@command()
+def record(
+    campaign: CampaignFile,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_record].")] = None,
+    sample: Annotated[int, typer.Option(help="Number of the sample.")] = 0,
+    rate: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Readings per second.")] = 50.0,
+) -> None:
+    """Write what the instruments of one sample read, as a flight.
+
+    The files of instruments and sensors are like those of a recorded flight.
+
+    Example: mcnav record flight.toml --sample 3 --out log
+    """
+    from mcnav.config.read import read_campaign
+    from mcnav.studies.recordings import write_recording
+
+    target = output_folder(folder, Path("reports") / f"{campaign.stem}_record")
+    files = write_recording(read_campaign(campaign), sample, 1.0 / rate, target)
+    print_written(files)
+    print_next(next_command.after_recording(campaign, files))
+
+
+@command()
+def schema(
+    into: Annotated[
+        Path | None, typer.Option("--out", help="Write it into a folder, or a file ending in .json.")
+    ] = None,
+) -> None:
+    """Print the JSON schema of campaign files, for editors.
+
+    Editors complete, describe and check campaigns by it. A campaign names it in its first line: #:schema
+    ./mcnav.schema.json
+
+    Example: mcnav schema --out mcnav.schema.json
+    """
+    from mcnav.config.json_schema.files import SCHEMA_FILE, schema_text
+    from mcnav.files import write_texts
+
+    if into is None:
+        sys.stdout.write(schema_text())
+    else:
+        file = output_file(into, SCHEMA_FILE, [".json"])
+        print_written(write_texts(file.parent, {file.name: schema_text()}))
+        print_next(next_command.written("docs", "campaigns"))
+
+
+@command("compile")
+def compile_all(
+    into: Annotated[
+        Path | None,
+        typer.Option("--out", "--into", metavar="FOLDER", help="Write objects there, which a wheel may hold."),
+    ] = None,
+    level: Annotated[
+        Literal["x86-64-v3", "x86-64-v4"] | None,
+        typer.Option(help="Processor that objects are for [default: the highest level of this one]."),
+    ] = None,
+    only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="An example in place of all; repeat.")] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel processes.")] = 2,
+) -> None:
+    """Compile all kernels beforehand, for images and clusters.
+
+    No later command compiles then. Every example is run with a few samples, by each engine. A line says what is done.
+
+    Example: mcnav compile
+    """
+    if level is not None and into is None:
+        raise failure("--level: is for objects; give --out FOLDER")
+    if into is not None:
+        from mcnav.compiled.target import choose_objects
+
+        try:
+            choose_objects(into, level)
+        except ValueError as wrong:
+            raise failure(f"--level: {wrong}") from None
+    from mcnav.entries.examples import example
+    from mcnav.studies.precompile import compile_kernels
+
+    names = [example(name).stem for name in only or ()]
+    count = compile_kernels(names, jobs, lambda line: err.print(line, highlight=False, soft_wrap=True))
+    out.print(f"{count} functions compiled, all others were stored")
+    print_next(next_command.written("demo"))
+
+
+@command()
+def reproduce(
+    document: Annotated[
+        Literal["tn-d1772", "story-of-84-minutes", "textbook", "ukfm"],
+        typer.Argument(
+            metavar="DOCUMENT",
+            help="tn-d1772 (NASA TN D-1772), story-of-84-minutes, textbook (closed forms), or ukfm (five filters).",
+        ),
+    ],
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/DOCUMENT].")] = None,
+    samples: Annotated[
+        int | None, typer.Option(min=2, help="Runs of each filter, of ukfm alone [default: 10000].")
+    ] = None,
+) -> None:
+    """Recompute the numbers and figures of a publication.
+
+    They are written as a page and CSV files.
+
+    Example: mcnav reproduce textbook --out recomputed
+    """
+    from collections import Counter
+
+    from mcnav.validation.reproduce.story_of_84_minutes import page as story_page
+    from mcnav.validation.reproduce.textbook import page as textbook_page
+    from mcnav.validation.reproduce.tn_d1772 import page
+    from mcnav.validation.reproduce.ukfm import page as ukfm_page
+
+    if samples is not None and document != "ukfm":
+        raise failure(f"--samples is for ukfm alone; {document} has samples of its own")
+    target = output_folder(folder, Path("reports") / document)
+    following = next_command.written("docs", "story" if document == "story-of-84-minutes" else document)
+    if document == "story-of-84-minutes":
+        print_written(story_page.write(target))
+        print_next(following)
+        return
+    if document == "textbook":
+        numbers, written = textbook_page.write(target)
+        out.print(f"{len(numbers)} published numbers")
+        for agreement, count in Counter(number.agreement for number in numbers).most_common():
+            out.print(f"{count:6} {textbook_page.PHRASES[agreement]}")
+        print_written(written)
+        print_next(following)
+        return
+    if document == "ukfm":
+        summary, written = ukfm_page.write(target, samples)
+        out.print(summary)
+        print_written(written)
+        print_next(following)
+        return
+    cells, files = page.write_reproduction(target)
+    out.print(f"{len(cells)} printed numbers")
+    for mark, count in Counter(cell.mark for cell in cells).most_common():
+        out.print(f"{count:6} {page.PHRASES[mark]}")
+    print_line(f"\nwritten: {files[0]}\nand {len(files) - 1} tables in the same folder")
+    print_next(following)
+
+
+@command()
+def calibrate(
+    trials: Annotated[int, typer.Option(min=2, help="Synthetic campaigns of each kind.")] = 100,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel processes.")] = 2,
+    folder: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("reports/calibration"),
+    rare: Annotated[
+        bool,
+        typer.Option("--rare", help="Measure rare events alone; other rates are those of the CSV file there."),
+    ] = False,
+) -> None:
+    """Measure error rates of intervals, tests and verdicts.
+
+    Coverage, false alarms and power are written as a page and a CSV file. The campaigns are synthetic and their
+    moments known. Every measured rate has its binomial interval.
+
+    Example: mcnav calibrate --trials 100
+    """
+    from mcnav.validation.calibration import page
+
+    into = output_folder(folder, folder)
+    if rare and not (into / page.CSV).is_file():
+        raise failure(f"{into / page.CSV}: no such file; --rare needs the other rates, which mcnav calibrate measures")
+    table, files = page.write_calibration(into, trials, jobs, rare)
+    for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
+        out.print(f"{count:6} rates {finding}")
+    out.print()
+    print_written(files)
+    print_next(next_command.written("docs", "method"))

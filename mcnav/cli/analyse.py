@@ -1,0 +1,407 @@
+"""Commands that analyse: linear covariance, sweeps, budgets of errors, records, kinds of filters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mcnav import next_command
+from mcnav import shell_completion as completion
+from mcnav.cli.options import (
+    Axes,
+    CampaignFile,
+    ChosenAxes,
+    Count,
+    FormatOption,
+    OutFolder,
+    columns_of,
+    pairs_of,
+)
+from mcnav.cli.printing import (
+    err,
+    out,
+    print_next,
+    print_rows,
+    print_written,
+)
+from mcnav.cli.program import BAD_INPUT, command, failure
+from mcnav.output_place import output_folder
+
+
+@command("start-times")
+def start_times(
+    campaign: CampaignFile,
+    count: Count = None,
+    axes: ChosenAxes = None,
+    folder: OutFolder = None,
+) -> None:
+    """Find the best start of navigation.
+
+    It shows linear dispersion by start time, with Monte Carlo checks. The campaign's optional table [start_times]
+    sets errors that vary with the start time, weights of the outputs, and the start times to check.
+
+    Example: mcnav start-times campaigns/09_start_times.toml
+    """
+    show_start_times(campaign, folder, axes, count, checks=True)
+
+
+def show_start_times(campaign: Path, folder: Path | None, axes: Axes | None, count: int | None, checks: bool) -> None:
+    """Compute, write and print the start-time analysis of a campaign."""
+    from mcnav.config.read import read_campaign
+    from mcnav.report import progress, terminal
+    from mcnav.studies.start_times import write_start_times
+
+    content = read_campaign(campaign)
+    target = output_folder(folder, Path("reports") / f"{campaign.stem}_start_times")
+    with progress.shown(err) as shown:
+        times, files = write_start_times(content, target, axes, count, checks, shown)
+    out.print(terminal.best_starts(times.study, times.checks, times.own_sigma, content.scenario.outputs))
+    out.print()
+    print_written(files)
+    print_next(next_command.written("lincov", campaign))
+
+
+@command()
+def linearity(
+    campaign: CampaignFile,
+    tolerance: Annotated[
+        float | None, typer.Option(min=1e-4, max=1.0, help="Allowed relative difference [default: the campaign's].")
+    ] = None,
+    samples: Annotated[int, typer.Option(min=200, max=1_000_000, help="Samples at each multiple.")] = 2_000,
+    largest: Annotated[float, typer.Option(min=0.2, max=1_000.0, help="Largest multiple of all errors.")] = 50.0,
+    folder: OutFolder = None,
+) -> None:
+    """Find the size of errors at which linear analysis fails.
+
+    It is a multiple of the campaign's errors, for each source alone and for all together.
+
+    Example: mcnav linearity campaigns/14_polar.toml --samples 500
+    """
+    from mcnav.config.read import read_campaign
+    from mcnav.report import progress
+    from mcnav.report.linearity import remarks, terminal
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.linearity import write_linearity
+
+    content = read_campaign(campaign)
+    target = output_folder(folder, Path("reports") / f"{campaign.stem}_linearity")
+    with progress.shown(err) as shown:
+        study, files = write_linearity(content, target, tolerance, samples, largest, shown)
+    out.print(printed(terminal(content.scenario.outputs, study.together, study.tolerance)))
+    for sentence in remarks(content.scenario.outputs, study.noise, study.sizes_alone):
+        out.print(sentence)
+    out.print()
+    print_written(files)
+    print_next(next_command.written("run", campaign))
+
+
+@command()
+def lincov(
+    campaign: CampaignFile,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_lincov].")] = None,
+    at: Annotated[
+        str | None, typer.Option(metavar="TIMES", help="Times of the trajectory, such as '600 s, 1500 s'.")
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Compute the linear covariance, its causes, and requirements.
+
+    They are of the end and over time; nothing is simulated. With aiding, it is that of the closed loop: true sigmas
+    and those that the filter states, twice where an update falls on a time.
+
+    Example: mcnav lincov campaigns/19_flight_with_gnss.toml --at "1800 s"
+    """
+    from mcnav.config.read import read_campaign
+    from mcnav.report.lincov import exported
+    from mcnav.report.lincov_page import terminal
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.lincov import read_times, write_lincov
+
+    times = None if at is None else read_times(at)
+    target = output_folder(folder, Path("reports") / f"{campaign.stem}_lincov")
+    result, files = write_lincov(read_campaign(campaign), target, times)
+    if form != "table":
+        tables = exported(result)
+        print_rows(form, tables["sigmas"], tables)
+        return
+    out.print(printed(terminal(result)))
+    out.print()
+    print_written(files)
+    print_next(next_command.after_lincov(campaign, result))
+
+
+@command()
+def judge(
+    campaign: Annotated[
+        Path | None,
+        typer.Argument(metavar="[CAMPAIGN]", help="Campaign file (TOML).", autocompletion=completion.campaigns),
+    ] = None,
+    imu: Annotated[Path | None, typer.Option(metavar="FILE", help="Recorded gyros and accelerometers.")] = None,
+    measurements: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=FILE",
+            help="Measurements of a sensor, such as gnss=gnss.pos; repeat [default: the campaign's logs].",
+        ),
+    ] = None,
+    reference: Annotated[Path | None, typer.Option(metavar="FILE", help="Track to compare with.")] = None,
+    start: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="State at the start [default: that of the trajectory].")
+    ] = None,
+    errors: Annotated[
+        Path | None, typer.Option(metavar="TABLE", help="Errors and sigmas of any filter, in place of a campaign.")
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option("--column", metavar="NAME=COLUMN", help="Column of the readings, such as gyro_x=wx; repeat."),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option("--unit", metavar="NAME=UNIT", help="Unit of the readings, such as gyro=deg/s; repeat."),
+    ] = None,
+    records: Annotated[int, typer.Option(min=200, max=100_000, help="Simulated records to compare with.")] = 1000,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_judge].")] = None,
+) -> None:
+    """Judge the filter of a campaign by a recorded flight.
+
+    It says which number is wrong, by how much, and what the record could have shown.
+
+    Example: mcnav judge flight.toml --imu imu.csv --measurements gnss=gnss.csv --reference truth.csv
+    """
+    from mcnav.report import judged, judged_errors
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.judge import write_error_judgement, write_judgement
+    from mcnav.studies.recordings import RecordingFiles
+
+    if errors is not None:
+        if campaign is not None or imu is not None:
+            raise failure("--errors: is judged alone, without a campaign; leave one of them out", BAD_INPUT)
+        target = output_folder(folder, Path("reports") / f"{errors.stem}_judge")
+        verdicts, files = write_error_judgement(errors, target)
+        out.print(printed(judged_errors.terminal(verdicts)))
+    else:
+        if campaign is None or imu is None:
+            raise failure("expected CAMPAIGN and --imu FILE, or --errors TABLE", BAD_INPUT)
+        from mcnav.config.read import read_campaign
+
+        given = {name: Path(file) for name, file in pairs_of(measurements, "measurements", "gnss=gnss.pos").items()}
+        columns, units = pairs_of(column, "column", "gyro_x=wx"), pairs_of(unit, "unit", "gyro=deg/s")
+        target = output_folder(folder, Path("reports") / f"{campaign.stem}_judge")
+        described = RecordingFiles(imu, given, reference, start, columns, units)
+        judgement, files = write_judgement(read_campaign(campaign), described, target, records)
+        out.print(printed(judged.terminal(judgement)))
+    out.print()
+    print_written(files)
+    print_next(next_command.after_judgement(campaign))
+
+
+@command()
+def allocate(
+    campaign: CampaignFile,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_allocate].")
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Find the data-sheet numbers that just meet requirements.
+
+    It uses linear analysis. Each number is changed alone, all are changed together, and for type ins numbers are
+    moved by one grade of the catalogue. Where the requirements are met, numbers are loosened.
+
+    Example: mcnav allocate campaigns/19_flight_with_gnss.toml
+    """
+    from mcnav.report import allocate as tables
+    from mcnav.report import progress
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.allocate import write_allocation
+
+    with progress.shown(err) as shown:
+        target = output_folder(folder, Path("reports") / f"{campaign.stem}_allocate")
+        result, files = write_allocation(campaign, target, shown)
+    if form != "table":
+        print_rows(form, [vars(row) for row in tables.change_rows(result)], tables.table(result))
+        return
+    out.print(printed(tables.terminal(result)))
+    out.print()
+    print_written(files)
+    print_next(next_command.after_allocation(campaign, result))
+
+
+@command(resumes=True)
+def sweep(
+    campaign: CampaignFile,
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            metavar="KEY=VALUES",
+            help="""A key and its values, such as imu.gyro.bias="0.001..1 deg/h".""",
+            autocompletion=completion.for_words(completion.keys),
+        ),
+    ],
+    against: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="MEASURE",
+            help="What is looked at, such as position_horizontal [default: requirements].",
+            autocompletion=completion.for_words(completion.outputs),
+        ),
+    ] = None,
+    points: Annotated[int, typer.Option(min=2, help="Values of each range.")] = 20,
+    confirm: Annotated[
+        int | None, typer.Option(metavar="N", help="Run Monte Carlo at so many points, corners first.")
+    ] = None,
+    at: Annotated[
+        str | None, typer.Option("--at", "--epoch", metavar="TIMES", help="Times of the trajectory [default: the end].")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs.")] = 2,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_sweep].")] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Vary one or two keys of a campaign by linear analysis.
+
+    It finds the values at which requirements are just met. VALUES is a range ("0.001..1 deg/h", logarithmic from a
+    decade on) or a list ("1, 2, 5 deg/h"). A MEASURE is an output, position_horizontal, velocity_horizontal, or drms,
+    cep, r95, sep of outputs; a limit may follow.
+
+    Example: mcnav sweep campaigns/19_flight_with_gnss.toml --vary imu.gyro.bias="0.001..1 deg/h"
+    --against "position_horizontal < 20 m"
+    """
+    from mcnav.config.sweep_values import split_varied
+    from mcnav.report import progress
+    from mcnav.report import sweep as tables
+    from mcnav.report.sweep_page import terminal
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.lincov import read_times
+    from mcnav.studies.sweep import SweepPlan, write_sweep
+
+    times = () if at is None else tuple(read_times(at).tolist())
+    plan = SweepPlan(split_varied(vary), against or (), points, times, jobs)
+    with progress.shown(err) as shown:
+        target = output_folder(folder, Path("reports") / f"{campaign.stem}_sweep")
+        result, files = write_sweep(campaign, plan, target, confirm, shown)
+    if form != "table":
+        print_rows(form, tables.frame(result).to_dict("records"), {"sweep": tables.table(result)})
+        return
+    out.print(printed(terminal(result)))
+    out.print()
+    print_written(files)
+    print_next(next_command.after_sweep(campaign, target, vary, against or (), confirm))
+
+
+@command("filters", resumes=True)
+def filters(
+    campaign: CampaignFile,
+    kind: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND",
+            help="ekf, iterated, left-invariant, right-invariant or ukf; repeat [default: all].",
+            autocompletion=completion.filter_kinds,
+        ),
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUES",
+            help="""A key and its values, such as errors.heading="1, 10, 30 deg".""",
+            autocompletion=completion.for_words(completion.keys),
+        ),
+    ] = None,
+    samples: Annotated[int | None, typer.Option(min=1, help="Of each run [default: the campaign's].")] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs.")] = 2,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_filters].")] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Compare kinds of filters by Monte Carlo.
+
+    Each kind has the same samples and noise, by the reference engine; the verdict on each, its NEES, sigmas and cost
+    are a table. With --vary it is asked from which value on each is optimistic.
+
+    Example: mcnav filters campaigns/32_alignment_in_motion.toml --vary errors.heading="3, 10, 30 deg"
+    """
+    from mcnav.config.sweep_values import split_varied
+    from mcnav.report import filter_kinds as tables
+    from mcnav.report import progress
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.compare_filters import FilterPlan, compare_filters
+
+    plan = FilterPlan(kind or (), split_varied(vary or ()), samples, jobs)
+    with progress.shown(err) as shown:
+        target = output_folder(folder, Path("reports") / f"{campaign.stem}_filters")
+        result, files = compare_filters(campaign, plan, target, shown)
+    if form != "table":
+        print_rows(form, tables.frame(result).to_dict("records"), {"filters": tables.table(result)})
+        return
+    out.print(printed(tables.terminal(result)))
+    out.print()
+    print_written(files)
+    print_next(next_command.written("show", target / result.results[-1].folder))
+
+
+@command()
+def identify(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG...", help="Records of a unit at rest.", autocompletion=completion.logs),
+    ],
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--column", "--columns", metavar="NAME=COLUMN", help="Column of a log, such as gyro_x=wx; repeat."
+        ),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option("--unit", "--units", metavar="NAME=UNIT", help="Unit of a column, such as gyro=deg/s; repeat."),
+    ] = None,
+    interval: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Interval between readings, such as '0.01 s', in place of a column of time."),
+    ] = None,
+    begin: Annotated[
+        str | None, typer.Option("--from", metavar="TIME", help="Begin of what is used, from the first reading.")
+    ] = None,
+    end: Annotated[
+        str | None, typer.Option("--to", metavar="TIME", help="End of what is used, from the first reading.")
+    ] = None,
+    below: Annotated[
+        str | None,
+        typer.Option(metavar="FREQUENCY", help="Upper end of the frequencies that are used, such as '10 Hz'."),
+    ] = None,
+    campaign: Annotated[
+        Path | None,
+        typer.Option(
+            help="Campaign of type ins whose errors are computed with the result.", autocompletion=completion.campaigns
+        ),
+    ] = None,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Also write a page, identify.json and imu.toml into a folder.")
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Identify the noise of an inertial unit from logs at rest.
+
+    Every value has an interval, and the model a test of fit. Several logs of one unit give its noise in common, and
+    the bias from one turn-on to the next.
+
+    Example: mcnav identify static.csv --unit gyro=deg/s --out reports/unit
+    """
+    from mcnav.files import write_texts
+    from mcnav.report.identify import terminal
+    from mcnav.report.terminal_parts import printed
+    from mcnav.studies.identify import files_of, identification_table, identify_logs, read_plan
+
+    columns = columns_of(column, "--column", "NAME=COLUMN such as gyro_x=wx")
+    units = columns_of(unit, "--unit", "NAME=UNIT such as gyro=deg/s")
+    report = identify_logs(logs, read_plan(columns, units, interval, begin, end, below, campaign))
+    if form == "table":
+        out.print(printed(terminal(report)))
+    else:
+        print_rows(form, [vars(row) for row in report.parameters], identification_table(report))
+    if folder is not None:
+        out.print()
+        print_written(write_texts(output_folder(folder, folder), files_of(report)))
+    if form == "table":
+        print_next(next_command.after_identification(logs, folder, campaign))

@@ -1,0 +1,405 @@
+"""Commands that show what is stored or given: runs, reports, figures, trajectories, the catalogue."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from mcnav import next_command
+from mcnav import shell_completion as completion
+from mcnav.cli.options import (
+    CampaignFile,
+    Folder,
+    Folders,
+    FormatOption,
+    NamedColumns,
+    UnitsOption,
+    columns_of,
+)
+from mcnav.cli.printing import (
+    err,
+    open_address,
+    open_page,
+    out,
+    print_line,
+    print_next,
+    print_notes,
+    print_rows,
+    print_written,
+)
+from mcnav.cli.program import BAD_INPUT, CHECK_FAILED, command, failure
+from mcnav.output_place import output_file, output_folder
+
+
+@command()
+def report(
+    folders: Folders,
+    show: Annotated[bool, typer.Option("--open", help="Open the reports in the browser.")] = False,
+) -> None:
+    """Analyse finished runs again and write their reports.
+
+    Example: mcnav report reports/11_cruise --open
+    """
+    from mcnav.workflow.analyse import report_run
+
+    for folder in folders:
+        report_run(folder)
+        written = folder / "report.html"
+        print_line(f"report: {written}")
+        if show:
+            open_page(written)
+    print_next(next_command.written("compare" if len(folders) > 1 else "show", *folders))
+
+
+@command()
+def show(
+    folder: Folder,
+    table: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only this table, such as outputs, budget or requirements.")
+    ] = None,
+    units: UnitsOption = "shown",
+    form: FormatOption = "table",
+) -> None:
+    """Show verdicts, sigmas, budget and requirements of a run.
+
+    They, and the consistency of a filter, are read from the run folder's summary; nothing is simulated.
+
+    Example: mcnav show reports/mine --table budget --format csv
+    """
+    from mcnav.workflow.show import show_run
+
+    text, shown = show_run(folder, table, units, form)
+    sys.stdout.write(text)
+    if shown is not None:
+        out.print(shown, soft_wrap=False)
+        print_next(next_command.after_show(folder, table))
+
+
+@command()
+def export(
+    folder: Folder,
+    into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: RUN_export].")] = None,
+    units: UnitsOption = "shown",
+) -> None:
+    """Write all tables of a run as CSV, and its matrices.
+
+    The matrices are for numpy and MATLAB.
+
+    Example: mcnav export reports/mine --units SI --out mine_in_si
+    """
+    from mcnav.workflow.export import default_folder, export_run
+
+    print_written(export_run(folder, output_folder(into, default_folder(folder)), units))
+    print_next(next_command.written("docs", "howto-export"))
+
+
+@command()
+def figure(
+    folder: Folder,
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="A figure of the report, such as scatter or budget.",
+            autocompletion=completion.for_words(completion.figures),
+        ),
+    ],
+    into: Annotated[Path, typer.Option("--out", help="File to write, .pdf, .svg or .png; or a folder, for NAME.pdf.")],
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="Width and height, such as 88x60mm [default: the page's].")
+    ] = None,
+    width: Annotated[float | None, typer.Option(min=2.0, max=100.0, help="Width alone, cm.")] = None,
+    font_scale: Annotated[float, typer.Option(min=0.2, max=5.0, help="Size of text over the page's.")] = 1.0,
+    panel: Annotated[
+        list[str] | None, typer.Option(metavar="TITLE", help="Only this panel, such as 'altitude'; repeat.")
+    ] = None,
+    columns: Annotated[int | None, typer.Option(min=1, max=10, help="Panels side by side.")] = None,
+) -> None:
+    """Draw a figure of a run's report for a paper.
+
+    Example: mcnav figure reports/mine scatter --size 88x60mm --font-scale 0.8 --out scatter.pdf
+    """
+    from mcnav.report.figures.paper import read_size
+    from mcnav.workflow.figure import ENDINGS, draw_figure
+
+    try:
+        wide, high = (width, None) if size is None else read_size(size)
+    except ValueError as wrong:
+        raise failure(f"--size: {wrong}") from None
+    file = output_file(into, f"{name}.pdf", ENDINGS)
+    print_notes(draw_figure(folder, name, file, wide, high, font_scale, panel or (), columns))
+    print_written([file])
+    print_next(next_command.written("export", folder))
+
+
+@command()
+def brief(
+    folder: Folder,
+    campaign: Annotated[
+        Path | None, typer.Option("--campaign", help="The run's campaign file; needed for advice on code of your own.")
+    ] = None,
+    into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: RUN_brief].")] = None,
+) -> None:
+    """Write a run on one sheet for a review board.
+
+    A page and a PDF: verdicts, requirements with margins, the worst case, its causes, and what would help by linear
+    analysis.
+
+    Example: mcnav brief reports/mine
+    """
+    from mcnav.report import progress
+    from mcnav.studies.brief import default_folder, write_brief
+
+    target = output_folder(into, default_folder(folder))
+    with progress.shown(err) as shown:
+        written = write_brief(folder, target, campaign, shown)
+    print_written(written)
+    print_next(next_command.written("report", folder, "--open"))
+
+
+@command()
+def compare(
+    folders: Folders,
+    html: Annotated[
+        Path | None, typer.Option("--out", "--html", help="Also write a page: a folder, or a file ending in .html.")
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Compare runs: inputs, sigmas, verdicts, error budgets.
+
+    With several runs, show the inputs that differ and the change of each output from the first run, with intervals.
+    Runs with the same seed, design and sources are compared on common draws.
+
+    Example: mcnav compare reports/11_cruise reports/other --out reports
+    """
+    from mcnav.analysis.summary import Summary
+    from mcnav.errors import reading_file
+    from mcnav.files import write_whole
+    from mcnav.report import comparison, export, terminal
+    from mcnav.report.output_columns import output_rows
+    from mcnav.report.show import escaped
+    from mcnav.report.terminal_parts import printed
+    from mcnav.workflow.compare import compare_runs, compared_summary, page_name
+
+    page = None if html is None else output_file(html, page_name(folders), [".html"])
+    runs, verdicts = dict[str, Summary](), []
+    for name, summary in {str(folder): compared_summary(folder) for folder in folders}.items():
+        with reading_file(Path(name) / "summary.json"):
+            runs[name] = shown = Summary.of(escaped(summary))
+            terminal.comparison({name: shown})
+            verdicts.append((f"\n{name}: {shown.campaign}", terminal.verdict(shown)))
+    several = len(folders) > 1
+    result = compare_runs(folders) if several or page is not None else None
+    console = out if form == "table" else err
+    if (warning := terminal.warnings(runs)) is not None:
+        console.print(warning)
+    if form != "table":
+        rows = output_rows(runs)
+        tables: dict[str, Any] = {"runs": export.run_rows(runs), "outputs": rows}
+        if result is not None and several:
+            tables["outputs"] = rows = export.with_changes(rows, list(runs), result.rows)
+            changed = result.inputs.set_axis(list(runs), axis="columns")
+            tables["inputs"] = [{"key": key, **dict(values)} for key, values in changed.iterrows()]
+        print_rows(form, rows, tables)
+    else:
+        console.print(terminal.comparison(runs))
+        for heading, verdict in verdicts:
+            console.print(heading, markup=False, style="bold")
+            console.print(verdict, soft_wrap=False)
+        if result is not None:
+            console.print()
+            parts = comparison.terminal(result.titles, result.manifests, result.rows, result.confidence)
+            console.print(printed(parts))
+    if page is not None and result is not None:
+        page.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(page, result.page.encode())
+        console.print(f"\nwritten: {page}", markup=False)
+    if form == "table":
+        print_next(next_command.after_comparison(folders, page))
+
+
+@command()
+def replay(
+    folder: Folder,
+    index: Annotated[int | None, typer.Argument(metavar="INDEX", min=0, help="Sample index.")] = None,
+    fail: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="In place of a sample, the most likely way to fail requirement N, at its limit."
+        ),
+    ] = None,
+    campaign: Annotated[
+        Path | None,
+        typer.Option(
+            help="Campaign file of the run; needed for a scenario in your own code.",
+            autocompletion=completion.campaigns,
+        ),
+    ] = None,
+    into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: the run folder].")] = None,
+) -> None:
+    """Simulate one sample of a run again, with its history.
+
+    Its errors, its outcome and its history are written as a page and a CSV file. With --fail it is no sample, but the
+    flight by which a requirement beyond counting fails most likely.
+
+    Exit status: 0 the outcome is as stored, 1 it is different, 2 bad input.
+
+    Example: mcnav replay reports/11_cruise 12
+    """
+    from mcnav.report.replay import terminal
+    from mcnav.report.terminal_parts import printed
+    from mcnav.workflow import replay as replaying
+
+    if (index is None) == (fail is None):
+        raise failure(
+            "mcnav replay needs the index of a sample or --fail with the number of a requirement, one of them"
+        )
+    if fail is None:
+        result = replaying.replay(folder, index or 0, campaign)
+    else:
+        result = replaying.replay_failure(folder, fail, campaign)
+    print_notes(result.notes)
+    out.print(printed(terminal(result)))
+    out.print()
+    print_written(replaying.write_replay(result, output_folder(into, folder)))
+    print_next(next_command.written("show", folder))
+    if not replaying.as_stored(result):
+        raise failure(f"the outcome of sample {index} differs from the stored one", CHECK_FAILED)
+
+
+@command()
+def index(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that contains run folders.")] = Path(
+        "reports"
+    ),
+) -> None:
+    """List all runs of a folder and below it on a page.
+
+    The page is index.html in that folder.
+
+    Example: mcnav index reports
+    """
+    from mcnav.workflow.index import write_index
+
+    written, count, latest = write_index(folder)
+    print_line(f"{count} runs\n\nwritten: {written}")
+    print_next(next_command.after_index(latest))
+
+
+@command()
+def live(
+    campaign: CampaignFile,
+    folder: Annotated[Path | None, typer.Option("--out", help="Folder of runs [default: reports/NAME_live].")] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page [default: a free one].")] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs of a run.")] = 2,
+    show: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+) -> None:
+    """Show a campaign on a page that answers while it is changed.
+
+    The page is that of mcnav lincov. It follows the campaign's file, tunes the filter anew for what its sliders say,
+    keeps the last settings side by side, and confirms them by Monte Carlo. Its server listens on this machine alone, at
+    an address that nobody guesses. Ctrl-C ends it.
+
+    Example: mcnav live campaigns/19_flight_with_gnss.toml --open
+    """
+    from mcnav._interrupts import until_interrupted
+    from mcnav.studies.live import LiveCampaign
+    from mcnav.studies.live_server import LiveServer, answer_requests
+
+    target = output_folder(folder, Path("reports") / f"{campaign.stem}_live")
+    with LiveServer(port) as server, until_interrupted():
+        content = LiveCampaign(campaign, target, jobs)
+        print_line(f"page: {server.address}\nCtrl-C ends it")
+        if show:
+            open_address(server.address, "address")
+        answer_requests(content, server)
+    print_next(next_command.written("run", campaign))
+
+
+@command()
+def trajectory(
+    campaign: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="Trajectory file or track (CSV, parquet, .pos, …), or a campaign of type ins (TOML).",
+            autocompletion=completion.campaigns_and_trajectories,
+        ),
+    ],
+    page: Annotated[
+        Path | None, typer.Option("--out", help="Also write a page: a folder, or a file ending in .html.")
+    ] = None,
+    column: NamedColumns = None,
+    form: FormatOption = "table",
+) -> None:
+    """Describe a trajectory: rows, ranges, forces, turn rates.
+
+    It also shows how well velocities agree with positions.
+
+    Example: mcnav trajectory campaigns/flight.csv --out flight.html
+    """
+    from mcnav.files import write_texts
+    from mcnav.report import trajectory as described
+    from mcnav.report.html import page_html
+    from mcnav.report.terminal_parts import printed
+    from mcnav.workflow.trajectory import describe_campaign, describe_file
+
+    columns = columns_of(column)
+    if campaign.suffix == ".toml" and columns:
+        raise failure("--column: belongs to a trajectory file; the campaign names its columns itself", BAD_INPUT)
+    result = describe_campaign(campaign) if campaign.suffix == ".toml" else describe_file(campaign, columns)
+    if form != "table":
+        rows = [vars(row) for row in described.fact_rows(result)]
+        print_rows(form, rows, {"trajectory": rows})
+    else:
+        out.print(printed(described.terminal(result)))
+    if page is not None:
+        file = output_file(page, f"{campaign.stem}_trajectory.html", [".html"])
+        print_written(write_texts(file.parent, {file.name: page_html(described.page(result))}))
+    if form == "table":
+        print_next(next_command.after_trajectory(campaign))
+
+
+@command()
+def imu(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="NAME",
+            help="A grade or unit, such as navigation or STIM300 [default: all].",
+            autocompletion=completion.units,
+        ),
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """List the catalogue of inertial measurement units.
+
+    With NAME, list the values of one with their sources. A campaign takes one with grade = "NAME" in [imu].
+
+    Example: mcnav imu navigation
+    """
+    from mcnav.errors import suggestion
+    from mcnav.report import instruments
+    from mcnav.report.terminal_parts import fitted
+    from mcnav.systems.ins.tables.imu_catalogue import catalogue_units
+
+    units = {unit.name: unit for unit in catalogue_units()}
+    if name is not None and name not in units:
+        raise failure(f"NAME: no grade or unit {name!r}{suggestion(name, list(units))}", BAD_INPUT)
+    values = [
+        instruments.value_row(unit.name, value.instrument, value.key, value.text, value.unit, value.source)
+        for unit in (units.values() if name is None else [units[name]])
+        for value in unit.values
+    ]
+    if form != "table":
+        rows = [vars(value) for value in values]
+        print_rows(form, rows, {"values": rows})
+    elif name is None:
+        out.print(fitted(instruments.catalogue({unit.name: unit.title for unit in units.values()}, values)))
+        print_next(next_command.written("imu", next(iter(units))))
+    else:
+        out.print(fitted(instruments.values(units[name].title, values)))
+        print_next(next_command.written("new", "ins", "mine", "--imu", name))

@@ -1,0 +1,82 @@
+"""Arguments and options that several commands have, and what their values mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from mcnav import shell_completion as completion
+from mcnav.cli.printing import Format
+from mcnav.cli.program import BAD_INPUT, failure
+from mcnav.systems.templates import templates
+
+Axes = Literal["start", "trajectory"]
+TemplateType = Literal[tuple(templates())]  # type: ignore[valid-type]
+Platform = Literal["strapdown", "inertial", "level"]
+CampaignFile = Annotated[
+    Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", autocompletion=completion.campaigns)
+]
+Folder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", autocompletion=completion.runs)]
+Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.", autocompletion=completion.runs)]
+FormatOption = Annotated[
+    Format, typer.Option("--format", help="Print a table, or only CSV or JSON in full precision on stdout.")
+]
+UnitsOption = Annotated[Literal["shown", "SI"], typer.Option(help="Units: those shown in reports, or SI.")]
+Count = Annotated[int | None, typer.Option("--count", min=2, max=100_000, help="Number of start times [default: 241].")]
+OutFolder = Annotated[
+    Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_start_times or NAME_linearity].")
+]
+ChosenAxes = Annotated[Axes | None, typer.Option(help="Where the reference axes are aligned [default: start].")]
+Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the files: letters, digits and _.")]
+Into = Annotated[Path, typer.Option("--out", "--in", metavar="FOLDER", help="Output folder.")]
+Engine = Annotated[
+    str | None,
+    typer.Option(
+        help="Simulation engine: ensemble, reference or map [default: the scenario's first].",
+        autocompletion=completion.engines,
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS", help="Simulate on a dask cluster, such as tcp://host:8786; see mcnav docs scaling."
+    ),
+]
+NamedColumns = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=COLUMN", help="Column of a trajectory file, such as 'lat=latitude [rad]'; repeat."),
+]
+
+
+def run_folder(campaign: Path) -> Path:
+    """Return ``reports/`` with the campaign file's stem; for the copy in a run folder, that folder."""
+    if campaign.name == "campaign.toml" and (campaign.parent / "manifest.json").exists():
+        return campaign.parent
+    return Path("reports") / campaign.stem
+
+
+def pairs_of(given: Sequence[str] | None, option: str, example: str) -> dict[str, str]:
+    """Read options of the form NAME=VALUE."""
+    pairs = dict[str, str]()
+    for each in given or []:
+        name, equals, value = each.partition("=")
+        if not equals or not value:
+            raise failure(f"--{option}: got {each!r}; expected NAME=VALUE such as {example}", BAD_INPUT)
+        pairs[name.strip()] = value.strip()
+    return pairs
+
+
+def columns_of(
+    named: Sequence[str] | None, option: str = "--column", expected: str = "NAME=COLUMN such as 'lat=latitude [rad]'"
+) -> dict[str, str]:
+    """Read options of the form NAME=COLUMN."""
+    columns = dict[str, str]()
+    for each in named or []:
+        name, equals, written = each.partition("=")
+        if not equals:
+            raise failure(f"{option}: got {each!r}; expected {expected}", BAD_INPUT)
+        columns[name.strip()] = written.strip()
+    return columns

@@ -1,0 +1,56 @@
+"""Output of commands, and pages that they open."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from mcnav.report.fitted_table import OpenConsole
+
+out, err = OpenConsole(highlight=False, soft_wrap=True), OpenConsole(stderr=True, highlight=False, soft_wrap=True)
+
+Format = Literal["table", "csv", "json"]
+
+
+def print_line(text: str) -> None:
+    """Print a line as it is."""
+    out.print(text, markup=False)
+
+
+def print_notes(notes: Iterable[str]) -> None:
+    """Print notes beside the output."""
+    for note in notes:
+        err.print(f"note: {note}", markup=False)
+
+
+def print_written(paths: Iterable[Path]) -> None:
+    """Print which files are written."""
+    for path in paths:
+        print_line(f"written: {path}")
+
+
+def print_next(command: str) -> None:
+    """Print the command that one would type next, below what is read by people."""
+    print_line(f"\nnext: {command}")
+
+
+def open_page(page: Path) -> None:
+    """Show a page in the browser."""
+    open_address(page.resolve().as_uri())
+
+
+def open_address(address: str, what: str = "file") -> None:
+    """Show an address in the browser; a note if there is none."""
+    import webbrowser
+
+    if not webbrowser.open(address):
+        print_notes([f"no browser is found; open the {what} yourself"])
+
+
+def print_rows(chosen: Format, rows: Sequence[Mapping[str, Any]], tables: Mapping[str, Any]) -> None:
+    """Print rows as CSV, or tables by name as JSON."""
+    from mcnav.report import export
+
+    sys.stdout.write(export.as_csv(rows) if chosen == "csv" else export.as_json(tables))

@@ -1,0 +1,176 @@
+"""The program ``mcnav``: its commands' groups, their errors and exit statuses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, Any, Final, ParamSpec, TypeVar
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from mcnav._interrupts import RESUMES, interrupts
+from mcnav.cli.printing import err, print_line
+
+CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY = 1, 2, 3, 4
+"""Exit statuses; 0 is success, and those of interrupts are in `mcnav._interrupts`."""
+
+UNKNOWN_CHOICE = re.compile(r"(?:Value error, )?'(?P<name>.*)' is not one of (?P<known>'.*')\.?", re.DOTALL)
+"""Message of typer about an unknown choice."""
+
+LONGEST_CHOICE = 60
+"""Characters of an unknown choice that are shown."""
+
+GROUPS: Final = {
+    "Start": ("demo", "new", "check", "run", "docs"),
+    "Analyse": ("lincov", "sweep", "allocate", "linearity", "start-times", "identify", "judge", "filters"),
+    "Look": ("show", "live", "report", "brief", "compare", "index", "figure", "export", "replay", "trajectory", "imu"),
+    "Advanced": ("partials", "record", "schema", "compile", "reproduce", "calibrate"),
+}
+"""Commands in the order and under the headings of ``mcnav --help``."""
+
+EARLIER: Final = {"check-scenario": "check"}
+"""Former names of commands, which still work."""
+
+
+class _Groups(TyperGroup):
+    """Commands under the headings of `GROUPS`, one line each."""
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by its name or a former one."""
+        return super().get_command(ctx, EARLIER.get(cmd_name, cmd_name))
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands into the help."""
+        wide = max(map(len, self.commands))
+        for heading, names in GROUPS.items():
+            with formatter.section(heading):
+                limit = formatter.width - 6 - wide
+                formatter.write_dl(
+                    [(f"{name:{wide}}", self.commands[name].get_short_help_str(limit)) for name in names]
+                )
+
+
+app = typer.Typer(
+    cls=_Groups, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=True
+)
+
+new = typer.Typer(no_args_is_help=True, help="Write a new campaign or scenario, ready to run.")
+
+Parameters = ParamSpec("Parameters")
+
+Result = TypeVar("Result")
+
+
+def failure(message: str, status: int = BAD_INPUT) -> typer.Exit:
+    """Print what is wrong, a line each; return the end of the program with a status."""
+    for line in message.splitlines():
+        err.print(f"error: {line}", markup=False)
+    return typer.Exit(status)
+
+
+@contextmanager
+def _reported_errors(file: Path | None, given: Path | None) -> Iterator[None]:
+    """Turn errors that the user can fix into messages and an exit status.
+
+    Those of scenarios name the campaign file, and where memory is short what was given.
+    """
+    from mcnav.contract.errors import ScenarioError, SimulationFailed
+    from mcnav.errors import CampaignError, ClusterError, Problem, RunFolderBusy, RunFolderError, TooManyFailures
+
+    try:
+        yield
+    except RunFolderBusy as problem:
+        raise failure(str(problem), BUSY) from None
+    except TooManyFailures as problem:
+        raise failure(f"{problem}; {RESUMES.format(' without --max-failures')}", SOME_FAILED) from None
+    except MemoryError:
+        place = f"{given}: " if given else ""
+        remedy = f"; {RESUMES.format('')} (fewer --jobs need less)" if interrupts.resumes else ""
+        raise failure(f"{place}not enough memory{remedy}") from None
+    except ScenarioError as problem:
+        raise failure(str(Problem(str(file or ""), f"scenario.{problem.key}", str(problem)))) from None
+    except SimulationFailed as problem:
+        raise failure(str(Problem(str(file or ""), "scenario", str(problem)))) from None
+    except (CampaignError, ClusterError, RunFolderError) as problem:
+        raise failure(str(problem)) from None
+    except OSError as problem:
+        raise failure(f"{problem.filename or 'a file'}: {problem.strerror or problem}") from None
+
+
+class SuggestingCommand(TyperCommand):
+    """A command that suggests the choice that an unknown one was meant for, and the closest of a long list."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments of a command."""
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as wrong:
+            wrong.message = _with_suggestion(str(wrong.message))
+            raise
+
+
+def _with_suggestion(message: str) -> str:
+    """Shorten the message about an unknown choice, and suggest a near one; others are left.
+
+    >>> _with_suggestion("Value error, 'tnd1772' is not one of 'tn-d1772', 'textbook'.")
+    "'tnd1772' is unknown; did you mean 'tn-d1772'? It is one of tn-d1772, textbook"
+    """
+    parts = UNKNOWN_CHOICE.fullmatch(message)
+    if parts is None:
+        return message
+    from mcnav.errors import suggestion
+    from mcnav.units import printable
+
+    name, known = parts["name"], re.findall(r"'([^']*)'", parts["known"])
+    return f"'{printable(name, LONGEST_CHOICE)}' is unknown{suggestion(name, known)}"
+
+
+def command(
+    name: str | None = None, group: typer.Typer = app, resumes: bool = False
+) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
+    """Add a command whose errors are reported; its parameter ``campaign``, if any, is the file that they name.
+
+    One that ``resumes`` stores samples, and continues where it was interrupted.
+    """
+
+    def add(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+        @wraps(function)
+        def command(*arguments: Parameters.args, **options: Parameters.kwargs) -> Result:
+            interrupts.resumes = resumes
+            file, folder = (
+                each if isinstance(each := options.get(name), Path) else None for name in ("campaign", "folder")
+            )
+            with _reported_errors(file, file or folder):
+                return function(*arguments, **options)
+
+        group.command(name, cls=SuggestingCommand)(command)
+        return command
+
+    return add
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            print_line(f"mcnav {version('mcnav')}")
+        except PackageNotFoundError:
+            raise failure("mcnav is not installed here, so that its version is not known") from None
+        raise typer.Exit
+
+
+@app.callback()
+def program(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Test the linear covariance analysis of an inertial navigation system by Monte Carlo simulation."""
+
+
+app.add_typer(new, name="new")

@@ -1,0 +1,306 @@
+"""Commands to start with: a demonstration, a new campaign, its check, its run, the documentation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from mcnav import next_command
+from mcnav import shell_completion as completion
+from mcnav.cli.options import (
+    CampaignFile,
+    Engine,
+    FormatOption,
+    Into,
+    Name,
+    NamedColumns,
+    Platform,
+    Scheduler,
+    TemplateType,
+    columns_of,
+    run_folder,
+)
+from mcnav.cli.printing import (
+    Format,
+    err,
+    open_page,
+    out,
+    print_line,
+    print_next,
+    print_notes,
+    print_rows,
+    print_written,
+)
+from mcnav.cli.program import CHECK_FAILED, SOME_FAILED, SuggestingCommand, app, command, failure, new
+from mcnav.output_place import output_folder
+from mcnav.pages import Page, page_text
+
+if TYPE_CHECKING:
+    from mcnav.workflow.run import Run
+
+
+@command(resumes=True)
+def run(
+    campaign: CampaignFile,
+    folder: Annotated[Path | None, typer.Option("--out", help="Run folder [default: reports/NAME].")] = None,
+    engine: Engine = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Parallel jobs [default: 2].")] = None,
+    dask: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Simulate in N processes of a local dask cluster.")
+    ] = None,
+    scheduler: Scheduler = None,
+    samples: Annotated[int | None, typer.Option(min=2, help="Number of samples [default: the file's].")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed [default: the file's].")] = None,
+    store: Annotated[
+        Literal["samples", "summary"] | None,
+        typer.Option(help="Store every sample, or only a summary [default: the file's]."),
+    ] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Replace an earlier run in the folder.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Run even if partial derivatives do not converge; results show a warning.")
+    ] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Exit with status 1 unless every requirement of [accept] is met.")
+    ] = False,
+    timeout: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Time limit of one sample, such as '10 s'.")
+    ] = None,
+    max_failures: Annotated[int | None, typer.Option(min=0, help="Stop when more samples fail.")] = None,
+    no_report: Annotated[
+        bool, typer.Option("--no-report", help="Write only the summary; mcnav report writes the report later.")
+    ] = False,
+    show: Annotated[bool, typer.Option("--open", help="Open the report in the browser.")] = False,
+    form: FormatOption = "table",
+) -> None:
+    """Simulate a campaign, compare with linear analysis, report.
+
+    Exit status: 0 success, 1 a requirement is not met or undecided (with --check), 2 bad input,
+    3 some samples failed, 4 folder in use, 130 interrupted.
+
+    Example: mcnav run campaigns/11_cruise.toml --samples 1000
+    """
+    from mcnav.config.read import read_campaign
+    from mcnav.execution.executors import open_executor
+    from mcnav.report import progress
+    from mcnav.workflow.run import engine_of, run_campaign
+
+    options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store}
+    content = read_campaign(campaign, {key: value for key, value in options.items() if value is not None})
+    if check and not content.requirements:
+        raise failure(f"{campaign}: accept: is missing; --check needs requirements")
+    if show and no_report:
+        raise failure("--open: shows the report; leave out --no-report")
+    target = output_folder(folder, run_folder(campaign))
+    chosen = engine or engine_of(target, campaign)
+    with open_executor(scheduler, dask, jobs) as (executor, workers, notes), progress.shown(err) as shown:
+        done = run_campaign(
+            content, target, chosen, workers, fresh, shown, max_failures, executor, force, not no_report
+        )
+    print_notes((*notes, *done.notices))
+    _print_run(content.name, done, target, form, with_report=not no_report)
+    if show:
+        open_page(target / "report.html")
+    if form == "table":
+        print_next(next_command.after_run(campaign, target, done.results, not no_report, show))
+    if check and any(entry.finding != "met" for entry in done.results.requirements):
+        raise typer.Exit(CHECK_FAILED)
+    if done.results.failed:
+        raise typer.Exit(SOME_FAILED)
+
+
+def _print_run(name: str, done: Run, target: Path, form: Format, with_report: bool) -> None:
+    """Print the results of a run, and where they are."""
+    from mcnav.report import export, output_columns, requirements, terminal
+
+    summary, runs = done.results, {name: done.results}
+    console = out if form == "table" else err
+    if form != "table":
+        rows, asked = output_columns.output_rows(runs), requirements.requirements_table(summary)
+        print_rows(form, rows, {"runs": export.run_rows(runs), "outputs": rows, "requirements": asked.rows})
+    if (warning := terminal.warnings(runs)) is not None:
+        console.print(warning)
+    if form == "table":
+        console.print(terminal.comparison(runs))
+        console.print()
+    console.print(terminal.verdict(summary), soft_wrap=False)
+    if summary.requirements:
+        console.print()
+        console.print(terminal.requirements(summary))
+    stored = summary.samples - done.simulated
+    if stored > 0:
+        console.print(f"\n{stored:,} samples were stored, {done.simulated:,} simulated now")
+    result = ("report", "report.html") if with_report else ("summary", "summary.json")
+    console.print(f"\n{result[0]}: {target / result[1]}", markup=False)
+
+
+@command(resumes=True)
+def demo(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME", help="Name or number of the example, such as 19.", autocompletion=completion.examples
+        ),
+    ] = "01_tn_d1772_trajectory_4",
+    listed: Annotated[bool, typer.Option("--list", help="List the examples and their questions.")] = False,
+    copy: Annotated[
+        Path | None, typer.Option("--copy", metavar="FOLDER", help="Copy the examples into a folder.")
+    ] = None,
+) -> None:
+    """Run an example campaign that comes with mcnav.
+
+    It is run into reports/ of the current folder.
+
+    Example: mcnav demo 14
+    """
+    from mcnav.entries.examples import copy_examples, example, examples
+
+    if listed:
+        for each, question in examples().items():
+            print_line(f"{each}\n    {question}")
+        print_next(next_command.written("demo", next(iter(examples()))))
+    elif copy is not None:
+        print_line(f"{len(copy_examples(copy))} files\n\nwritten: {copy}")
+        print_next(next_command.written("run", copy / f"{next(iter(examples()))}.toml"))
+    else:
+        run(campaign=example(name))
+
+
+@command("check")
+def check_file(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="Campaign (.toml), code of scenarios (.py), or trajectory (.csv, .parquet, .pos, …).",
+            autocompletion=completion.checkable,
+        ),
+    ],
+    column: NamedColumns = None,
+) -> None:
+    """Check a campaign, the code of a scenario, or a trajectory.
+
+    Of campaigns and scenarios it checks determinism, shapes, units, linearity near zero, and partials against
+    differences; of a trajectory whether it can be flown, and its heading against its track. Nothing is written.
+
+    Exit status: 0 all checks passed, 1 a check failed, 2 bad input.
+
+    Example: mcnav check campaigns/14_polar.toml
+    """
+    from mcnav.report import terminal
+    from mcnav.workflow.check import check_any
+
+    checked = check_any(file, columns_of(column))
+    for place, each in enumerate(checked):
+        if place:
+            out.print()
+        out.print(terminal.checks(each.title, [(check.name, check.passed, check.told) for check in each.checks]))
+    passed = all(check.passed for each in checked for check in each.checks)
+    print_next(next_command.after_check(file, checked[0].campaign, passed))
+    if not passed:
+        raise typer.Exit(CHECK_FAILED)
+
+
+@command("campaign", new)
+def new_campaign(
+    name: Name,
+    kind: Annotated[TemplateType, typer.Option("--type", help="Scenario.")] = "reentry",  # type: ignore[valid-type]
+    into: Into = Path(),
+) -> None:
+    """Write a campaign file, and its schema for editors.
+
+    Example: mcnav new campaign mine --type cruise
+    """
+    from mcnav.config.json_schema.files import write_schema
+    from mcnav.config.templates import new_campaign
+
+    (written,) = new_campaign(name, into, kind)
+    print_written((written, *write_schema(written.parent)))
+    print_next(next_command.written("run", written))
+
+
+@command("ins", new)
+def new_ins(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name or path of the file; .toml may be left out.")],
+    unit: Annotated[
+        str,
+        typer.Option(
+            "--imu",
+            metavar="UNIT",
+            help="Grade or unit of the catalogue; mcnav imu lists them.",
+            autocompletion=completion.units,
+        ),
+    ] = "navigation",
+    trajectory: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Trajectory in the campaign's folder or below it [default: some segments].",
+            autocompletion=completion.trajectories,
+        ),
+    ] = None,
+    aid: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="TYPE",
+            help="Type of a sensor that aids the navigation, such as gnss; repeat.",
+            autocompletion=completion.aids,
+        ),
+    ] = None,
+    platform: Annotated[Platform, typer.Option(help="Carrier of the instruments.")] = "strapdown",
+    column: NamedColumns = None,
+    into: Into = Path(),
+) -> None:
+    """Write a campaign of an inertial navigation, with comments.
+
+    It is in three dimensions; the schema for editors stands beside it. --aid repeats; --trajectory FILE takes a
+    flight of your own.
+
+    Example: mcnav new ins mine --imu tactical --aid gnss --aid altimeter
+    """
+    from mcnav.config.json_schema.files import write_schema
+    from mcnav.config.templates.ins import NewIns, new_ins
+
+    wanted = NewIns(unit, tuple(aid or ()), platform, trajectory, columns_of(column))
+    (written,) = new_ins(name, into, wanted)
+    print_written((written, *write_schema(written.parent)))
+    print_next(next_command.written("run", written))
+
+
+@command("scenario", new)
+def new_scenario(
+    name: Name,
+    stochastic: Annotated[bool, typer.Option("--stochastic", help="With noise and errors over time.")] = False,
+    closed_loop: Annotated[
+        bool, typer.Option("--closed-loop", help="A vehicle that is steered by what it navigates.")
+    ] = False,
+    into: Into = Path(),
+) -> None:
+    """Write a scenario class, a campaign that uses it, its test.
+
+    Example: mcnav new scenario my_system
+    """
+    from mcnav.config.json_schema.files import write_schema
+    from mcnav.config.templates import new_scenario
+
+    code, campaign, test = new_scenario(name, into, stochastic, closed_loop)
+    method = "rates and guide" if closed_loop else "fly" if stochastic else "propagate"
+    print_written((code, campaign, test, *write_schema(code.parent)))
+    print_next(f"{next_command.written('run', campaign)}, then change {method} in {code}")
+
+
+@app.command(cls=SuggestingCommand)
+def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Page to show.")] = "guide") -> None:
+    """Show a page of the documentation.
+
+    Example: mcnav docs campaigns
+    """
+    text = page_text(page)
+    if out.is_terminal:
+        from rich.markdown import Markdown
+
+        with out.pager(styles=True):
+            out.print(Markdown(text))
+    else:
+        print_line(text)
