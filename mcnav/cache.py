@@ -14,8 +14,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from platformdirs import user_cache_path
-
 from mcnav._dataclasses import dataclass
 from mcnav.files import is_temporary, read_whole, write_whole
 
@@ -34,6 +32,8 @@ ABANDONED: Final = 3_600.0
 
 def cache_folder() -> Path | None:
     """Return the folder of all that is kept, whether it exists or not; none for a user without a home."""
+    from platformdirs import user_cache_path  # which most commands do without
+
     given = os.environ.get(VARIABLE)
     folder = Path(given).absolute() if given else user_cache_path("mcnav", appauthor=False)
     return folder if folder.is_absolute() else None

@@ -15,6 +15,7 @@ from mcnav._dataclasses import dataclass
 class Phase(StrEnum):
     """Phase of a command, as shown."""
 
+    CHECKING = "checking"
     PREPARING = "preparing"
     SIMULATING = "simulating"
     ANALYSING = "analysing"

@@ -221,6 +221,12 @@ def one_thread_each() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def kept_apart(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Keep results of these tests apart from those of whoever runs them."""
+    os.environ["MCNAV_CACHE_DIR"] = str(tmp_path_factory.mktemp("cache"))
+
+
+@pytest.fixture(scope="session", autouse=True)
 def no_wait_for_disks() -> Iterator[None]:
     """Leave what this process writes to the system, which puts it on the disk later: a run waits for ten of its files.
 
@@ -228,12 +234,6 @@ def no_wait_for_disks() -> Iterator[None]:
     """
     with patch("os.fsync", lambda _: None):
         yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def kept_apart(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Keep results of these tests apart from those of whoever runs them."""
-    os.environ["MCNAV_CACHE_DIR"] = str(tmp_path_factory.mktemp("cache"))
 
 
 @pytest.fixture(scope="session", autouse=True)

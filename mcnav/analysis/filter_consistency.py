@@ -300,15 +300,6 @@ class NeglectedError:
     share: float
 
 
-def neglected_words(name: str) -> str:
-    """Name a neglected error for people.
-
-    >>> neglected_words("gyro_scale_factor_x"), neglected_words("mean_of_nominal_errors")
-    ('gyro scale factor x', 'the error without any dispersion, as of faults')
-    """
-    return "the error without any dispersion, as of faults" if name == f"{MEAN}{NOMINAL}" else name.replace("_", " ")
-
-
 @dataclass(frozen=True)
 class CertainDeparture:
     """A certain departure of a group's, or an output's, ratio of true to filter sigma from the tolerance.

@@ -148,7 +148,8 @@ def _on_page(content: RunAnalysis, statement: Statement) -> Statement:
         heading = heading_remark(content.history)
         growth = sentences.room_to_grow(content.summary)
         details = (*(each for each in findings if each not in further), *([growth] if growth else []))
-        warnings = (*warnings, *([heading] if heading else []))
+        if heading:  # which says more than what the scenario notices of it
+            warnings = (*(each for each in warnings if not each.startswith("Noticed: the heading ")), heading)
     elif statement.subject == "filter" and content.filter is not None:
         where = filter_tables.at_worst(content.filter)
         details = (" ".join(filter(None, (where, *details))),)

@@ -205,13 +205,14 @@ class _Sheets:
             self.text(figure.caption, SMALL, MUTED)
 
     def key(self, figure: Figure) -> None:
-        """Write the names of a figure's series in their colours, in one line."""
+        """Write the names of a figure's series beside squares of their colours, in one line."""
         left = 0.0
         for series in figure.key:
             wide = text_width(f"■ {series.label}   ", SMALL) / 72.0
             if left and left + wide > WIDTH:
                 left, self.down = 0.0, self.down + SMALL * LEADING / 72.0
-            self.put(left, self.down, f"■ {series.label}", SMALL, series.colour)
+            self.put(left, self.down, "■", SMALL, series.colour)
+            self.put(left + 0.14, self.down, series.label, SMALL)
             left += wide
         self.down += SMALL * LEADING / 72.0 + 0.04
 

@@ -14,8 +14,11 @@ from mcnav.statistics.bisection import root_between
 _ANGLES: Final = 400
 """Nodes of the Gauss-Legendre rule: relative error below 1e-9 down to an axis ratio of 1:100."""
 
-RADIUS: Final = 1e-14
+RADIUS: Final = 1e-12
 """Width of the last bracket of a radius, as a share of the root mean square distance."""
+
+MARGIN: Final = 1e-9
+"""Share by which the bounds of a radius are moved apart: the integral's own error."""
 
 _SPHERE_NODES: Final = 120
 """Nodes of the rule along each of the two greater axes: relative error below 1e-6 down to axis ratios of 1:30."""
@@ -92,7 +95,7 @@ def _sphere_rule() -> tuple[Array, Array]:
 
 
 def normal_error_radius(mean: Array, covariance: Array, probability: float) -> float:
-    """Compute the radius about zero that holds a share, up to 0.99, of a normal distribution in two or three axes.
+    """Compute the radius about zero that holds a share of a normal distribution in two or three axes.
 
     Radii are remembered: a report asks for the same ones in several places. Parameters as for
     `normal_probability_within` and `normal_probability_within_sphere`.
@@ -118,7 +121,11 @@ def _error_radius(centre: tuple[float, ...], elements: tuple[float, ...], probab
     def beyond(radius: float) -> float:
         return within(radius, mean, covariance) - probability
 
-    low, high = 1e-9 * scale, 3.0 * scale
+    # along the greatest axis alone less is outside; with all axes as great as that one, and beyond the mean, more
+    greatest, axes = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1])), len(mean)
+    low = (1.0 - MARGIN) * greatest * float(special.ndtri(0.5 * (1.0 + probability)))
+    around = greatest * float(np.sqrt(2.0 * special.gammaincinv(0.5 * axes, probability)))
+    high = (1.0 + MARGIN) * (float(np.linalg.norm(mean)) + around)
     at_low, at_high = beyond(low), beyond(high)
     if at_low > 0.0 or at_high <= 0.0:
         return low if at_low > 0.0 else high

@@ -58,6 +58,7 @@ def test_tables(browser: Browser, page_of: Callable[[str], Path]) -> None:
                 shown = page.evaluate(NUMBERS)
                 assert {unit for *_, unit in shown} == expected
                 assert caption.inner_text().startswith(words)
+                assert page.locator(".stays").inner_text().startswith("In sentences and figures sigma is 1σ")
                 for (text, value, kind, unit, now), (before, *_) in zip(shown, as_computed, strict=True):
                     digits = len(re.sub(r"\D", "", before).lstrip("0"))
                     factor = size(unit, now) * (multiple if kind == "sigma" else 1.0)
@@ -74,6 +75,7 @@ def test_tables(browser: Browser, page_of: Callable[[str], Path]) -> None:
         page.get_by_label("as computed", exact=True).check()
         assert page.evaluate(NUMBERS) == as_computed
         assert page.evaluate(WORDS) == told
+        assert page.locator(".stays").inner_text() == ""
 
 
 def test_axes(browser: Browser, page_of: Callable[[str], Path]) -> None:

@@ -113,7 +113,7 @@ def test_workers_chunks_restarts_and_extensions_give_the_same_bits(tmp_path: Pat
 
 def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     """SIGKILL to the command, whose workers notice by themselves; then the same command again."""
-    path = _written(tmp_path, "time.sleep(0.01)", COVARIANCE + "\n    chunk = 20\n")
+    path = _written(tmp_path, "time.sleep(0.01)", COVARIANCE + "\n    chunk = 20\n", samples=160)
     command = [sys.executable, "-m", "mcnav", "run", path, "--jobs", "2", "--no-report", "--out"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     simulate(read_campaign(path), tmp_path / "calm", None, 2)

@@ -190,6 +190,7 @@
       return element;
     };
     const text = (v) => String(+v.toPrecision(12));
+    const three = (v) => number(+v.toPrecision(3), 3); // 0.9999 is 1.00, not 1.000
     const brief = (v) => { // what a box has room for: the shorter of both forms, with five digits
       const [plain, power] = [String(+v.toPrecision(5)), (+v.toPrecision(5)).toExponential()];
       return plain.length > 8 && power.length < plain.length ? power : plain;
@@ -375,11 +376,11 @@
         sigmas.rows[o].querySelector(".unit").textContent = inUnit ? ` ${inUnit}` : "";
         const [was, is, claims] = [sigma(before.m, last, o), sigma(m, last, o), own ? own[last * width + o] : NaN];
         const told = until < count ? "–" : number(each * is);
-        write(sigmas.rows[o], [number(each * was), told, ...(held.length ? [number(each * claims), until === count ? number(rms(m, last, o) / claims, 3) : "–"] : [])]);
+        write(sigmas.rows[o], [number(each * was), told, ...(held.length ? [number(each * claims), until === count ? three(rms(m, last, o) / claims) : "–"] : [])]);
       });
       if (own) {
         const [[ratio, o, r], [earlier]] = [worst(m, until), worst(before.m, before.beyond)];
-        filterLine.replaceChildren(make("strong", "Filter not tuned anew."), o < 0 ? "" : ` True over claimed error farthest from one: ${number(ratio, 3)}, of ${outputs[o].name} at ${number(times[r], 4)} ${data.timeUnit}; in the campaign ${number(earlier, 3)}.`);
+        filterLine.replaceChildren(make("strong", "Filter not tuned anew."), o < 0 ? "" : ` True over claimed error farthest from one: ${three(ratio)}, of ${outputs[o].name} at ${number(times[r], 4)} ${data.timeUnit}; in the campaign ${three(earlier)}.`);
       } else if (data.tuned) filterLine.replaceChildren(make("strong", "Filter not tuned anew."));
       panels.filter((panel) => first.includes(panel.i) || more?.open).forEach((panel) => panel.draw(m, min(until, times.length)));
       root_.dispatchEvent(new Event("moved"));

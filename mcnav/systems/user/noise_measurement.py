@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor
 from dataclasses import replace
-from functools import cached_property
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -135,17 +135,11 @@ class Probes:
         """Number of probes."""
         return INDEPENDENT if self.variates is None else probe_count(self.variates)
 
-    @cached_property
-    def _signs_and_rows(self) -> tuple[Array, NDArray[np.int64]]:
-        draw = sample_noise(SEED, 0, MEASURED)
-        assert self.variates is not None
-        signs = np.where(draw.random(self.variates) < 0.5, -1.0, 1.0)
-        return signs, draw.permutation(self.variates)
-
     def deviations(self, number: int) -> Array:
         """Return a probe, shape (variates,): √Z times a row of the cosine transform of type IV, with the signs."""
-        signs, rows = self._signs_and_rows
-        size = len(signs)
+        assert self.variates is not None
+        signs, rows = _signs_and_rows(self.variates)
+        size = self.variates
         turns = (2 * int(rows[number]) + 1) * (2 * np.arange(size) + 1) % (8 * size)
         return np.asarray(signs * np.sqrt(2.0) * np.cos(np.pi / (4 * size) * turns))
 
@@ -170,6 +164,13 @@ class Probes:
         if noise.used != self.variates:
             raise OtherVariates
         return values
+
+
+@lru_cache(maxsize=1)
+def _signs_and_rows(variates: int) -> tuple[Array, NDArray[np.int64]]:
+    """Draw the signs of the transform's columns, and the order of its rows."""
+    draw = sample_noise(SEED, 0, MEASURED)
+    return np.where(draw.random(variates) < 0.5, -1.0, 1.0), draw.permutation(variates)
 
 
 def _message(engine: StochasticUserEngine, failure: BaseException) -> str:

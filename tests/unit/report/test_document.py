@@ -156,7 +156,7 @@ def test_parts_of_the_report_of_a_run() -> None:
     assert '<li><a href="#all">and 3 more</a></li>' in listed
     assert '<dl class="plain"><dt>a</dt><dd>b</dd></dl>' in parts_html([Facts([("a", "b")], below=True)])
     assert '<dl class="facts"><div><dt>a</dt><dd>b</dd></div></dl>' in parts_html([Facts([("a", "b")])])
-    assert '<pre tabindex="0" aria-label="The file"><code dir="auto">a &lt; b</code></pre>' in parts_html(
+    assert '<pre tabindex="0" role="group" aria-label="The file"><code dir="auto">a &lt; b</code></pre>' in parts_html(
         [Lines("a < b", "The file")]
     )
     assert '<details class="explained">' in parts_html([Folded("How", [NEES], explains=True)])

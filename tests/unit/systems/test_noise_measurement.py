@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 import pytest
 
-from mcnav import cache
 from mcnav.entries.inputs import SourceFile
 from mcnav.systems.user import code, kept_noise, noise_measurement
 from mcnav.systems.user.code import UserScenarioSpec
@@ -160,6 +160,8 @@ def test_without_a_folder_it_is_measured_and_told(
         capsys.readouterr().err == f"{told}not kept: {where} is not writable; set MCNAV_CACHE_DIR to a folder that is\n"
     )
     monkeypatch.delenv("MCNAV_CACHE_DIR")
-    monkeypatch.setattr(cache, "user_cache_path", lambda *_, **__: Path("~/.cache/mcnav"))  # of a user without a home
+    monkeypatch.setattr(
+        platformdirs, "user_cache_path", lambda *_, **__: Path("~/.cache/mcnav")
+    )  # of a user without a home
     assert _measured(_opened()) == (bits, 1 + 2 * 8)
     assert "not kept: there is no home folder; set MCNAV_CACHE_DIR" in capsys.readouterr().err

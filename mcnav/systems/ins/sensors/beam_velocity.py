@@ -1,8 +1,13 @@
 """Velocity over the ground along beams fixed to the body, and velocimeters: Doppler radars and lidars.
 
-With the velocity u over the earth and the deviations v and x, all in inertial axes, the innovation along a beam of the
-direction d is ``R d . (u + v - W x x) - d . u``, as that of a body's velocity; with boresight errors e, in the body's
-axes, d is ``C (b + e x b)`` (`mcnav.systems.ins.sensors.beams`).
+With the velocity u over the earth, the body's rate w over it, the lever arm L and the deviations v and x, all in
+inertial axes, the innovation along a beam of the direction d is ::
+
+    R d . (u + v - W x x) - d . u + d . (e x L)
+
+The navigator has the beam, the arm and the rate of its gyros in the body's axes, so that ``d . (w x L)`` itself is not
+turned; e is the error of its rate over the earth (`mcnav.systems.ins.sensors.velocity`). With boresight errors b', in
+the body's axes, d is ``C (b + b' x b)`` (`mcnav.systems.ins.sensors.beams`).
 """
 
 from __future__ import annotations
@@ -11,40 +16,93 @@ from typing import Final
 
 import numpy as np
 
+from mcnav._types import Array
+from mcnav.compiled.jit import allocation_free_part
+from mcnav.compiled.vectors import Vector, load
 from mcnav.systems.ins.reference.axes import ATTITUDE, VELOCITY, cross_matrix
-from mcnav.systems.ins.sensors import body_velocity
 from mcnav.systems.ins.sensors.beams import FURTHER, read_beams, select
 from mcnav.systems.ins.sensors.comparison import Comparison, Difference, responses
+from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, change_by_turn, store_three
 from mcnav.systems.ins.sensors.quantity import BEAMS, Geometry, QuantityDefinition, SensorType
 from mcnav.systems.ins.sensors.surroundings import Surroundings
 
 
 def geometry(along: Surroundings, axis: int) -> Geometry:
-    """Return the responses ``d x u`` to psi, d to v, that of ``-W x x`` to x, and ``b x C^T u`` to boresight errors."""
+    """Return the responses ``d x u + W x (L x d)`` to psi, d to v, and that of ``-W x x`` to x.
+
+    Those to boresight errors are ``b x (C^T u + w x L)``, and to errors of the arm ``b x w``, in the body's axes.
+    """
     beam, spin = along.arrangement[axis, :3], along.spin
     direction = np.asarray(along.body @ beam)
-    of_body = np.einsum("nji,nj->ni", along.body, along.velocity)
+    swinging = np.cross(along.turning, along.lever_arm)
+    of_body = np.einsum("nji,nj->ni", along.body, along.velocity) + swinging
+    moment, psi = np.cross(along.lever, direction), np.cross(direction, along.velocity)
+    psi[:, 0] -= spin * moment[:, 1]
+    psi[:, 1] += spin * moment[:, 0]
     return Geometry(
         direction,
-        psi=np.cross(direction, along.velocity),
+        psi=psi,
         v=direction,
         x=np.stack([-spin * direction[:, 1], spin * direction[:, 0], np.zeros(len(direction))], axis=1),
         parameters=along.velocity,
+        lever_arm=np.cross(beam, along.turning),
         offsets={"boresight": np.cross(beam, of_body)},
-        true=np.einsum("ni,ni->n", direction, along.velocity),
+        true=np.einsum("ni,ni->n", direction, along.velocity) + swinging @ beam,
     )
 
 
+@allocation_free_part
+def innovation(
+    value: Vector, u: int, c: int, tables: MeasurementTables, errors: NavigatorErrors, rows: Array, wanted: bool
+) -> Vector:
+    """Add ``(R - I) d . u + R d . (v - W x x)``, and with a lever arm ``d . (e x L)``.
+
+    The responses are those of the navigator's own velocity and beam.
+    """
+    spin = tables.earth[3]
+    dx, dy, dz = tables.directions[u, c, 0], tables.directions[u, c, 1], tables.directions[u, c, 2]
+    ax, ay, az = tables.parameters[u, c, 0], tables.parameters[u, c, 1], tables.parameters[u, c, 2]
+    ex, ey, ez = change_by_turn(errors.turned, dx, dy, dz)
+    value += ex * ax + ey * ay + ez * az
+    ex, ey, ez = dx + ex, dy + ey, dz + ez
+    value += ex * errors.vx + ey * errors.vy + ez * errors.vz
+    if tables.swinging[u]:  # d . (e x L) of the gyros' own errors is in the value already
+        value += dx * load(errors.corrected, 0) + dy * load(errors.corrected, 1) + dz * load(errors.corrected, 2)
+    if wanted:
+        ux, uy, uz = ax + errors.vx, ay + errors.vy, az + errors.vz  # the navigator's own velocity over the earth
+        px, py, pz = ey * uz - ez * uy, ez * ux - ex * uz, ex * uy - ey * ux
+        if tables.swinging[u]:
+            # W x R (L x d)
+            fx, fy, fz = tables.levers[u, 0], tables.levers[u, 1], tables.levers[u, 2]
+            mx, my, mz = fy * dz - fz * dy, fz * dx - fx * dz, fx * dy - fy * dx
+            qx, qy, _ = change_by_turn(errors.turned, mx, my, mz)
+            px, py = px - spin * (my + qy), py + spin * (mx + qx)
+        store_three(rows, c, 0, px, py, pz)
+        store_three(rows, c, 3, ex, ey, ez)
+        store_three(rows, c, 6, -spin * ey, spin * ex, 0.0 * errors.x)
+    return value
+
+
 def compare(at: Comparison) -> Difference:
-    """Return ``(b + e x b) . C~^T v~ - b . C^T v`` with C from the body's axes."""
+    """Return ``(b + b' x b) . (C~^T v~ + w~ x l~) - b . (C^T v + w x l)`` with C from the body's axes.
+
+    The rate w~ over the earth is the navigator's own: that of its gyros less the earth's along its axes.
+    """
     true, indicated = at.true, at.indicated
     beams, to_body = at.arrangement[:, :3], (indicated.axes @ true.mounting).T
-    used, velocity = beams + np.cross(at.offsets["boresight"], beams), to_body @ indicated.velocity
-    true_velocity = beams @ ((true.axes @ true.mounting).T @ true.velocity)
+    used = beams + np.cross(at.offsets["boresight"], beams)
+    of_earth = np.array([0.0, 0.0, at.rotation_rate])
+    rate = true.mounting.T @ (indicated.reading[:3] + true.gimbals) - to_body @ of_earth
+    velocity = to_body @ indicated.velocity + np.cross(rate, at.arm)
+    of_body = (true.axes @ true.mounting).T @ true.velocity + np.cross(true.turning, true.lever_arm)
+    true_velocity, arm = beams @ of_body, cross_matrix(at.arm)
     navigation = responses(len(beams))
     navigation[:, VELOCITY] = used @ to_body
-    navigation[:, ATTITUDE] = used @ to_body @ cross_matrix(indicated.velocity)
+    navigation[:, ATTITUDE] = used @ (
+        to_body @ cross_matrix(indicated.velocity) + arm @ to_body @ cross_matrix(of_earth)
+    )
     others = np.cross(beams, velocity) @ at.offset_states["boresight"]
+    others = others + used @ (cross_matrix(rate) @ at.arm_states - arm @ true.mounting.T @ at.gyro_states)
     return Difference(used @ velocity - true_velocity, navigation, others, true=true_velocity)
 
 
@@ -55,9 +113,10 @@ QUANTITY: Final = QuantityDefinition(
     shown_in="m/s",
     usual=0.1,
     geometry=geometry,
-    innovation=body_velocity.innovation,
+    innovation=innovation,
     compare=compare,
     scaled=True,
+    swings=True,
     by_beam=True,
 )
 
@@ -66,6 +125,7 @@ SENSOR: Final = SensorType(
     words="Velocity over the ground, and distance to it, along beams fixed to the body.",
     quantities={"velocity": "beam_velocity", "range": "beam_range"},
     interval=1.0,
+    lever_arm=True,
     offsets=("boresight",),
     estimated=("boresight",),
     bounds_attitude=True,
@@ -80,6 +140,8 @@ range = "0.5 m"  # the same of the distance, m; leave it out if not measured
 boresight_error = "1 mrad"  # sigma of a constant error of the directions, rad
 # velocity_scale_factor = "0.1 %"  # sigma of a constant error in proportion to the velocity
 # reach = "5 km"  # longest distance at which it measures, m
+# lever_arm = ["1 m", "0 m", "0.5 m"]  # from the unit to the sensor: forward, right, down, m
+# lever_arm_error = "1 cm"  # sigma of its error along each axis, m
 # ground = "400 m"  # altitude of what the beams meet, m; 0 unless given
 """,
 )

@@ -18,10 +18,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
+from pydantic import ValidationError
 
 from mcnav._types import Array
+from mcnav.entries.axes import AxisSizes
 from mcnav.entries.context import FileContext
 from mcnav.systems.ins.earth import Earth
+from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.sensors.quantity import FurtherKey
 from mcnav.systems.ins.truth.trajectory import Truth
 
@@ -29,6 +32,9 @@ MOST_BEAMS: Final = 3
 
 DOWN: Final = ((0.0, 0.0, 1.0),)
 """The beam of a sensor that has no others: down."""
+
+NO_ARM: Final = np.zeros(3)
+ARM: Final = AxisSizes("m", AXES, lambda size: "")
 
 FURTHER: Final = {
     "beams": FurtherKey("Directions of one to three beams, each forward, right and down.", form=list[list[float]]),
@@ -81,12 +87,21 @@ def beam_range(scales: Array, position: Array, direction: Array) -> tuple[Array,
     return np.asarray(distance), np.asarray(scales**2 * (position + distance[..., None] * direction))
 
 
-def distances(truth: Truth, times: Array, beams: Array) -> Array:
+def distances(truth: Truth, times: Array, beams: Array, lever_arm: Array = NO_ARM) -> Array:
     """Compute the distances to the ground along a sensor's beams at instants, m, shape (n, beams); NaN for none."""
-    position, body = truth.earth_fixed(times)[0], truth.attitude(times).as_matrix()
+    body = truth.attitude(times).as_matrix()
+    position = truth.earth_fixed(times)[0] + body @ lever_arm
     return np.stack(
         [beam_range(ground_scales(truth.earth, beam[3]), position, body @ beam[:3])[0] for beam in beams], axis=1
     )
+
+
+def _lever_arm(entry: Mapping[str, Any]) -> Array:
+    """Return the lever arm of a sensor, shape (3,), m; none where it cannot be read, which is told elsewhere."""
+    try:
+        return np.nan_to_num(ARM.read(entry["lever_arm"])) if "lever_arm" in entry else NO_ARM
+    except ValidationError:
+        return NO_ARM
 
 
 def select(entry: Mapping[str, Any], times: Array, truth: Truth, key: str, context: FileContext) -> Array:
@@ -96,7 +111,7 @@ def select(entry: Mapping[str, Any], times: Array, truth: Truth, key: str, conte
     beams = read_beams(entry, truth, key, silent)
     if reach is None or not len(times) or silent.problems:
         return times
-    farthest = distances(truth, times, beams).max(axis=1)
+    farthest = distances(truth, times, beams, _lever_arm(entry)).max(axis=1)
     meets = farthest <= reach
     if meets.any():
         return np.asarray(times[meets])

@@ -35,7 +35,8 @@ def _sources(sensor: Sensor) -> Iterator[Source]:
         known |= {f"{sensor.name}_{offset}_{axis}": (unit, shown_in, usual) for axis in axes}
     for name in sensor.constants():
         (kind,) = estimated_kinds((name,))
-        yield Source(name, *known.get(name, LEVER_ARM), group=kind)
+        later = name not in known and bool(sensor.offsets)  # velocimeters had no lever arm at first
+        yield Source(name, *known.get(name, LEVER_ARM), group=kind, later=later)
 
 
 def _units(component: Component, error: Literal["bias", "scale_factor"]) -> tuple[str, str, float]:
