@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from pydantic import TypeAdapter
+
 from mcnav.config.campaign import Campaign, check_stored_samples
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import read_requirements
@@ -20,7 +22,7 @@ from mcnav.contract.members import lacks_scenario
 from mcnav.contract.quantities import Source
 from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, has_start_times
 from mcnav.entries.context import EarlierFile, FileContext
-from mcnav.entries.validation import form_of, validate, validate_entry
+from mcnav.entries.validation import validate, validate_entry
 from mcnav.errors import CampaignError, Problem
 from mcnav.sampling.distributions import Distribution, Normal
 from mcnav.sampling.error_model import Correlation, CorrelationError, ErrorModel, JointError
@@ -256,7 +258,7 @@ def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | N
     if table is None:
         for name, further in kind.tables.items():
             if name in context.content:
-                validate_entry(form_of(further.form), context.content[name], context, name)
+                validate_entry(TypeAdapter(further.form), context.content[name], context, name)
         return None, kind.sources
     before = len(context.problems)
     try:

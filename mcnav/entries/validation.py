@@ -33,13 +33,13 @@ _MESSAGES: Final = {
 
 def validate(table: type[AnyTable], content: object, context: FileContext, key: str = "") -> AnyTable | None:
     """Validate the content of the table at a key; when there are mistakes, add them to the context and return None."""
-    return validate_entry(form_of(table), content, context, key)
+    return validate_entry(_form_of(table), content, context, key)
 
 
 @cache
-def form_of(kind: Any) -> TypeAdapter[Any]:
-    """Build the form of a table, or of another kind of entry, once: that takes longer than validating one."""
-    return TypeAdapter(kind)
+def _form_of(table: type[Table]) -> TypeAdapter[Any]:
+    """Build the form of a table once: that takes longer than validating one."""
+    return TypeAdapter(table)
 
 
 def validate_entry(
