@@ -209,8 +209,17 @@ def group_words(group: str) -> str:
 def _size(factor: float) -> str:
     """Return a factor, or its inverse where it is below one, to three digits."""
     if factor >= 1.0:
-        return f"{factor:.3g}"
-    return f"{1.0 / factor:.3g}" if factor > 0.0 else "infinity: the errors are zero"
+        return three_digits(factor)
+    return three_digits(1.0 / factor) if factor > 0.0 else "infinity: the errors are zero"
+
+
+def three_digits(factor: float) -> str:
+    """Format a factor to three digits, zeros included.
+
+    >>> three_digits(13.0), three_digits(1.1), three_digits(209.3)
+    ('13.0', '1.10', '209')
+    """
+    return f"{factor:#.3g}".removesuffix(".")
 
 
 def _when(departure: CertainDeparture, consistency: FilterConsistency) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from mcnav.analysis.filter_consistency import cause_words
+from mcnav.analysis.filter_remarks import three_digits
 from mcnav.analysis.summary import FilterSummary, Summary
 from mcnav.report.format import number
 from mcnav.report.names import humanize
@@ -59,5 +60,5 @@ def worst_sigmas(name: str, when: str, true: float, stated: float, unit: str) ->
     """
     shown = f"{number(true, 3)} {unit}; the filter states {number(stated, 3)} {unit}"
     factor = max(true, stated) / min(true, stated) if true * stated > 0.0 else 0.0
-    alone = f" (factor of this output alone: {factor:.3g})" if factor else ""
+    alone = f" (factor of this output alone: {three_digits(factor)})" if factor else ""
     return f"At {when} 1σ of {humanize(name)} is {shown}{alone}."

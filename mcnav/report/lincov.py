@@ -11,6 +11,7 @@ import numpy as np
 
 from mcnav._dataclasses import dataclass
 from mcnav.analysis.answer_times import in_minutes
+from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, causes_at
 from mcnav.contract.quantities import KINDS, Output, end_words, kinds_of
 from mcnav.report.figures.axis_groups import stem
@@ -173,7 +174,7 @@ def requirement_rows(answer: LinearAnswer) -> list[RequirementRow]:
             causes=cause_words(answer, answer.requirement_causes(place)) if each.judged else [],
             exceedance=each.beyond if math.isfinite(each.beyond) else None,
             exceedance_curved=each.curved if math.isfinite(each.curved) else None,
-            at="" if each.time is None else f"{each.time:.6g} {label.partition('[')[2].removesuffix(']')}".strip(),
+            at="" if each.time is None else instant(each.time, label),
         ))  # fmt: skip
     return rows
 

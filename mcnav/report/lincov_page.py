@@ -11,6 +11,7 @@ import numpy as np
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.answer_times import MINUTE, in_minutes, is_of_trajectory
+from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
 from mcnav.analysis.what_if import WhatIf
@@ -183,6 +184,10 @@ def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
     return Table(f"{caption}{several}.{CURVED if curved else ''}", columns, rows, title, keys=2)
 
 
+def _moment(value: float | None) -> str:
+    return "–" if value is None else instant(value, "")
+
+
 def _size(value: float | None) -> str:
     return BEYOND if value is None else five_digits(value)
 
@@ -230,7 +235,7 @@ def largest_table(answer: LinearAnswer) -> Table[SizeRow]:
         Column("Output", _output, "output", "label"),
         Column("Largest", lambda row: row.sigma, "largest σ", form=_size, size="sigma"),
         *_filtered(answer),
-        Column(label, lambda row: row.time, f"at {label}", form=five_digits),
+        Column(label, lambda row: row.time, f"at {label}", form=_moment),
         Column("Largest causes then", lambda row: _causes(row.causes), CAUSES, "words"),
     ]
     title = f"Largest over time{'' if answer.beyond is None else ' within the range of linear analysis'}"
@@ -245,7 +250,7 @@ def smoothed_table(answer: LinearAnswer) -> Table[SizeRow]:
         Column("Output", _output, "output", "label"),
         Column("Largest", lambda row: row.sigma, "largest σ", form=_size, size="sigma"),
         Column("Smoother claims", lambda row: row.sigma_filter, "smoother's σ", form=_size, size="sigma"),
-        Column(label, lambda row: row.time, f"at {label}", form=five_digits),
+        Column(label, lambda row: row.time, f"at {label}", form=_moment),
         Column("Largest causes then", lambda row: _causes(row.causes), CAUSES, "words"),
     ]
     title = "Largest over time behind the smoother"

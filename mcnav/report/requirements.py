@@ -11,6 +11,7 @@ import numpy as np
 
 from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_consistency import MEAN, cause_words
+from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.summary import RequirementEntry, Summary
 from mcnav.report import sentences
 from mcnav.report.document import Cell, Column, Table
@@ -131,8 +132,9 @@ class RequirementRow:
     def estimate(self) -> Cell:
         """The estimate; over time the largest one, and when that is."""
         entry = self.entry
-        over_time = entry.time is not None and entry.samples is not None
-        words = f"largest at {entry.time:.4g} {self.time_unit}, of {entry.samples:,} samples" if over_time else ""
+        words = ""
+        if entry.time is not None and entry.samples is not None:
+            words = f"largest at {instant(entry.time, f'time [{self.time_unit}]')}, of {entry.samples:,} samples"
         return Cell(self.shown(entry.estimate, "–"), below=words)
 
     @property

@@ -22,6 +22,9 @@ from mcnav.report.svg_paths import coordinate as _n
 TITLE, LABEL, TICK, SMALL = 13.0, 12.0, 11.5, 10.5
 """Sizes of text, px."""
 
+GAP: Final = 5.0
+"""Least room between two labels on a line, px."""
+
 LONGEST: Final = 0.42
 """Share of a panel's width that the names of rows may take; longer ones are cut."""
 
@@ -275,7 +278,7 @@ class _Plot:
         box = place_label(x, y, text_width(text, SMALL), SMALL + 1.0, inside, self.taken, points)
         if box is None:
             return ""
-        self.taken.append(box)
+        self.taken.append((box[0] - GAP, box[1], box[2] + GAP, box[3]))
         return _haloed(box[0], box[3] - 2.0, text, "", colour)
 
 

@@ -286,6 +286,15 @@ def test_coloured_differences_are_certain() -> None:
     assert coloured <= stats.binom.isf(FALSE_ALARMS, RUNS, 0.05)
 
 
+def test_what_rounding_leaves_of_a_correlation_is_no_difference() -> None:
+    """Of linear flights with the errors of linear analysis, differences are of some 1e-16, without an interval."""
+    partials = np.array([[1.0, 0.5], [0.2, -1.0], [0.4, 2.0]])
+    draws = np.random.default_rng(5).standard_normal((SAMPLES, 2))
+    outcomes = draws @ partials.T * (1.0 + 1e-15)
+    found = compare(Model(partials, np.zeros(3), np.zeros(2), np.eye(2)), draws, outcomes, Criterion())
+    assert not any(each.any() for each in certain_differences(found, 0.95))
+
+
 def test_a_percentile_far_off_is_red() -> None:
     """Twice the linear dispersion differs in every row, and a sample too small for bounds is not judged."""
     model = Model(np.eye(2), np.zeros(2), np.zeros(2), np.eye(2))

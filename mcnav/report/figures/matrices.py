@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, correlations
+from mcnav.analysis.verdict import NUMERICAL
 from mcnav.report.figures.figure import HALF, THIRD, Figure
 from mcnav.report.figures.marks import Axis, Cells, Panel, Series
 from mcnav.report.figures.palette import FLOWN, LINEAR
@@ -121,7 +122,8 @@ def certain_differences(comparison: Comparison, confidence: float) -> tuple[Mask
 
     Correlations take intervals that hold together at the confidence (Bonferroni over all pairs), sigmas those of their
     verdicts. A covariance in units of the linear sigmas is the product of two sigma ratios and a correlation, which
-    differs for certain when no values within their three intervals give the linear correlation.
+    differs for certain when no values within their three intervals give the linear correlation. What may be numerical
+    is no difference.
     """
     ends = [output.paired.interval or (1.0, 1.0) for output in comparison.outputs]
     covariance = np.diag([output.paired.certain for output in comparison.outputs])
@@ -132,9 +134,9 @@ def certain_differences(comparison: Comparison, confidence: float) -> tuple[Mask
         low, high = (pair.linear + end for end in difference.interval(1.0 - (1.0 - confidence) / len(pairs)))
         if not np.isfinite((*ends[i], *ends[j], low, high)).all():
             continue
-        correlation[i, j] = correlation[j, i] = not low <= pair.linear <= high
+        correlation[i, j] = correlation[j, i] = not low - NUMERICAL <= pair.linear <= high + NUMERICAL
         products = [a * b * c for a, b, c in product(ends[i], ends[j], (low, high))]
-        covariance[i, j] = covariance[j, i] = not min(products) <= pair.linear <= max(products)
+        covariance[i, j] = covariance[j, i] = not min(products) - NUMERICAL <= pair.linear <= max(products) + NUMERICAL
     return covariance, correlation
 
 

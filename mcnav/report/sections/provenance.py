@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from typing import Final
 
@@ -24,9 +25,13 @@ from mcnav.report.document import (
     headed,
 )
 from mcnav.report.failures import FailureRow, failure_rows
+from mcnav.report.format import number
 from mcnav.report.model import RunAnalysis
 from mcnav.store.chunk_files import ChunkFile
 from mcnav.store.manifest import Manifest
+
+POWERS: Final = re.compile(r"\b\d(\.\d+)?e[+-]\d+")
+"""Numbers as Python writes them with powers of ten."""
 
 CHUNKS: Final = 200
 """Files of samples whose checksums are listed."""
@@ -63,8 +68,8 @@ def simulated_per_second(content: RunAnalysis) -> str:
 
 def _facts(content: RunAnalysis) -> Facts:
     manifest, speed = content.manifest, simulated_per_second(content)
-    versions = ", ".join(f"{name} {number}" for name, number in manifest.identity.versions.items())
-    entries = [("Numerical accuracy", manifest.accuracy)]
+    versions = ", ".join(f"{name} {version}" for name, version in manifest.identity.versions.items())
+    entries = [("Numerical accuracy", POWERS.sub(lambda match: number(float(match[0]), 2), manifest.accuracy))]
     if speed and manifest.execution:
         jobs = manifest.execution.jobs
         entries.append(("Speed", f"{speed} samples per second with {jobs} {'job' if jobs == 1 else 'jobs'}"))

@@ -190,6 +190,11 @@
       return element;
     };
     const text = (v) => String(+v.toPrecision(12));
+    const instant = (t) => {
+      const [v, unit] = data.timeUnit === "min" && t && abs(t) < 0.995 ? [60 * t, "s"] : [t, data.timeUnit];
+      const digits = number(+v.toFixed(v ? max(0, 2 - floor(log10(abs(v)))) : 0), 12);
+      return `${digits.includes(".") ? digits.replace(/\.?0+$/, "") : digits} ${unit}`.trim();
+    };
     const three = (v) => number(+v.toPrecision(3), 3); // 0.9999 is 1.00, not 1.000
     const brief = (v) => { // what a box has room for: the shorter of both forms, with five digits
       const [plain, power] = [String(+v.toPrecision(5)), (+v.toPrecision(5)).toExponential()];
@@ -380,7 +385,7 @@
       });
       if (own) {
         const [[ratio, o, r], [earlier]] = [worst(m, until), worst(before.m, before.beyond)];
-        filterLine.replaceChildren(make("strong", "Filter not tuned anew."), o < 0 ? "" : ` True over claimed error farthest from one: ${three(ratio)}, of ${outputs[o].name} at ${number(times[r], 4)} ${data.timeUnit}; in the campaign ${three(earlier)}.`);
+        filterLine.replaceChildren(make("strong", "Filter not tuned anew."), o < 0 ? "" : ` True over claimed error farthest from one: ${three(ratio)}, of ${outputs[o].name} at ${instant(times[r])}; in the campaign ${three(earlier)}.`);
       } else if (data.tuned) filterLine.replaceChildren(make("strong", "Filter not tuned anew."));
       panels.filter((panel) => first.includes(panel.i) || more?.open).forEach((panel) => panel.draw(m, min(until, times.length)));
       root_.dispatchEvent(new Event("moved"));

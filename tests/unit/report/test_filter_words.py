@@ -61,7 +61,7 @@ def test_an_optimistic_filter_and_what_it_neglects() -> None:
     """The verdict names the largest error; the explanation all that matter, and what the sigmas are."""
     found = consistency(3.3, neglected=NEGLECTED)
     assert filter_verdict.headline(summary(found)) == (
-        "The filter is optimistic by a factor of 3.3 in position as a group and 3.27 (2.94 to 3.6) in position north "
+        "The filter is optimistic by a factor of 3.30 in position as a group and 3.27 (2.94 to 3.60) in position north "
         "from 20 to 24 min; the largest error that it neglects is gyro scale factor z (70 %)."
     )
     assert filter_verdict.explanation(summary(found)) == (
