@@ -132,7 +132,7 @@ def at_worst(consistency: FilterConsistency) -> str:
         return ""
     if consistency.verdict in (Honesty.CONSISTENT, Honesty.UNDECIDED):
         where = f"{group_words(consistency.group)} as a group" if consistency.group else humanize(consistency.output)
-        farthest = f"{consistency.factor:.3f}, at {instant(consistency.worst, consistency.label)}"
+        farthest = f"{rounded(consistency.factor)}, at {instant(consistency.worst, consistency.label)}"
         if consistency.verdict == Honesty.CONSISTENT:
             return f"The ratio farthest from one is that of {where}: {farthest}."
         return f"The most samples are needed for {where}: its ratio farthest from one is {farthest}."

@@ -25,6 +25,9 @@ TITLE, LABEL, TICK, SMALL = 13.0, 12.0, 11.5, 10.5
 GAP: Final = 5.0
 """Least room between two labels on a line, px."""
 
+SLANTED: Final = 18.0
+"""Least distance between slanted names of columns, px."""
+
 LONGEST: Final = 0.42
 """Share of a panel's width that the names of rows may take; longer ones are cut."""
 
@@ -99,7 +102,9 @@ class _Plot:
         left, right, top, bottom = self.left, self.right, self.top, self.bottom
         parts = ['<g class="x">']
         if panel.x.names:
-            for column, name in enumerate(panel.x.names):
+            apart = (right - left) / len(panel.x.names)
+            every = math.ceil(SLANTED / apart)  # of dense columns not all are named
+            for column, name in list(enumerate(panel.x.names))[::every]:
                 place = f"translate({_n(float(self.x(column)) + 4.0)} {_n(bottom + 14.0)}) rotate(-30)"
                 parts.append(f'<text text-anchor="end" transform="{place}">{escape(name)}</text>')
         else:

@@ -23,6 +23,9 @@ Mask = NDArray[np.bool_]
 FEW: Final = 5
 """Outputs with six matrices, three side by side; of more, three large ones are drawn, whose numbers can be read."""
 
+NUMBERED: Final = 15
+"""Most outputs whose squares have room for numbers; those of more are lower."""
+
 NIL: Final = 5e-4
 """Covariances below this share of their sigmas' product are shown as zero; the table has their values."""
 
@@ -49,8 +52,9 @@ def matrices(content: RunAnalysis) -> Figure:
         panels=_panels(content),
         key=(POSITIVE, NEGATIVE),
         columns=_columns(content),
-        size=THIRD if few else (HALF[0], 60.0 + 36.0 * len(names)),
+        size=THIRD if few else (HALF[0], 60.0 + (36.0 if len(names) <= NUMBERED else 16.0) * len(names)),
         caption=("Colours of covariances are in units of the linear sigmas. " if few else "")
+        + ("Columns are in the order of the rows. " if len(names) > NUMBERED else "")
         + "Differences are scaled to their largest entry and coloured only if their interval excludes zero (sigmas at "
         f"{each} each, correlations jointly at {together}). "
         + ("Covariances below 0.0005 σᵢσⱼ are shown as zero." if few else "The table has the covariances."),

@@ -12,6 +12,7 @@ from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistenc
 from mcnav.analysis.filter_remarks import instant
 from mcnav.report.document import Cell, Column, Note, Part, Section, Sentence, Table, joined, label
 from mcnav.report.filter_verdict import TONES
+from mcnav.report.format import rounded
 from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
 from mcnav.report.result_table import in_units
@@ -75,7 +76,7 @@ def _row(result: FilterConsistency, each: SigmaConsistency, filtered: SigmaConsi
         float(each.true[at]) * scale,
         None if each.true_linear is None else float(each.true_linear[at]) * scale,
         float(each.filter[at]) * scale,
-        Cell(f"{ratio:.3f}", strip=Strip.of(ratio, (low, high), result.tolerance)),
+        Cell(rounded(ratio), strip=Strip.of(ratio, (low, high), result.tolerance)),
     )
 
 

@@ -86,11 +86,11 @@ def test_an_optimistic_filter_and_what_it_neglects() -> None:
 def test_the_ratio_farthest_from_one_of_a_consistent_filter() -> None:
     found = replace(consistency(), factor=1.02149, worst=6.5, group="all", output="velocity_east")
     assert filter_tables.at_worst(found) == (
-        "The ratio farthest from one is that of all states as a group: 1.021, at 6.5 min."
+        "The ratio farthest from one is that of all states as a group: 1.02, at 6.5 min."
     )
     alone = replace(found, group="", verdict=Honesty.UNDECIDED)
     assert filter_tables.at_worst(alone) == (
-        "The most samples are needed for velocity east: its ratio farthest from one is 1.021, at 6.5 min."
+        "The most samples are needed for velocity east: its ratio farthest from one is 1.02, at 6.5 min."
     )
     assert filter_tables.at_worst(replace(found, worst=None)) == ""
 
