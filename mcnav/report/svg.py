@@ -25,7 +25,7 @@ TITLE, LABEL, TICK, SMALL = 13.0, 12.0, 11.5, 10.5
 GAP: Final = 5.0
 """Least room between two labels on a line, px."""
 
-SLANTED: Final = 18.0
+SLANTED: Final = 24.0
 """Least distance between slanted names of columns, px."""
 
 LONGEST: Final = 0.42

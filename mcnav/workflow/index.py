@@ -296,12 +296,13 @@ def _study_table(studies: Sequence[_Study]) -> Table[_Study]:
 
 
 def _verdicts(summary: Summary) -> Cell:
-    """Mark the verdicts on linear analysis, requirements and filter as labels, the worst first."""
+    """Mark the verdicts on linear analysis, requirements, filter and smoother as labels, the worst first."""
     counts = summary.counts
     words = {
         "linear": f"linear {sentences.tone(summary)}",
         "requirements": "" if counts is None else f"{counts.met} of {counts.of} met",
         "filter": f"filter {filter_verdict.verdict(summary)}",
+        "smoother": "" if summary.smoother is None else f"smoother {summary.smoother.verdict}",
     }
     labels = [
         Markup('<span class="tag {}" title="{}">{}</span>').format(each.tone, each.words, words[each.subject])

@@ -22,6 +22,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import answer_linearly, lincov_table
 from mcnav.studies.sweep_points import campaign_requirements
 from mcnav.workflow.analyse import analyse
+from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign
 
 
@@ -114,6 +115,7 @@ def test_samples_of_it_in_a_run(tmp_path: Path) -> None:
     page = (tmp_path / "report.html").read_text()
     assert "Errors behind the smoother" in page
     assert "Smoother claims" in page
+    assert ">smoother optimistic</span>" in write_index(tmp_path)[0].read_text()
 
 
 def _check_requirements(campaign: Campaign, summary: Any) -> None:
