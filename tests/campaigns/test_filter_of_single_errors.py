@@ -74,7 +74,7 @@ def test_one_of_six_sigmas_is_too_small(tmp_path: Path) -> None:
     )
     tone, headline, explanation = banner(tmp_path)
     assert (tone, headline) == ("differs", summary["filter_verdict"])
-    assert "the sigma of x5" in explanation
+    assert "1σ of x5" in explanation
     assert "single errors average out" in explanation
 
 

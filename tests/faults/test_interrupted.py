@@ -143,8 +143,9 @@ def test_a_command_that_is_interrupted_waits_for_no_thread(name: str, status: in
     code = f"""
 import atexit, os, signal, sys, threading, time
 from mcnav import cli
+from mcnav.cli.program import command
 
-@cli._command(resumes=True)
+@command(resumes=True)
 def busy():
     threading.Thread(target=time.sleep, args=(100_000,)).start()
     atexit.register(print, "tidied up")
