@@ -42,7 +42,7 @@ def not_modelled(kind: str, causes: Collection[str] = (), faulty: bool = False) 
     ('Not modelled: disturbances of gravity, v', '')
     >>> not_modelled("ins", ["gravity_anomaly"])[-44:]
     'instruments and antennas, faults of sensors.'
-    >>> not_modelled("ins", ["master_flexure_x"], faulty=True)[-76:]
+    >>> not_modelled("ins", ["master_flexure_x"], faulty=True)[-75:]
     'bending but for the stated flexure, faults of sensors but for those stated.'
     """
     words = NOT_MODELLED.get(kind, "")
