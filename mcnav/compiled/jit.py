@@ -33,6 +33,7 @@ from numba.core import event
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import FunctionCache, UserWideCacheLocator
 
+from mcnav.compiled.call_types import keep_call_types
 from mcnav.compiled.objects import Code, CodeFiles, libraries, sources_digest
 from mcnav.compiled.parts import LoopCompiler, PartCompiler, give_entry
 from mcnav.compiled.target import choose_target
@@ -74,6 +75,7 @@ class _Watch(event.Listener):  # type: ignore[misc]
 
 event.register("numba:compile", _Watch())
 choose_target()
+keep_call_types()
 
 TOLD: Final = "MCNAV_TOLD_THAT_CODE_CANNOT_BE_STORED"
 """Variable of the environment that a command's worker processes have from it: they do not say it again."""
