@@ -37,19 +37,22 @@ class _Options:
 _OPTIONS: Final = _Options()
 
 
+_resolve: Any = BaseFunction.get_call_type
+
+
+def _call_type(function: Any, context: Any, arguments: Any, keywords: Any) -> Any:
+    """Return the signature of a call, and let the function know how it is implemented."""
+    if keywords:
+        return _resolve(function, context, arguments, keywords)
+    call = context, arguments, _OPTIONS.number()
+    found = function.__dict__.setdefault("_found", {})
+    if call not in found:
+        signature = _resolve(function, context, arguments, keywords)
+        found[call] = signature, function.get_impl_key(signature)
+    signature, function._impl_keys[signature.args] = found[call]
+    return signature
+
+
 def keep_call_types() -> None:
     """Let numba resolve a call of a function with types of arguments once for each set of options of callers."""
-    resolve = BaseFunction.get_call_type
-
-    def get_call_type(function: Any, context: Any, arguments: Any, keywords: Any) -> Any:
-        if keywords:
-            return resolve(function, context, arguments, keywords)
-        call = context, arguments, _OPTIONS.number()
-        found = function.__dict__.setdefault("_found", {})
-        if call not in found:
-            signature = resolve(function, context, arguments, keywords)
-            found[call] = signature, function.get_impl_key(signature)
-        signature, function._impl_keys[signature.args] = found[call]
-        return signature
-
-    BaseFunction.get_call_type = get_call_type
+    setattr(BaseFunction, "get_call_type", _call_type)  # noqa: B010

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mcnav.analysis.filter_consistency import cause_words
 from mcnav.analysis.filter_remarks import three_digits
-from mcnav.analysis.summary import FilterSummary, Summary
 from mcnav.report.format import number
 from mcnav.report.names import humanize
+
+if TYPE_CHECKING:
+    from mcnav.analysis.summary import FilterSummary, Summary
 
 TONES: Final = {
     "consistent": "agrees", "optimistic": "differs", "pessimistic": "partly", "undecided": "undecided",

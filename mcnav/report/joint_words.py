@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from statistics import NormalDist
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mcnav.analysis.summary import CombinationEntry, Joint, Summary
 from mcnav.report.format import number, percent
 from mcnav.report.names import humanize, shown_units
 from mcnav.statistics.power import sensible_step
+
+if TYPE_CHECKING:
+    from mcnav.analysis.summary import CombinationEntry, Joint, Summary
 
 LEAST: Final = 0.01
 """Share of a combination's largest term, in linear sigmas, below which a term is not named."""
@@ -49,7 +51,7 @@ def combination_words(result: CombinationEntry, summary: Summary, most: int | No
 
     ``most`` is the number of terms beside the lead output that are written out, by default all.
 
-    >>> from mcnav.analysis.summary import Named
+    >>> from mcnav.analysis.summary import CombinationEntry, Named, Summary
     >>> two = Summary.model_construct(outputs=[Named(name="y", unit="m"), Named(name="y2", unit="m")])
     >>> of_both = dict(sigma_linear=1.0, sigma_paired=1.1, mean_error=0.0)
     >>> combination_words(CombinationEntry(lead="y2", weights=[-2.0, 1.0], shares=[-1.0, 1.0], **of_both), two)

@@ -5,20 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_consistency import MEAN, cause_words
 from mcnav.analysis.filter_remarks import instant
-from mcnav.analysis.summary import RequirementEntry, Summary
 from mcnav.report import sentences
 from mcnav.report.document import Cell, Column, Table
 from mcnav.report.format import number
 from mcnav.report.names import humanize, labels_in, shown_units
 from mcnav.report.result_table import ResultColumn, ResultTable, Units, in_units
 from mcnav.statistics.demonstration import runs_to_show
+
+if TYPE_CHECKING:
+    from mcnav.analysis.summary import RequirementEntry, Summary
 
 RADII: Final = {
     "cep": "circular error probable",

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_remarks import instant
-from mcnav.analysis.summary import Beyond, Summary, Tally, Unsettled
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, NUMERICAL
 from mcnav.contract.failure import message_of
 from mcnav.report import filter_verdict, joint_words
@@ -16,6 +15,9 @@ from mcnav.report.format import percent
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.vector_sizes import size_sentences
 from mcnav.statistics.power import sensible_step
+
+if TYPE_CHECKING:
+    from mcnav.analysis.summary import Beyond, Summary, Tally, Unsettled
 
 NEGLIGIBLE: Final = 1e-3
 """Share of a sigma that failed samples may hide without a warning."""
@@ -172,6 +174,7 @@ def _on_linear(summary: Summary) -> str:
 def unsettled(reason: Unsettled) -> str:
     """Explain why there is no valid linear model to compare with.
 
+    >>> from mcnav.analysis.summary import Unsettled
     >>> unsettled(Unsettled(source="seed", output="range", disagreement=0.853, own=False))
     'Partial derivatives do not converge (range by seed: 85 %): the comparison below has no valid linear model.'
     """
@@ -195,6 +198,7 @@ def unsettled(reason: Unsettled) -> str:
 def beyond_range(beyond: Beyond) -> str:
     """Say from when on linear errors have no meaning.
 
+    >>> from mcnav.analysis.summary import Beyond
     >>> beyond_range(Beyond(outputs=["position_down"], begin=120.0, time="time [min]"))
     'No: errors are beyond the range of linear analysis from 120 min on (position down).'
     """

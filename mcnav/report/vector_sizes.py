@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mcnav._dataclasses import dataclass
-from mcnav.analysis.summary import SizeEntry, Summary
 from mcnav.report.document import Cell, Column
 from mcnav.report.format import number
 from mcnav.report.names import humanize
 from mcnav.report.result_table import ResultColumn, ResultTable, Units, in_units
+
+if TYPE_CHECKING:
+    from mcnav.analysis.summary import SizeEntry, Summary
 
 TITLE: Final = "Sizes of vectors"
 

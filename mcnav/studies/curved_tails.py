@@ -13,7 +13,6 @@ from mcnav.analysis.tail_curves import Curvature
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import without_noise
 from mcnav.contract.scenario import can_have_filter, runs_user_code
-from mcnav.execution.chunks import DrawPlan
 from mcnav.lincov.higher_order import second_order
 from mcnav.lincov.partials import QUICK, SimulationFailed
 from mcnav.lincov.polynomial_engine import prepare_engine
@@ -46,6 +45,8 @@ def _curvature(campaign: Campaign) -> Curvature | None:
     simulations = 2 * directions**2 + 2 * directions + 1
     if not errors.normal or runs_user_code(scenario) or filtered or simulations > MOST_SIMULATIONS:
         return None
+    from mcnav.execution.chunks import DrawPlan  # with a run's files, which other answers do not need
+
     draws = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples)
     engine = prepare_engine(scenario, scenario.engines[0], draws.probes(), errors.mean, errors.standard_deviations)
     if engine.chunk < QUICK:

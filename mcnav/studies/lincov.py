@@ -43,8 +43,6 @@ from mcnav.contract.scenario import (
     remarks_of,
 )
 from mcnav.errors import CampaignError, Problem
-from mcnav.execution.chunks import DrawPlan
-from mcnav.execution.soundness import find_doubt
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.document import Page
@@ -53,6 +51,7 @@ from mcnav.report.html import page_html
 from mcnav.report.lincov_page import card, page
 from mcnav.studies.curved_tails import with_curvature
 from mcnav.systems.ins.recognition import is_ins
+from mcnav.systems.user.scenario import is_users
 from mcnav.units import UnitError, quantity
 from mcnav.workflow.what_if import what_if_of_answer
 
@@ -211,6 +210,11 @@ def _check_times(campaign: Campaign, times: Array) -> None:
 
 def _check_soundness(campaign: Campaign) -> None:
     """Refuse a user's own scenario that has no linear model."""
+    if not is_users(campaign.scenario):
+        return
+    from mcnav.execution.chunks import DrawPlan  # with a run's files, which other scenarios do not need
+    from mcnav.execution.soundness import find_doubt
+
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
     doubt = find_doubt(campaign.scenario, draws, campaign.tolerance, campaign.sample_timeout)
     if doubt is not None:

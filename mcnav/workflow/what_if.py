@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -25,7 +25,9 @@ from mcnav.analysis.what_if import (
 )
 from mcnav.config.what_if import changeable_campaign, unsized_causes
 from mcnav.contract.quantities import Source
-from mcnav.report.model import RunAnalysis
+
+if TYPE_CHECKING:
+    from mcnav.report.model import RunAnalysis
 
 MOST_READINGS: Final = 160
 """Readings that a page has; of more, some are left out, and none of a requirement."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,9 @@ from mcnav.report.figures.figure import HALF, THIRD, Figure
 from mcnav.report.figures.marks import Axis, Cells, Panel, Series
 from mcnav.report.figures.palette import FLOWN, LINEAR
 from mcnav.report.format import fixed, number
-from mcnav.report.model import RunAnalysis
+
+if TYPE_CHECKING:
+    from mcnav.report.model import RunAnalysis
 
 Mask = NDArray[np.bool_]
 

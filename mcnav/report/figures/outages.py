@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mcnav.analysis.filter_remarks import period
 from mcnav.report.figures.marks import Series, Span
 from mcnav.report.figures.palette import OUTAGE
-from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
+
+if TYPE_CHECKING:
+    from mcnav.report.model import RunAnalysis
 
 SHADED: Final = Series("outage", "outage", OUTAGE, "area")
 

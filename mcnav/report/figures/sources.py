@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -13,8 +13,10 @@ from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.report.figures.axis_groups import stem
 from mcnav.report.figures.marks import Series, numbered
 from mcnav.report.figures.palette import OTHER, SOURCE_COLOURS
-from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
+
+if TYPE_CHECKING:
+    from mcnav.report.model import RunAnalysis
 
 SHOWN: Final = len(SOURCE_COLOURS)
 """Contributors with a colour. Of more sources, those that differ only in their axis are one contributor."""

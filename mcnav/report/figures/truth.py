@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,11 @@ from mcnav.report.figures.gapped import upward
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, axis
 from mcnav.report.figures.palette import FILTER, POINT, SOURCE_COLOURS
 from mcnav.report.kinds import Quantity, planes, quantities
-from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize, scale_of
 from mcnav.store.manifest import Variable
+
+if TYPE_CHECKING:
+    from mcnav.report.model import RunAnalysis
 
 KINDS: Final = {
     "true": ("true dispersion", SOURCE_COLOURS[4]),

@@ -157,12 +157,11 @@ def _gravity(radius: Array) -> Array:
 
 def orbit_nodes(response: Response, count: int) -> Array:
     """Place nodes at equal parts of ``r^(-3/2) dt``: their times, shape (count,), s."""
-    from scipy.interpolate import PchipInterpolator  # only a reentry needs it
-
     rate = response.radii**-1.5
     angle = np.append(0.0, np.cumsum(0.5 * (rate[:-1] + rate[1:]) * np.diff(response.steps)))
     wanted = (MARGIN + np.arange(count)) / (count - 1 + 2.0 * MARGIN) * angle[-1]
-    return np.asarray(PchipInterpolator(angle, response.steps)(wanted))
+    nodes: Array = np.interp(wanted, angle, response.steps)
+    return nodes
 
 
 def _gauss(edges: Array) -> tuple[Array, Array]:
