@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._dataclasses import dataclass
-from mcnav.analysis.answer_times import in_minutes
+from mcnav.analysis.answer_times import as_read
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, causes_at
 from mcnav.contract.quantities import KINDS, Output, end_words, kinds_of
@@ -75,7 +75,7 @@ def headline(answer: LinearAnswer) -> tuple[str, str]:
 
 def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
     """List what linear analysis says, in sentences with their tones, the worst first."""
-    answer = in_minutes(answer)
+    answer = as_read(answer)
     said = [*range_words(answer), *filter_words(answer)]
     if answer.beyond is None or any(each.judged for each in answer.requirements):
         said.append(headline(answer))

@@ -10,7 +10,7 @@ import numpy as np
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
-from mcnav.analysis.answer_times import MINUTE, in_minutes, is_of_trajectory
+from mcnav.analysis.answer_times import as_read, read_axis
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
@@ -109,7 +109,7 @@ def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = 
 
 def terminal(answer: LinearAnswer) -> list[Part]:
     """List what the terminal shows: sentences, requirements, sigmas at times that were asked for, outputs."""
-    answer = in_minutes(answer)
+    answer = as_read(answer)
     (words, tone), *others = statements(answer)
     tables = [
         requirement_table(answer) if answer.requirements else None,
@@ -136,10 +136,11 @@ def card(answer: LinearAnswer, outages: drawn.Outages) -> str:
 
 def _as_read(answer: LinearAnswer, outages: drawn.Outages) -> tuple[LinearAnswer, drawn.Outages]:
     """Return the answer, and the outages, with the times that people read."""
-    if not is_of_trajectory(answer):
+    axis = read_axis(answer)
+    if axis is None:
         return answer, outages
-    spans = {name: [(a / MINUTE, b / MINUTE) for a, b in each] for name, each in outages.items()}
-    return in_minutes(answer), spans
+    spans = {name: [(axis.read(begin), axis.read(end)) for begin, end in each] for name, each in outages.items()}
+    return as_read(answer), spans
 
 
 def _causes(causes: Sequence[tuple[str, float]]) -> str:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mcnav._threads import one_thread
 from mcnav._types import Array
-from mcnav.analysis.answer_times import in_minutes
+from mcnav.analysis.answer_times import as_read
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.gates import GateAnswer, answer_gates
 from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, within_range
@@ -264,7 +264,7 @@ def lincov_page(campaign: Campaign, answer: LinearAnswer) -> Page:
 
 
 def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:
-    return what_if_of_answer(in_minutes(answer), *changeable_content(campaign))
+    return what_if_of_answer(as_read(answer), *changeable_content(campaign))
 
 
 def changeable_content(campaign: Campaign) -> tuple[Content, str]:

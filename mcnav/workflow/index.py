@@ -122,7 +122,14 @@ def write_index(folder: Path) -> tuple[Path, int, list[Path]]:
         Number of runs on the page.
     latest : list of Path
         Folders of those that can be read, the latest first.
+
+    Raises
+    ------
+    RunFolderError
+        When there is no such folder.
     """
+    if not folder.is_dir():
+        raise RunFolderError(f"{folder}: is no folder; expected one that contains run folders, such as reports")
     runs, studies = list[_Run](), list[_Study]()
     for place in _below(folder, DEEPEST):
         if (place / MANIFEST).exists():

@@ -15,8 +15,8 @@ from tests.faults.remains import digests
 from tests.faults.scenarios import environment
 from tests.processes import run_to_end
 
-STORED = {"first chunk": 2, "amid chunks": 2, "terminated": 2, "summary": CHUNKS, "report": CHUNKS}
-"""Largest number of chunks that a run has stored when it is interrupted; one more may be written meanwhile."""
+STORED = {"first chunk": 2, "amid chunks": CHUNKS, "terminated": CHUNKS, "summary": CHUNKS, "report": CHUNKS}
+"""Largest number of chunks that a run has stored when it has ended: two workers may each write one more meanwhile."""
 
 
 @pytest.fixture(scope="module")

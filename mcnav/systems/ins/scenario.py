@@ -28,6 +28,7 @@ from mcnav.contract.quantities import Output, Source
 from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, ScenarioError
+from mcnav.contract.time_axis import TimeAxis, time_axis
 from mcnav.systems.ins.aided import (
     PROBES,
     AidedEngine,
@@ -141,8 +142,6 @@ measured rates.
 EPOCHS: Final = 60
 """Intervals between instants at which the errors of all samples are read out; fewer in a shorter navigation."""
 
-HISTORY_TIME: Final = "time [min]"
-"""Time of the trajectory, as campaigns and linear analysis have it."""
 HISTORY_POINTS: Final = 401
 ENSEMBLE_CHUNK: Final = 2_048
 REFERENCE_CHUNK: Final = 8
@@ -217,15 +216,20 @@ class Navigation:
         return times
 
     @property
+    def clock(self) -> TimeAxis:
+        """How times of the trajectory are read."""
+        return time_axis("time", self.end - self.start)
+
+    @property
     def epochs(self) -> Epochs:
-        """Epochs in minutes of the trajectory."""
+        """Epochs in times of the trajectory as they are read."""
         events = {
-            f"{sensor.name} outage {number} {edge}": float(time) / 60.0
+            f"{sensor.name} outage {number} {edge}": self.clock.read(float(time))
             for sensor in self.sensors
             for number, outage in enumerate(sensor.outages, 1)
             for edge, time in zip(("begins", "ends"), outage, strict=True)
         }
-        return Epochs(HISTORY_TIME, self.times / 60.0, events)
+        return Epochs(self.clock.label, self.clock.read(self.times), events)
 
     @cached_property
     def aided(self) -> AidedNavigation | None:
@@ -543,7 +547,7 @@ class Ins:
             return None
         linear = navigation.aided.linear
         return FilterPrediction(
-            HISTORY_TIME,
+            navigation.clock.label,
             navigation.epochs.times,
             linear.own,
             linear.own_variances,
@@ -585,7 +589,7 @@ class Ins:
             zero = np.zeros(linear.partials.shape[:2])
             nominal = zero if navigation.aided is None else navigation.aided.linear.nominal
             epochs = navigation.epochs.times
-            return LinearSystem(epochs, linear.partials, nominal, linear.processes, label=HISTORY_TIME)
+            return LinearSystem(epochs, linear.partials, nominal, linear.processes, label=navigation.clock.label)
         self._check_within(times)
         own = tuple(range(len(OUTPUTS)))
         epochs_alone = np.array_equal(times, navigation.times)
@@ -622,7 +626,7 @@ class Ins:
             errors = navigation.aided.smoothed_at_epochs
             return LinearSystem(
                 navigation.epochs.times, errors.partials, errors.nominal, errors.processes, own=errors.own,
-                own_outputs=own, label=HISTORY_TIME, believed=self._believed,
+                own_outputs=own, label=navigation.clock.label, believed=self._believed,
             )  # fmt: skip
         self._check_within(times)
         updates, errors = navigation.aided.smoothed(None if np.array_equal(times, navigation.times) else times)
@@ -822,14 +826,14 @@ class Ins:
 
     def nominal(self) -> History:
         """Tabulate track, altitude, speed, attitude, force and rate of the truth against time."""
-        navigation, truth = self.navigation, self.navigation.truth
+        navigation, truth, clock = self.navigation, self.navigation.truth, self.navigation.clock
         times = np.linspace(navigation.start, navigation.end, HISTORY_POINTS)
         states = truth.states(times, navigation.platform, navigation.start)
         latitude, longitude, altitude = truth.geodetic(times).T
         _, velocity = truth.earth_fixed(times)
         heading, pitch, roll = np.degrees(truth.angles(times)).T
         columns = {
-            HISTORY_TIME: times / 60.0,
+            clock.label: clock.read(times),
             "latitude [deg]": np.degrees(latitude),
             "longitude [deg]": np.degrees(np.unwrap(longitude)),
             "altitude [m]": altitude,
@@ -841,17 +845,19 @@ class Ins:
             "angular rate [deg/s]": np.degrees(np.linalg.norm(states.rate, axis=1)),
         }
         outages = {
-            sensor.name: tuple((begin / 60.0, end / 60.0) for begin, end in sensor.outages)
+            sensor.name: tuple((clock.read(begin), clock.read(end)) for begin, end in sensor.outages)
             for sensor in navigation.sensors if sensor.outages
         }  # fmt: skip
-        return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS, outages)
+        return History(columns, {"end": clock.read(navigation.end)}, _panels(clock.label), outages)
 
 
-PANELS: Final = (
-    Panel("Ground track", "longitude [deg]", ("latitude [deg]",)),
-    Panel("Altitude", HISTORY_TIME, ("altitude [m]",)),
-    Panel("Speed over the earth", HISTORY_TIME, ("speed [m/s]",)),
-    Panel("Heading", HISTORY_TIME, ("heading [deg]",)),
-    Panel("Roll and pitch", HISTORY_TIME, ("roll [deg]", "pitch [deg]"), ("roll", "pitch"), "angle [deg]"),
-    Panel("Specific force", HISTORY_TIME, ("specific force [g]",)),
-)
+def _panels(time: str) -> tuple[Panel, ...]:
+    """Return the diagrams of the nominal flight, over a column of times."""
+    return (
+        Panel("Ground track", "longitude [deg]", ("latitude [deg]",)),
+        Panel("Altitude", time, ("altitude [m]",)),
+        Panel("Speed over the earth", time, ("speed [m/s]",)),
+        Panel("Heading", time, ("heading [deg]",)),
+        Panel("Roll and pitch", time, ("roll [deg]", "pitch [deg]"), ("roll", "pitch"), "angle [deg]"),
+        Panel("Specific force", time, ("specific force [g]",)),
+    )

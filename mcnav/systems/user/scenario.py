@@ -24,6 +24,7 @@ from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import Of, Output, Source
+from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import Capability, Scenario, ScenarioError, is_differenced
 from mcnav.entries.inputs import InputFile, with_unique_names
 from mcnav.systems.finite_differences import DifferencedModel, differentiate
@@ -144,8 +145,17 @@ class UserScenario:
 
         Raises `ScenarioError` when a simulation that they need fails.
         """
-        with self._object.recording(self.spec.code.file):
-            return differentiate(without_noise(self._engine), self.sizes)
+        from mcnav.systems.user.kept_differences import simulate_for_differences  # with llvmlite, to know the processor
+
+        simulate = without_noise(self._engine)
+
+        def final(errors: Array) -> tuple[SimulationResult, Array]:
+            return simulate(errors), np.empty((len(errors), 0))
+
+        def propagate(errors: Array) -> SimulationResult:
+            return simulate_for_differences(self._object, self.spec, final, errors)[0]
+
+        return differentiate(propagate, self.sizes)
 
     def linear(self, times: Array | None = None) -> LinearSystem:
         """Return the partial derivatives that the class provides, or finite differences; both include the nominal run.

@@ -30,6 +30,7 @@ from mcnav.systems.finite_differences import SHARES
 from mcnav.systems.sample_loop import SampleFailed, format_exception
 from mcnav.systems.user.code import UserScenarioSpec
 from mcnav.systems.user.flown import Flown, record_of, schema_of, spread_out
+from mcnav.systems.user.kept_differences import simulate_for_differences
 from mcnav.systems.user.kept_noise import noise_of
 from mcnav.systems.user.measured_noise import MeasuredNoise
 from mcnav.systems.user.scenario import SINGLE_CHUNK, UserScenario
@@ -286,8 +287,8 @@ class TimedUserScenario(StochasticUserScenario):
         if self.own_partials:
             return self.given_partials
         steps = np.array(SHARES)[self.differences.chosen + 1] * self.sizes
-        with self._object.recording(self.spec.code.file):
-            result, over_time = self._engine.without_noise(np.concatenate([np.diag(steps), -np.diag(steps)]))
+        errors = np.concatenate([np.diag(steps), -np.diag(steps)])
+        result, over_time = simulate_for_differences(self._object, self.spec, self._engine.without_noise, errors)
         for failure in result.failures.values():
             raise ScenarioError("type", f"a flight for the partial derivatives failed: {failure}")
         forward, backward = np.split(over_time, 2)

@@ -12,7 +12,7 @@ import platformdirs
 import pytest
 
 from mcnav.entries.inputs import SourceFile
-from mcnav.systems.user import code, kept_noise
+from mcnav.systems.user import code, kept
 from mcnav.systems.user.code import UserScenarioSpec
 from mcnav.systems.user.measured_noise import INDEPENDENT, probe_count
 from mcnav.systems.user.noise_measurement import Probes
@@ -48,7 +48,7 @@ READ = 3
 @pytest.fixture(autouse=True)
 def _kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MCNAV_CACHE_DIR", str(tmp_path / "kept"))
-    monkeypatch.setattr(kept_noise, "KEPT_FROM", 0.0)
+    monkeypatch.setattr(kept, "KEPT_FROM", 0.0)
 
 
 def _opened(opened: str = "", size: float = 0.5) -> StochasticUserScenario:
@@ -149,7 +149,7 @@ def test_without_a_folder_it_is_measured_and_told(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """A long measurement is told beforehand, with where it is kept, or why it is not."""
-    monkeypatch.setattr(kept_noise, "TOLD_FROM", 0.0)
+    monkeypatch.setattr(kept, "TOLD_FROM", 0.0)
     bits, _ = _measured(_opened())
     told = "note: measuring the covariance of the noise: about 0 s on this machine, "
     assert capsys.readouterr().err == f"{told}kept for the next commands\n"
