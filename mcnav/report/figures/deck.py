@@ -165,11 +165,17 @@ def _track(known: Deck, series: Sequence[Series]) -> tuple[Panel, float]:
     reach = place.track[np.isfinite(place.track).all(axis=1)]
     low, high = reach.min(axis=0), reach.max(axis=0)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    longest = float(half.max())
-    half = np.maximum(1.12 * half, NARROW * longest)
+    half = np.maximum(1.12 * half, NARROW * float(half.max()))
     east, north = {"map": ("east", "north"), "descent": ("across", "up")}.get(place.kind, place.names)
     axes = Axis(east, "km"), Axis(north, "km")
-    (left, _, right, _), box = to_scale(axes, middle, half)
+    _, box = to_scale(axes, middle, half)
+    sizes = np.array([max(each.axes_at(k)[0] for each in known.dispersions) for k in range(len(known.times))])
+    room = 1e3 * min(box[2] - box[0], box[3] - box[1]) / WIDEST
+    factor = max(1.0, _rounded_down(room / float(sizes.max()))) if sizes.max() > 0.0 else 1.0
+    around = factor / 1e3 * sizes[:, None]
+    low = np.fmin(middle - half, np.nanmin(place.at - around, axis=0))  # the ellipses are within the axes
+    high = np.fmax(middle + half, np.nanmax(place.at + around, axis=0))
+    (left, _, right, _), box = to_scale(axes, 0.5 * (low + high), 0.5 * (high - low))
     axes = replace(axes[0], low=box[0], high=box[2]), replace(axes[1], low=box[1], high=box[3])
     finest = 0.4 * (box[2] - box[0]) / (right - left)
     marks: list[Mark] = []
@@ -183,9 +189,6 @@ def _track(known: Deck, series: Sequence[Series]) -> tuple[Panel, float]:
         marks.append(_curve(SURFACE, EARTH_RADIUS / 1e3 * np.stack([np.sin(angle), np.cos(angle)], axis=-1), 1.4))
     marks.append(_curve(TRACK, place.track, 1.8))
     ends = Points(TRACK.of_kind("ring"), place.track[[0, -1], 0], place.track[[0, -1], 1], 6.0, names=["start", "end"])
-    size = max(each.axes_at(k)[0] for each in known.dispersions for k in range(len(known.times)))
-    room = 1e3 * min(box[2] - box[0], box[3] - box[1]) / WIDEST
-    factor = max(1.0, _rounded_down(room / size)) if size > 0.0 else 1.0
     k = known.worst
     for entry, each in zip(series, known.dispersions, strict=True):
         points = place.at[k] + factor / 1e3 * ellipse_of(each, k, place.axes[k])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -11,7 +12,7 @@ import pytest
 from mcnav.analysis.filter_consistency import SensorConsistency
 from mcnav.report.deck import RADII, Deck, Dispersion, Kind, Place, Route
 from mcnav.report.deck_lanes import Interval, Lane, Rejection, rejections
-from mcnav.report.figures.deck import ellipse_of, ring_radii
+from mcnav.report.figures.deck import _track, ellipse_of, ring_radii, series_of
 from mcnav.report.figures.dispersion import MOST, NOTABLE, ordered_pairs
 from mcnav.report.model import RunAnalysis
 
@@ -47,6 +48,21 @@ def test_of_one_direction_alone_it_is_the_interval() -> None:
 def test_rings_are_round_numbers_that_enclose() -> None:
     """The longest ellipse reaches 7.9 m and 15.8 m from the nominal; rings of 10 m and 20 m enclose it."""
     np.testing.assert_array_equal(ring_radii(of(dispersion())), [10.0, 20.0, 10.0])
+
+
+def test_ellipses_on_the_track_are_within_its_axes() -> None:
+    """Those at start and end are as large as that in the middle, and the track ends there."""
+    alike = replace(dispersion(), covariance=np.tile(1e4 * COVARIANCE, (3, 1, 1)))
+    known = of(alike)
+    panel, factor = _track(known, [series_of(alike, truth=False)])
+    for k in range(3):
+        x, y = (known.place.at[k] + factor / 1e3 * ellipse_of(alike, k)).T
+        assert panel.x.low is not None
+        assert panel.x.high is not None
+        assert panel.x.low <= x.min() < x.max() <= panel.x.high
+        assert panel.y.low is not None
+        assert panel.y.high is not None
+        assert panel.y.low <= y.min() < y.max() <= panel.y.high
 
 
 def test_what_is_said_of_an_instant() -> None:
