@@ -23,7 +23,7 @@ from mcnav.lincov.corrections import (
     UnscentedMoments,
     computed_or_reason,
 )
-from mcnav.lincov.partials import SimulationFailed, partials_by_differences, require_fast
+from mcnav.lincov.partials import QUICK, SimulationFailed, partials_by_differences, require_fast
 from mcnav.lincov.polynomial import fit
 from mcnav.lincov.polynomial_engine import PolynomialEngine
 from mcnav.lincov.polynomial_moments import moments
@@ -42,9 +42,11 @@ ROUGHEST: Final = 0.05
 
 
 def nonlinear_corrections(
-    scenario: Scenario, engine: Engine, errors: ErrorModel, budget: SimulatedBudget
+    scenario: Scenario, engine: Engine, errors: ErrorModel, budget: SimulatedBudget, samples: int
 ) -> Corrections:
     """Compute the unscented transform, partials by differences, second-order corrections and polynomial moments.
+
+    A slow engine simulates no corrections of second order that need more simulations than the campaign has samples.
 
     Parameters
     ----------
@@ -52,10 +54,16 @@ def nonlinear_corrections(
         Error budgets, which are corrections as well.
     """
     propagate, sizes = without_noise(engine), np.array([source.nominal for source in scenario.sources])
+
+    def second_order() -> SecondOrderCorrections:
+        if engine.chunk < QUICK:
+            _require_fewer(_second_order_simulations(errors), samples)
+        return _derivatives(engine, errors)
+
     return Corrections(
         unscented=computed_or_reason(lambda: _unscented(engine, errors)),
         partials_differences=computed_or_reason(lambda: DifferencePartials(partials_by_differences(propagate, sizes))),
-        second_order=computed_or_reason(lambda: _derivatives(engine, errors)),
+        second_order=computed_or_reason(second_order),
         higher_order=computed_or_reason(lambda: polynomial_moments(engine, errors)),
         budget=budget,
     )
@@ -69,20 +77,15 @@ def noise_corrections(engine: Engine, errors: ErrorModel, processes: Mapping[str
     correction that needs more simulations than the campaign has samples.
     """
     left_out = Uncomputed("of constant errors alone; the samples of this scenario have noise as well")
-    directions = int(np.count_nonzero(errors.standard_deviations))
-
-    def afford(simulations: int) -> None:
-        if simulations > samples:
-            raise SimulationFailed(f"it needs {simulations:,} simulations, more than the campaign has samples")
 
     def unscented() -> UnscentedMoments:
-        afford(2 * directions + 1)
+        _require_fewer(2 * int(np.count_nonzero(errors.standard_deviations)) + 1, samples)
         moments = _unscented(engine, errors)
         noise = sum(processes.values(), np.zeros(moments.covariance.shape))
         return replace(moments, covariance=moments.covariance + noise)
 
     def second_order() -> SecondOrderCorrections:
-        afford(2 * directions**2 + 2 * directions + 1)
+        _require_fewer(_second_order_simulations(errors), samples)
         return _derivatives(engine, errors)
 
     return Corrections(
@@ -91,6 +94,17 @@ def noise_corrections(engine: Engine, errors: ErrorModel, processes: Mapping[str
         higher_order=left_out,
         budget=SimulatedBudget(left_out, left_out),
     )
+
+
+def _require_fewer(simulations: int, samples: int) -> None:
+    """Raise `SimulationFailed` where a correction needs more simulations than the campaign has samples."""
+    if simulations > samples:
+        raise SimulationFailed(f"it needs {simulations:,} simulations, more than the campaign has samples")
+
+
+def _second_order_simulations(errors: ErrorModel) -> int:
+    directions = int(np.count_nonzero(errors.standard_deviations))
+    return 2 * directions**2 + 2 * directions + 1
 
 
 def _unscented(engine: Engine, errors: ErrorModel) -> UnscentedMoments:

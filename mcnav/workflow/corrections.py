@@ -36,4 +36,4 @@ def compute_corrections(system: PreparedSystem) -> Corrections:
             first_engine, draws.errors, system.model.partials, draws.design, draws.seed, draws.samples
         )
         engine = isolated(scenario, system.engine, system.timeout)
-        return nonlinear_corrections(scenario, engine, draws.errors, budget)
+        return nonlinear_corrections(scenario, engine, draws.errors, budget, draws.samples)

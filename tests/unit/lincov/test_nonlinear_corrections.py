@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import comb
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.lincov import nonlinear_corrections as corrections
+from mcnav.lincov.corrections import SimulatedBudget, Uncomputed, UnscentedMoments
 from mcnav.lincov.partials import QUICK, SimulationFailed
 from mcnav.sampling.distributions import Normal
 from mcnav.sampling.error_model import ErrorModel
@@ -45,3 +48,14 @@ def test_too_many_terms_are_refused_before_a_simulation() -> None:
     np.testing.assert_allclose(found.sigma, np.sqrt(most), rtol=1e-9)  # least squares of an exact sum
     with pytest.raises(SimulationFailed, match=rf"with {most + 1} sources a polynomial of order 3 has \d+ terms, more"):
         corrections.polynomial_moments(Sums(), _errors(most + 1))
+
+
+@pytest.mark.parametrize(("chunk", "samples", "computed"), [(8, 24, False), (8, 25, True), (QUICK, 24, True)])
+def test_a_slow_engine_simulates_no_more_than_the_samples(chunk: int, samples: int, computed: bool) -> None:
+    """Three errors take 25 simulations, ``2 r^2 + 2 r + 1``; those without dispersion none."""
+    engine, scenario = Sums(chunk=chunk), SimpleNamespace(sources=[SimpleNamespace(nominal=1.0)] * 5)
+    budget = SimulatedBudget(Uncomputed(""), Uncomputed(""))
+    found = corrections.nonlinear_corrections(cast(Any, scenario), engine, _errors(3, still=2), budget, samples)
+    refused = Uncomputed("it needs 25 simulations, more than the campaign has samples")
+    assert (found.second_order == refused) != computed
+    assert isinstance(found.unscented, UnscentedMoments)
