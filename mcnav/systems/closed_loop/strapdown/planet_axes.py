@@ -71,8 +71,8 @@ class PlanetAxes:
         """Compute the acceleration over the axes without a specific force, shape (n, 3)."""
         result = self.gravitation(position)
         if self.spin.any():
-            centrifugal = np.cross(self.spin, np.cross(self.spin, self.origin + position))
-            result = result - 2.0 * np.cross(self.spin, velocity) - centrifugal
+            centrifugal = _across(self.spin, _across(self.spin, self.origin + position))
+            result = result - 2.0 * _across(self.spin, velocity) - centrifugal
         return result
 
     def move(self, position: Array, velocity: Array, attitude: Array, force: Array, rate: Array) -> dict[str, Array]:
@@ -97,3 +97,11 @@ def turned(matrix: Array, vectors: Array) -> Array:
     x, y, z = vectors.T
     rows = [matrix[..., row, 0] * x + matrix[..., row, 1] * y + matrix[..., row, 2] * z for row in range(3)]
     return np.stack(rows, axis=-1)
+
+
+def _across(one: Array, vectors: Array) -> Array:
+    """Return the cross products of one vector, shape (3,), with others, shape (n, 3): `numpy.cross` is slow for few."""
+    (a, b, c), (x, y, z) = one, vectors.T
+    result = np.empty(vectors.shape)
+    result[:, 0], result[:, 1], result[:, 2] = b * z - c * y, c * x - a * z, a * y - b * x
+    return result
