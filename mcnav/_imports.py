@@ -1,4 +1,9 @@
-"""Modules that libraries import and few commands use: executed when they are used."""
+"""Modules that libraries import and few commands use: executed when they are used.
+
+Two threads that use such a module first at the same time could see half of it (a lock came with Python 3.11.9). Our own
+code imports from them before threads begin, or by import statements, which have locks. Others' code may do otherwise:
+before it is executed, they are.
+"""
 
 from __future__ import annotations
 
@@ -29,3 +34,10 @@ class _WhenUsed(MetaPathFinder):
 def load_when_used() -> None:
     """Let modules of `UNUSED` be executed when something of them is used, in this process from now on."""
     sys.meta_path.insert(0, _WhenUsed())
+
+
+def load_at_once() -> None:
+    """Execute those modules of `UNUSED` that have been imported, and others as soon as they are, from now on."""
+    sys.meta_path[:] = [finder for finder in sys.meta_path if not isinstance(finder, _WhenUsed)]
+    for name in UNUSED & sys.modules.keys():
+        dir(sys.modules[name])

@@ -15,6 +15,7 @@ from dataclasses import replace
 from typing import Any, Final, TypeVar
 
 from mcnav._dataclasses import dataclass
+from mcnav._imports import load_at_once
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile, OpenedFiles, SourceFile, find_inputs, record_opened_files
 from mcnav.systems.sample_loop import format_exception
@@ -157,6 +158,7 @@ def _execute(code: SourceFile) -> tuple[types.ModuleType, OpenedFiles]:
     module.__file__ = code.file
     sys.modules[module.__name__] = module  # dataclasses and pickles look up the module of a class there
     linecache.cache[code.file] = (len(code.text), None, code.text.splitlines(keepends=True), code.file)
+    load_at_once()
     try:
         with record_opened_files() as opened:
             exec(compile(code.text, code.file, "exec"), module.__dict__)
