@@ -15,7 +15,7 @@ SHORT: Final = 120.0
 
 @dataclass(frozen=True)
 class TimeAxis:
-    """How the times of a flight are read.
+    """Name and unit in which the times of a flight are read.
 
     Attributes
     ----------

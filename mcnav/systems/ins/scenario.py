@@ -217,7 +217,7 @@ class Navigation:
 
     @property
     def clock(self) -> TimeAxis:
-        """How times of the trajectory are read."""
+        """Name and unit in which times of the trajectory are read."""
         return time_axis("time", self.end - self.start)
 
     @property
