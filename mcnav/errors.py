@@ -77,6 +77,13 @@ class CampaignError(Exception):
         self.problems = tuple(problems)
 
 
+class NumericalError(Exception):
+    """A numerical result that its own check contradicts; the message says which."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(f"{message}; mcnav states no result: please report this campaign as a fault of mcnav")
+
+
 class RunFolderError(Exception):
     """A run folder that cannot be used; the message, of one printable line, names it and the remedy."""
 

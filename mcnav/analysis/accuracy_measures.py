@@ -23,8 +23,6 @@ from mcnav._types import Array
 from mcnav.analysis.requirements import (
     Requirement,
     is_rare,
-    law_quantile,
-    normal_box_probability,
     size_members,
     size_probability,
 )
@@ -33,7 +31,8 @@ from mcnav.analysis.vector_sizes import components_of
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Output
 from mcnav.errors import suggestion
-from mcnav.statistics.normal_tails import probability_beyond_box, probability_beyond_distance
+from mcnav.statistics.normal_box import normal_box_probability, probability_beyond_box
+from mcnav.statistics.normal_size import NormalSize, size_quantile
 from mcnav.units import UnitError, conversion, quantity
 
 SIGMA, DRMS, BOX = "sigma", "drms", "box"
@@ -135,7 +134,7 @@ class Measure:
             mean, covariance = readings.mean[reading, picked], readings.covariance[reading][np.ix_(picked, picked)]
             if self.kind == BOX:
                 return probability_beyond_box(mean, covariance, limits)
-            return probability_beyond_distance(mean, covariance, float(limits[0]))
+            return NormalSize.of(mean, covariance).beyond(float(limits[0]))
 
         return max(map(at, self.readings))
 
@@ -149,8 +148,8 @@ class Measure:
         if self.kind == BOX:
             return normal_box_probability(mean[0], covariance[0], np.array(self.limits))
         if len(at) == 1:
-            return law_quantile(mean[0], covariance[0], self.probability, bool(self.members))
-        return largest_quantile(mean, covariance, self.probability, bool(self.members))[0]
+            return size_quantile(mean[0], covariance[0], self.probability)
+        return largest_quantile(mean, covariance, self.probability)[0]
 
 
 def read_measure(written: str, outputs: Sequence[Output]) -> Measure:

@@ -15,8 +15,9 @@ from scipy import special
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.changeable_campaign import Slider
-from mcnav.analysis.requirements import law_quantile, size_probability
+from mcnav.analysis.requirements import size_probability
 from mcnav.analysis.what_if import LimitedErrors, ScaledCovariance, WhatIf
+from mcnav.statistics.normal_size import size_quantile
 
 HALF: Final = 0.5
 """Factor of a number that the catalogue has no grades of."""
@@ -106,5 +107,5 @@ def _share(covariance: ScaledCovariance, limited: LimitedErrors, values: Array, 
     for k in np.argsort(-squares, kind="stable"):
         if most * math.sqrt(squares[k]) <= largest:
             break
-        largest = max(largest, law_quantile(centres[k], matrices[k], probability, limited.of_size))
+        largest = max(largest, size_quantile(centres[k], matrices[k], probability))
     return float(largest / required.limits[0])

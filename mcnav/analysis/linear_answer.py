@@ -23,15 +23,14 @@ from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import (
     Requirement,
     is_rare,
-    law_quantile,
-    normal_box_probability,
     size_members,
     size_probability,
 )
 from mcnav.analysis.requirements_over_time import largest_quantile
 from mcnav.contract.quantities import Output, Source
 from mcnav.statistics.bisection import root_between, smallest_reaching
-from mcnav.statistics.normal_tails import probability_beyond_box, probability_beyond_distance
+from mcnav.statistics.normal_box import normal_box_probability, probability_beyond_box
+from mcnav.statistics.normal_size import NormalSize, size_quantile
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class LinearRequirement:
         Where it holds at several epochs, time of the largest value, in the unit of the history.
     beyond : float
         Probability beyond its limits, then or at the end, of one that allows little
-        (`mcnav.analysis.requirements.RARE`); else, and where it is not known (`mcnav.statistics.normal_tails`), NaN.
+        (`mcnav.analysis.requirements.RARE`); else, and where it is not known (`mcnav.statistics.normal_box`), NaN.
     curved : float
         The same with the curvature of the outputs (`mcnav.analysis.tail_curves`); NaN where it is not computed.
     """
@@ -322,13 +321,13 @@ def _judge(
         return replace(_judge_box(requirement, mean, covariance, nominal), beyond=beyond)
 
     def quantile(mean: Array, covariance: Array) -> float:
-        return law_quantile(mean, covariance, probability, bool(members))
+        return size_quantile(mean, covariance, probability)
 
     probability, time = size_probability(requirement), None
     if requirement.epochs and history is not None:
         at = np.array(requirement.epochs)
         means, covariances = history.mean[np.ix_(at, picked)], history.covariance[np.ix_(at, picked, picked)]
-        value, worst = largest_quantile(means, covariances, probability, bool(members))
+        value, worst = largest_quantile(means, covariances, probability)
         time, mean, covariance = float(history.times[at[worst]]), means[worst], covariances[worst]
         nominal = np.zeros(len(picked)) if history.nominal is None else history.nominal[at[worst], picked]
     else:
@@ -337,7 +336,7 @@ def _judge(
         margin = _margin_about(requirement.limits[0], nominal, mean, covariance, quantile)
     else:
         margin = requirement.limits[0] / value if value > 0.0 else math.inf
-    beyond = probability_beyond_distance(mean, covariance, requirement.limits[0]) if rare else math.nan
+    beyond = NormalSize.of(mean, covariance).beyond(requirement.limits[0]) if rare else math.nan
     return LinearRequirement(requirement, value, margin, time, beyond)
 
 
@@ -368,13 +367,9 @@ def _margin_about(
 
 def sizes_over_time(requirement: Requirement, history: Moments, sizes: Mapping[int, tuple[int, ...]]) -> Array:
     """Compute the quantile or radius of a requirement at every time, shape (m,), SI."""
-    members = size_members(requirement.outputs, sizes)
-    picked = np.array(members or requirement.outputs)
-    mean, covariance = history.mean[:, picked], history.covariance[:, picked[:, None], picked]
-    probability = size_probability(requirement)
-    return np.array([
-        law_quantile(*each, probability, bool(members)) for each in zip(mean, covariance, strict=True)
-    ])  # fmt: skip
+    picked = np.array(size_members(requirement.outputs, sizes) or requirement.outputs)
+    laws = zip(history.mean[:, picked], history.covariance[:, picked[:, None], picked], strict=True)
+    return np.array([size_quantile(*law, size_probability(requirement)) for law in laws])
 
 
 def _judge_box(requirement: Requirement, mean: Array, covariance: Array, nominal: Array) -> LinearRequirement:

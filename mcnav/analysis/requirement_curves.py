@@ -14,11 +14,11 @@ from mcnav.analysis.requirements import (
     Requirement,
     error_sizes,
     independent_samples,
-    law_quantile,
     size_members,
     size_probability,
 )
 from mcnav.analysis.requirements_over_time import ErrorHistories
+from mcnav.statistics.normal_size import size_quantile
 from mcnav.statistics.order_statistics import RankedSizes
 
 MOST: Final = 150
@@ -77,9 +77,8 @@ def drawn_epochs(requirement: Requirement, count: int) -> IndexArray:
 def _linear(requirement: Requirement, histories: ErrorHistories, epochs: IndexArray, probability: float) -> Array:
     if histories.mean is None or histories.covariance is None:
         return np.full(len(epochs), np.nan)
-    members = size_members(requirement.outputs, histories.sizes)
-    picked = np.array(members or requirement.outputs)
+    picked = np.array(size_members(requirement.outputs, histories.sizes) or requirement.outputs)
     means = histories.mean[np.ix_(epochs, picked)]
     covariances = histories.covariance[np.ix_(epochs, picked, picked)]
     laws = zip(means, covariances, strict=True)
-    return np.array([law_quantile(mean, covariance, probability, bool(members)) for mean, covariance in laws])
+    return np.array([size_quantile(mean, covariance, probability) for mean, covariance in laws])

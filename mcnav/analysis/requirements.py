@@ -30,12 +30,8 @@ from mcnav.analysis.samples_needed import Counting, samples_needed
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Verdict, judge
 from mcnav.statistics import proportions
 from mcnav.statistics.bisection import smallest_reaching
-from mcnav.statistics.circular_error import (
-    normal_error_radius,
-    normal_probability_within,
-    normal_probability_within_sphere,
-)
-from mcnav.statistics.normal_size import NormalSize
+from mcnav.statistics.normal_box import normal_box_probability
+from mcnav.statistics.normal_size import size_quantile
 from mcnav.statistics.order_statistics import RankedSizes
 
 
@@ -209,36 +205,12 @@ def size_probability(requirement: Requirement) -> float:
 
 def linear_quantile(model: Model, outputs: tuple[int, ...], probability: float) -> float:
     """Compute a quantile of the sizes of errors in one, two or three outputs by the linear model."""
-    members = size_members(outputs, model.sizes)
-    return law_quantile(*_linear_moments(model, members or outputs), probability, bool(members))
+    return size_quantile(*_linear_moments(model, size_members(outputs, model.sizes) or outputs), probability)
 
 
 def size_members(outputs: tuple[int, ...], sizes: Mapping[int, tuple[int, ...]]) -> tuple[int, ...]:
     """Return the outputs whose size one output is; none where it is no size."""
     return sizes.get(outputs[0], ()) if len(outputs) == 1 else ()
-
-
-def law_quantile(mean: Array, covariance: Array, probability: float, of_size: bool) -> float:
-    """Compute a quantile of the distance from zero of a normal variable, of a size in any number of dimensions."""
-    if of_size:
-        return NormalSize.of(mean, covariance).quantile(probability)
-    return normal_quantile(mean, covariance, probability)
-
-
-def normal_quantile(mean: Array, covariance: Array, probability: float) -> float:
-    """Compute a quantile of the distance from zero of a normal variable in one, two or three dimensions."""
-    if len(mean) > 1:
-        return normal_error_radius(mean, covariance, probability)
-    return absolute_normal_quantile(float(mean[0]), float(covariance[0, 0]) ** 0.5, probability)
-
-
-def normal_share(mean: Array, covariance: Array, size: float) -> float:
-    """Compute the share of a normal variable in one, two or three dimensions that lies within a distance from zero."""
-    if len(mean) == 3:
-        return normal_probability_within_sphere(size, mean, covariance)
-    if len(mean) == 2:
-        return normal_probability_within(size, mean, covariance)
-    return normal_box_probability(mean, covariance, np.array([size]))
 
 
 def _linear_moments(model: Model, outputs: tuple[int, ...]) -> tuple[Array, Array]:
@@ -319,21 +291,6 @@ def _judge_box(
     return RequirementResult(requirement, finding, estimate, (low, high), linear, meets, needed, remark=remark)
 
 
-def absolute_normal_quantile(mean: float, sigma: float, probability: float) -> float:
-    """Compute a quantile of the absolute value of a normal variable.
-
-    >>> round(absolute_normal_quantile(0.0, 1.0, 0.9973), 3)
-    3.0
-    """
-    if sigma <= 0.0:
-        return abs(mean)
-
-    def within(size: float) -> float:
-        return float(special.ndtr((size - mean) / sigma) - special.ndtr((-size - mean) / sigma))
-
-    return smallest_reaching(within, probability, 0.0, abs(mean) + 40.0 * sigma)
-
-
 def _largest_sigma(mean: float, limit: float, probability: float) -> float | None:
     """Compute the largest sigma at which a normal variable's absolute value stays below a limit at a probability."""
     if abs(mean) >= limit:
@@ -341,26 +298,8 @@ def _largest_sigma(mean: float, limit: float, probability: float) -> float | Non
     if mean == 0.0:
         return limit / float(special.ndtri(0.5 + 0.5 * probability))
     largest = limit / float(special.ndtri(0.5 + 0.5 * probability)) * (1.0 + 1e-9)
-    return smallest_reaching(lambda sigma: absolute_normal_quantile(mean, sigma, probability), limit, 0.0, largest)
 
+    def quantile(sigma: float) -> float:
+        return size_quantile(np.array([mean]), np.array([[sigma**2]]), probability)
 
-def normal_box_probability(mean: Array, covariance: Array, limits: Array) -> float:
-    """Compute the probability that a normal vector lies within ``+-limits``; its covariance may be singular.
-
-    >>> round(normal_box_probability(np.zeros(2), np.diag([1.0, 0.0]), np.array([1.0, 1.0])), 4)
-    0.6827
-    """
-    sigma = np.sqrt(np.diag(covariance))
-    spread = sigma > 0.0
-    if np.any(np.abs(mean[~spread]) > limits[~spread]):
-        return 0.0
-    if not spread.any():
-        return 1.0
-    correlation = covariance[np.ix_(spread, spread)] / np.outer(sigma[spread], sigma[spread])
-    centre, half = mean[spread] / sigma[spread], limits[spread] / sigma[spread]
-    if len(centre) == 1:
-        return float((special.ndtr(half - centre) - special.ndtr(-half - centre))[0])
-    from scipy.stats import multivariate_normal  # slow to import: half a second
-
-    normal = multivariate_normal(centre, correlation, allow_singular=True, seed=1, abseps=1e-7, releps=1e-7)
-    return float(normal.cdf(half, lower_limit=-half))
+    return smallest_reaching(quantile, limit, 0.0, largest)

@@ -25,14 +25,12 @@ from mcnav.analysis.requirements import (
     RequirementResult,
     error_sizes,
     independent_samples,
-    law_quantile,
-    normal_quantile,
-    normal_share,
     size_members,
     size_probability,
 )
 from mcnav.analysis.samples_needed import Counting, samples_needed
 from mcnav.statistics.interim_sizes import confidence_of_each
+from mcnav.statistics.normal_size import NormalSize, size_quantile
 from mcnav.statistics.order_statistics import RankedSizes
 
 
@@ -112,32 +110,26 @@ def largest_linear_quantile(
     """Compute the largest quantile of errors' sizes at some epochs by the linear model; NaN without one."""
     if histories.mean is None or histories.covariance is None:
         return math.nan
-    members = size_members(outputs, histories.sizes)
-    at, picked = np.array(epochs), np.array(members or outputs)
+    at, picked = np.array(epochs), np.array(size_members(outputs, histories.sizes) or outputs)
     mean, covariance = histories.mean[np.ix_(at, picked)], histories.covariance[np.ix_(at, picked, picked)]
-    return largest_quantile(mean, covariance, probability, bool(members))[0]
+    return largest_quantile(mean, covariance, probability)[0]
 
 
-def largest_quantile(means: Array, covariances: Array, probability: float, of_size: bool) -> tuple[float, int]:
+def largest_quantile(means: Array, covariances: Array, probability: float) -> tuple[float, int]:
     """Compute the largest quantile of the distance from zero of some normal variables, and the number of the largest.
 
     Parameters
     ----------
     means, covariances : ndarray, shapes (m, d) and (m, d, d)
-        Of m variables in one, two or three dimensions.
-    of_size : bool
-        Whether the distance is the size of a correction, of any number of dimensions.
+        Of m variables in any number of dimensions.
     """
-    if of_size:
-        values = [law_quantile(*each, probability, of_size) for each in zip(means, covariances, strict=True)]
-        return max(values), int(np.argmax(values))
     size = np.trace(covariances, axis1=1, axis2=2) + np.einsum("mi,mi->m", means, means)
     order = np.argsort(-size, kind="stable").tolist()
     largest, worst = 0.0, order[0]
     for number in order:
         mean, covariance = means[number], covariances[number]
-        if largest == 0.0 or normal_share(mean, covariance, largest) < probability:
-            quantile = normal_quantile(mean, covariance, probability)
+        if largest == 0.0 or NormalSize.of(mean, covariance).probability(largest) < probability:
+            quantile = size_quantile(mean, covariance, probability)
             if quantile > largest:
                 largest, worst = quantile, number
     return largest, worst

@@ -12,7 +12,8 @@ from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.requirements import Requirement, error_sizes, independent_samples, size_members
-from mcnav.statistics.normal_tails import probability_beyond_box, probability_beyond_distance
+from mcnav.statistics.normal_box import probability_beyond_box
+from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.proportions import probability_interval
 from mcnav.statistics.quadratic_tail import QuadraticForm
 
@@ -70,7 +71,7 @@ def linear_beyond(requirement: Requirement, model: Model, multiple: float = 1.0)
     limits = multiple * np.array(requirement.limits)
     if requirement.kind == "box" or len(chosen) == 1:
         return probability_beyond_box(mean, covariance, limits)
-    return probability_beyond_distance(mean, covariance, float(limits[0]))
+    return NormalSize.of(mean, covariance).beyond(float(limits[0]))
 
 
 @dataclass(frozen=True)

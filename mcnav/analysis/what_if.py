@@ -232,11 +232,10 @@ def grouped_terms(system: SizedSystem, groups: Sequence[Sequence[int]]) -> list[
 
 @dataclass(frozen=True)
 class LimitedErrors:
-    """Errors that a requirement limits: outputs, or those whose size one output is (``of_size``), at some readings."""
+    """Errors that a requirement limits: outputs, or those whose size one output is, at some readings."""
 
     requirement: Requirement
     members: tuple[int, ...]
-    of_size: bool
     readings: tuple[int, ...]
 
 

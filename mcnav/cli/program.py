@@ -79,7 +79,15 @@ def _reported_errors(file: Path | None, given: Path | None) -> Iterator[None]:
     Those of scenarios name the campaign file, and where memory is short what was given.
     """
     from mcnav.contract.errors import ScenarioError, SimulationFailed
-    from mcnav.errors import CampaignError, ClusterError, Problem, RunFolderBusy, RunFolderError, TooManyFailures
+    from mcnav.errors import (
+        CampaignError,
+        ClusterError,
+        NumericalError,
+        Problem,
+        RunFolderBusy,
+        RunFolderError,
+        TooManyFailures,
+    )
 
     try:
         yield
@@ -97,6 +105,8 @@ def _reported_errors(file: Path | None, given: Path | None) -> Iterator[None]:
         raise failure(str(Problem(str(file or ""), "scenario", str(problem)))) from None
     except (CampaignError, ClusterError, RunFolderError) as problem:
         raise failure(str(problem)) from None
+    except NumericalError as problem:
+        raise failure(str(Problem(str(file or given or ""), "", str(problem)))) from None
     except OSError as problem:
         raise failure(f"{problem.filename or 'a file'}: {problem.strerror or problem}") from None
 

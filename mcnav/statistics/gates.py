@@ -1,8 +1,8 @@
 """Gates on normal innovations: an innovation n of M components is accepted where ``|n|^2 <= T``.
 
-n is whitened by what the filter believes. Where it believes the truth n has the covariance one, ``|n|^2`` is noncentral
-chi-square, and the error e after an accepted measurement is independent of n. Otherwise ``|n|`` has the law of
-`mcnav.statistics.normal_size`, and given e the vector n is normal with ::
+n is whitened by what the filter believes. ``|n|`` has the law of `mcnav.statistics.normal_size`. Where the filter
+believes the truth, n has the covariance one, and the error e after an accepted measurement is independent of n.
+Otherwise n given e is normal with ::
 
     mean m + c (e - mu) / s^2        covariance C - c c^T / s^2
 
@@ -18,21 +18,25 @@ import numpy as np
 from scipy import special
 
 from mcnav._dataclasses import dataclass
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
+from mcnav.statistics.adaptive_quadrature import integrals
 from mcnav.statistics.bisection import root_between
 from mcnav.statistics.normal_size import NormalSize
 
 ROUNDED: Final = 1e-9
-"""Departure of a covariance from one, and correlation of innovation and error, that is rounding."""
+"""Correlation of innovation and error that is rounding."""
 
-NODES: Final = 40
-"""Nodes of the quadrature over an error in each of its tails."""
+EDGE: Final = 6.0
+"""Sigmas of an innovation, given the error, within which the gate opens or closes."""
 
 TAIL: Final = 9.0
 """Sigmas of an error at which its tails end."""
 
 LARGEST: Final = 1e6
 """Sigmas of an innovation beyond which no error of a measurement is looked for."""
+
+ACCURACY: Final = 1e-7
+"""Error of the probability of an unnoticed error, as a share of it."""
 
 WIDTH: Final = 1e-10
 """Width of the last bracket of an error that is looked for, in sigmas of the innovation."""
@@ -52,11 +56,6 @@ def acceptance(limit: float, mean: Array, covariance: Array) -> float:
     """
     if not np.isfinite(limit):
         return 1.0
-    if np.abs(covariance - np.eye(len(mean))).max() < ROUNDED:
-        if len(mean) == 1:
-            reach = np.sqrt(limit)
-            return float(special.ndtr(reach - mean[0]) - special.ndtr(-reach - mean[0]))
-        return float(special.chndtr(limit, float(len(mean)), float(mean @ mean)))
     return NormalSize.of(mean, covariance).probability(float(np.sqrt(limit)))
 
 
@@ -107,18 +106,28 @@ class GatedError:
             beyond = special.ndtr((-size - self.error) / self.sigma) + special.ndtr((self.error - size) / self.sigma)
             return acceptance(self.limit, self.mean, self.covariance) * float(beyond)
         slope = self.cross / self.sigma
-        left, total = self.covariance - np.outer(slope, slope), 0.0
-        nodes, weights = np.polynomial.legendre.leggauss(NODES)
-        for begin, end in (
-            (max((size - self.error) / self.sigma, -TAIL), TAIL), (-TAIL, min((-size - self.error) / self.sigma, TAIL))
-        ):  # fmt: skip
-            if end > begin:
-                # the tails in sigmas: the density falls within one of them at the nearer end
-                at = 0.5 * (begin + end) + 0.5 * (end - begin) * nodes
-                density = np.exp(-0.5 * at**2) / np.sqrt(2.0 * np.pi) * 0.5 * (end - begin) * weights
-                passed = [acceptance(self.limit, self.mean + slope * z, left) for z in at]
-                total += float(density @ passed)
-        return total
+        left = self.covariance - np.outer(slope, slope)
+
+        def density(_: IndexArray, z: Array) -> Array:
+            passed = [acceptance(self.limit, self.mean + slope * place, left) for place in z.ravel()]
+            return np.asarray(np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) * np.reshape(passed, z.shape))
+
+        high, low = max((size - self.error) / self.sigma, -TAIL), min((-size - self.error) / self.sigma, TAIL)
+        edges = self._edges(slope, left)
+        tails = [
+            np.sort(np.clip(np.append(edges, [begin, end]), begin, max(begin, end)))
+            for begin, end in ((high, TAIL), (-TAIL, low))
+        ]
+        return float(np.sum(integrals(density, np.array(tails), ACCURACY)))
+
+    def _edges(self, slope: Array, left: Array) -> Array:
+        """Return the errors, in sigmas from their mean, near which the gate opens or closes for the mean innovation."""
+        square = float(slope @ slope)
+        nearest = -float(self.mean @ slope) / square
+        apart = float(np.sum((self.mean + nearest * slope) ** 2))
+        half = np.sqrt(max(self.limit - apart, 0.0) / square)
+        width = EDGE * np.sqrt(max(float(np.linalg.eigvalsh(left)[-1]), 0.0) / square)
+        return np.array([nearest + side * half + k * width for side in (-1.0, 1.0) for k in (-1.0, 0.0, 1.0)])
 
 
 def smallest_stopped(accepted: Callable[[float], float], probability: float) -> float:

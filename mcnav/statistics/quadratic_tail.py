@@ -30,6 +30,12 @@ LEANING: Final = 3.0**-0.5
 """Slope of the hyperbola from the upright, far out: beyond one, noise would make the integrand grow."""
 
 MOST_NODES: Final = 100_000
+SECOND: Final = 0.95
+"""Share of the saddle point through which a second path leads, with `PER_SCALE` + 2 nodes: both must agree."""
+
+AGREEMENT: Final = 1e-6
+"""Largest difference of the two, as a share of the probability."""
+
 NEGLIGIBLE: Final = 1e-13
 """Share of the largest value of the integrand below which it ends."""
 
@@ -65,7 +71,10 @@ class QuadraticForm:
         return math.sqrt(float(np.sum(self.slopes**2 + 0.5 * self.curvatures**2)) + self.sigma**2)
 
     def above(self, limit: float) -> float:
-        """Return the probability of ``y > limit``; NaN where the integral does not converge."""
+        """Return the probability of ``y > limit``; NaN where the integral does not converge.
+
+        NaN also where a second path gives another probability.
+        """
         scale, expected = self.scale, self.mean + 0.5 * float(np.sum(self.curvatures))
         if scale == 0.0:
             return float(expected > limit)
@@ -84,7 +93,9 @@ class QuadraticForm:
         if slope(end) < 0.0:
             return 0.0
         ends = root_between(slope, (low, slope(low)), (end, slope(end)), 1e-12 * end)
-        return form._integral(0.5 * (ends[0] + ends[1]))
+        saddle = 0.5 * (ends[0] + ends[1])
+        value, again = form._integral(saddle, PER_SCALE), form._integral(SECOND * saddle, PER_SCALE + 2)
+        return value if 0.0 <= value <= 1.0 and abs(value - again) <= AGREEMENT * value else math.nan
 
     def _cumulant(self, s: Array) -> Array:
         left = 1.0 - np.multiply.outer(s, self.curvatures)
@@ -98,13 +109,13 @@ class QuadraticForm:
         second = self.sigma**2 + np.sum(g / left**3 + 0.5 * q**2 / left**2)
         return float(first), float(second)
 
-    def _integral(self, saddle: float) -> float:
+    def _integral(self, saddle: float, per_scale: int) -> float:
         """Return ``1 / pi ∫ Im exp(K(s)) / s ds`` over ``s = saddle + i t + leaning (sqrt(t^2 + w^2) - w)``, t > 0."""
         height = float(self._cumulant(np.array(saddle)))
         width = 1.0 / math.sqrt(self._derivatives(saddle)[1] + saddle**-2)
         largest = float(np.max(self.curvatures, initial=0.0))
         room = 1.0 / largest - saddle if largest > 0.0 else math.inf
-        step = min(saddle, width, room) / PER_SCALE
+        step = min(saddle, width, room) / per_scale
         down = self.curvatures < 0.0
         reached = float(np.sum(0.5 * self.slopes[down] ** 2 / -self.curvatures[down]))
         leaning = LEANING if self.mean + reached < 0.0 else 0.0

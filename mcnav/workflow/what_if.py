@@ -169,11 +169,10 @@ def _what_if(
         kept = _kept(len(times), [int(settled[epoch]) for each in requirements for epoch in each.epochs])
     limited = tuple(
         LimitedErrors(
-            each, members or each.outputs, bool(members),
+            each, size_members(each.outputs, model.sizes) or each.outputs,
             tuple(int(np.searchsorted(kept, settled[epoch])) for epoch in each.epochs) or (len(kept) - 1,),
         )
         for each in requirements
-        for members in [size_members(each.outputs, model.sizes)]
     )  # fmt: skip
     without = tuple(unsized_causes(campaign, sources, model.covariance))
     return WhatIf(campaign, _with_readings(covariance, kept), limited, without, beside)

@@ -18,10 +18,10 @@ import pytest
 
 import mcnav
 from mcnav.analysis.linear_answer import LinearAnswer
-from mcnav.analysis.requirements import normal_box_probability
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.report.html import page_html
 from mcnav.report.lincov_page import page as lincov_page
+from mcnav.statistics.normal_box import normal_box_probability
 from mcnav.studies.lincov import answer_linearly
 from mcnav.units import quantity
 from mcnav.workflow.what_if import what_if_of_answer

@@ -21,16 +21,12 @@ import numpy as np
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
-from mcnav.analysis.requirements import (
-    Finding,
-    Requirement,
-    judge_requirement,
-    normal_box_probability,
-    normal_quantile,
-)
+from mcnav.analysis.requirements import Finding, Requirement, judge_requirement
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
 from mcnav.analysis.tails import tails
 from mcnav.sampling.designs import SamplingDesign, standard_normals
+from mcnav.statistics.normal_box import normal_box_probability
+from mcnav.statistics.normal_size import size_quantile
 from mcnav.validation.calibration.cells import LEVEL, Cell, Tally, tally
 
 TAILS: Final = "errors"
@@ -116,7 +112,7 @@ Statement = tuple[str, str, bool]
 def true_quantile(covariance: Array, requirement: Requirement) -> float:
     """Return the quantile of the sizes of errors of a normal distribution."""
     picked = np.array(requirement.outputs)
-    return normal_quantile(np.zeros(len(picked)), covariance[np.ix_(picked, picked)], requirement.probability or 0.5)
+    return size_quantile(np.zeros(len(picked)), covariance[np.ix_(picked, picked)], requirement.probability or 0.5)
 
 
 def run_tail_trials(trials: int, jobs: int, sizes: Sequence[int] = SIZES) -> Tally:

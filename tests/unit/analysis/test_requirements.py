@@ -11,12 +11,12 @@ from mcnav.analysis.requirements import (
     Finding,
     Requirement,
     RequirementResult,
-    absolute_normal_quantile,
     judge_requirement,
-    normal_box_probability,
     requirements_from,
 )
 from mcnav.report import sentences
+from mcnav.statistics.normal_box import normal_box_probability
+from mcnav.statistics.normal_size import size_quantile
 from tests import summaries
 
 MODEL = Model(np.array([[1.0, 0.0], [0.0, 2.0]]), np.zeros(2), np.zeros(2), np.eye(2))
@@ -201,8 +201,8 @@ def test_nothing_to_compare() -> None:
 def test_quantile_of_an_absolute_value() -> None:
     for mean, sigma in ((0.0, 1.0), (2.0, 0.5), (-1.0, 3.0)):
         expected = stats.foldnorm(abs(mean) / sigma, scale=sigma).ppf(0.97)
-        assert absolute_normal_quantile(mean, sigma, 0.97) == pytest.approx(expected, rel=1e-9)
-    assert absolute_normal_quantile(-2.0, 0.0, 0.9) == 2.0
+        assert size_quantile(np.array([mean]), np.array([[sigma**2]]), 0.97) == pytest.approx(expected, rel=1e-9)
+    assert size_quantile(np.array([-2.0]), np.zeros((1, 1)), 0.9) == 2.0
 
 
 def test_largest_sigmas_about_a_mean() -> None:
@@ -212,7 +212,8 @@ def test_largest_sigmas_about_a_mean() -> None:
         found = _judged(Requirement("quantile", (0,), (1.0,), 0.9973), model=model)
         assert (found.largest_sigmas is not None) == has
         if found.largest_sigmas is not None:
-            assert absolute_normal_quantile(0.5, found.largest_sigmas[0], 0.9973) == pytest.approx(1.0, rel=1e-6)
+            variance = np.array([[found.largest_sigmas[0] ** 2]])
+            assert size_quantile(np.array([0.5]), variance, 0.9973) == pytest.approx(1.0, rel=1e-6)
 
 
 def test_box_of_a_singular_covariance() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav.statistics import chi_square, circular_error, mean_square, order_statistics, power, proportions, shape
+from mcnav.statistics import chi_square, mean_square, order_statistics, power, proportions, shape
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
 from mcnav.statistics.estimates import Estimate, blocked_mean, summed_mean
 from mcnav.statistics.hotelling import hotelling
@@ -216,44 +216,6 @@ def test_shape_has_the_normals_error_for_normal_samples() -> None:
     for estimate, error in zip(found, exact, strict=True):
         assert estimate.standard_error == pytest.approx(error, rel=0.1)
         assert abs(estimate.value) < 5.0 * error
-
-
-def test_circular_error_probable() -> None:
-    """Of the circular normal distribution sqrt(2 ln 2); of one on a line the normal quartile; of a point how far."""
-
-    def cep(mean: np.ndarray, covariance: np.ndarray) -> float:
-        return circular_error.normal_error_radius(mean, covariance, 0.5)
-
-    origin = np.zeros(2)
-    assert cep(origin, 4.0 * np.eye(2)) == pytest.approx(2.0 * np.sqrt(2 * np.log(2)))
-    assert cep(origin, np.array([[9.0, 9.0], [9.0, 9.0]])) == pytest.approx(np.sqrt(18) * stats.norm.ppf(0.75))
-    assert cep(np.array([3.0, 4.0]), np.zeros((2, 2))) == pytest.approx(5.0, rel=1e-8)
-    assert cep(origin, np.zeros((2, 2))) == 0.0
-    assert cep(origin, np.diag([1.0, 1e-8])) == pytest.approx(stats.norm.ppf(0.75), rel=1e-7)
-    far = np.array([0.3, -2.0])
-    found = circular_error.normal_probability_within(2.5, far, np.diag([1.0, 1.0]))
-    assert found == pytest.approx(stats.ncx2.cdf(2.5**2, 2, 0.3**2 + 2.0**2), rel=1e-9)
-
-
-def test_spheres_of_normal_errors() -> None:
-    """Against chi-square, central or not; a plane is a circle, a line an interval; axes of 1:30 within 1e-6."""
-    within = circular_error.normal_probability_within_sphere
-    assert within(1.5, np.zeros(3), np.eye(3)) == pytest.approx(stats.chi(3).cdf(1.5), rel=1e-12)
-    mean = np.array([1.0, -0.5, 2.0])
-    assert within(1.5, mean, np.eye(3)) == pytest.approx(stats.ncx2(3, 5.25).cdf(1.5**2), rel=1e-11)
-    plane, in_plane = np.diag([0.0, 0.5, 1.0]), np.array([0.0, 0.3, -0.2])
-    circle = circular_error.normal_probability_within(1.2, in_plane[1:], plane[1:, 1:])
-    assert within(1.2, in_plane, plane) == pytest.approx(circle, rel=1e-9)
-    line = np.diag([0.0, 0.0, 4.0])
-    assert within(2.0, np.zeros(3), line) == pytest.approx(2.0 * stats.norm.cdf(1.0) - 1.0, rel=1e-12)
-    assert within(1.0, np.array([2.0, 0.0, 0.0]), line) == 0.0
-    thin = np.diag([1.0, 1.0 / 900.0, 1.0 / 900.0])
-    draws = np.random.default_rng(1).standard_normal((1_000_000, 3)) @ np.sqrt(thin) + 0.3
-    share = np.mean(np.sum(draws**2, axis=1) <= 1.0)
-    assert within(1.0, np.full(3, 0.3), thin) == pytest.approx(share, abs=5.0 * np.sqrt(0.25 / 1e6))  # five errors
-    assert circular_error.normal_error_radius(np.zeros(3), 9.0 * np.eye(3), 0.5) == pytest.approx(
-        3.0 * stats.chi(3).median(), rel=1e-12
-    )
 
 
 def test_intervals_of_mean_squares() -> None:
