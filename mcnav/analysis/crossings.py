@@ -11,7 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.curve_refinement import refine_curve
 from mcnav.analysis.sweep import JustMet, Span, Variable
-from mcnav.errors import CampaignError
+from mcnav.errors import CampaignError, NumericalError
 from mcnav.statistics.bisection import root_between
 
 TOLERANCE: Final = 1e-6
@@ -41,7 +41,8 @@ def find_crossings(
             continue
         try:
             values.append(_root(variable, margin_at, (low, at_low), (high, at_high)))
-        except CampaignError:  # a key of whole numbers: the last one that meets the limit
+        # a key of whole numbers, or no answer within: the last one that meets the limit
+        except (CampaignError, NumericalError):
             values.append(low if at_low <= 0.0 else high)
         if inside:
             spans.append((begin, values[-1]))

@@ -7,6 +7,7 @@ dispersions*: at which multiple does the sigma ratio of Monte Carlo to P S P^T l
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -22,6 +23,7 @@ from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult
 from mcnav.lincov.partials import Propagate
 from mcnav.sampling.designs import SamplingDesign
+from mcnav.statistics.bisection import root_between
 
 Simulator = Callable[[float], Propagate]
 """Function from a multiple to a simulation of errors that is accurate for errors of about that size; in `together` with
@@ -220,8 +222,6 @@ def together(
             break
 
     def crossing(kind: str, row: int) -> float:
-        from scipy.optimize import brentq  # slow to import: a tenth of a second
-
         values = [excess(kind, row, multiple) for multiple in steps]
         if np.isnan(values[0]):
             return float("nan")
@@ -230,9 +230,9 @@ def together(
             return float("inf")
         if outside == 0:
             return steps[0]
-        bracket = np.log(steps[outside - 1 : outside + 1])
-        root = brentq(lambda log: excess(kind, row, float(np.exp(log))), *bracket, xtol=ROOT_TOLERANCE)
-        return float(np.exp(root))
+        low, high = ((math.log(steps[place]), values[place]) for place in (outside - 1, outside))
+        ends = root_between(lambda log: excess(kind, row, math.exp(log)), low, high, ROOT_TOLERANCE)
+        return math.exp(0.5 * (ends[0] + ends[1]))
 
     curves = np.array([judged(multiple) for multiple in steps])
     crossings = [np.array([crossing(kind, row) for row in range(count)]) for kind in ("departs", "agrees", "differs")]

@@ -142,7 +142,7 @@ def duration_wanted(model: Model, logs: Array, parameter: int, grid: Grid, share
         return float(relative_deviations(model, longer, np.diff(edge), logs)[parameter])
 
     low, high = grid.interval * 16.0 / share, LONGEST_RECORD
-    if bound(high) > WANTED:
+    if not bound(high) <= WANTED:
         return np.inf
     while high / low > 1.01:
         middle = float(np.sqrt(low * high))

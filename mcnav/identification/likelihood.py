@@ -176,8 +176,8 @@ def profile_interval(
 
         inner, outer = 0.0, min(2.0 * sd, reach)
         above = excess(outer)
-        while above < 0.0:
-            if outer >= reach:
+        while not above >= 0.0:
+            if outer >= reach or not above >= -limit - NEAR:
                 return sign * np.inf
             inner, outer = outer, min(2.0 * outer, reach)
             above = excess(outer)
@@ -186,6 +186,8 @@ def profile_interval(
             parabola, margin = outer * np.sqrt(limit / (limit + above)), 0.05 * (outer - inner)
             trial = parabola if inner + margin < parabola < outer - margin else 0.5 * (inner + outer)
             value = excess(trial)
+            if not value >= -limit - NEAR:
+                return sign * np.inf  # a larger likelihood than the maximum, or none: the record does not show an end
             if value < 0.0:
                 inner = trial
             else:

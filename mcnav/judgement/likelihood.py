@@ -22,6 +22,7 @@ from scipy.optimize import brentq, minimize_scalar
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.recorded import FilteredRecord
+from mcnav.errors import NumericalError
 from mcnav.judgement.simulation import Innovations
 
 WIDEST: Final = 30.0
@@ -118,7 +119,11 @@ def estimate_factor(record: FilteredRecord, innovations: Innovations, cause: int
     """
 
     def values(logarithms: Array) -> Array:
-        return log_likelihood(record, innovations, [{cause: float(np.exp(each))} for each in logarithms])[:, 0]
+        factors = [{cause: float(np.exp(each))} for each in logarithms]
+        likelihoods = log_likelihood(record, innovations, factors)[:, 0]
+        if np.isnan(likelihoods).any():
+            raise NumericalError(f"the likelihood of a record is not a number for some of the factors {factors}")
+        return likelihoods
 
     def value(logarithm: float) -> float:
         return float(values(np.array([logarithm]))[0])

@@ -17,12 +17,16 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.errors import NumericalError
 from mcnav.sampling.distributions import Distribution, Normal
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 
 _DEGREE: Final = 120
 _ABSCISSAE: Final = np.linspace(-14.0, 14.0, 16_001)
 """Abscissae of the trapezoidal rule; the weights at the ends are 1e-43."""
+
+REACHED: Final = 1e-9
+"""Largest difference of a correlation that was solved for."""
 
 ROUNDING: Final = 1e-10
 """Magnitude of a negative eigenvalue that counts as rounding error."""
@@ -72,7 +76,10 @@ def normal_correlation(first: Distribution, second: Distribution, wanted: float)
     if not lowest < wanted < highest:
         span = f"up to {highest:.4f}" if abs(lowest + highest) < 1e-9 else f"from {lowest:.4f} to {highest:.4f}"
         raise ValueError(f"errors of these distributions can be correlated {span}; got {wanted:g}")
-    return float(brentq(lambda rho: error_correlation(first, second, rho) - wanted, -1.0, 1.0, xtol=1e-15))
+    root = float(brentq(lambda rho: error_correlation(first, second, rho) - wanted, -1.0, 1.0, xtol=1e-15))
+    if not abs(error_correlation(first, second, root) - wanted) <= REACHED:
+        raise NumericalError(f"normals correlated by {root:g} do not give two errors the correlation {wanted:g}")
+    return root
 
 
 def error_correlation(first: Distribution, second: Distribution, normal: float) -> float:

@@ -27,9 +27,13 @@ from scipy import special
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
+from mcnav.errors import NumericalError
 
 _ABSCISSAE: Final = np.linspace(-7.0, 7.0, 29)
 """Abscissae of the trapezoidal rule over standard normals, with an error of at most 1e-9."""
+
+REACHED: Final = 1e-9
+"""Largest difference of a rank correlation that was solved for."""
 
 
 @dataclass(frozen=True)
@@ -111,4 +115,7 @@ def normal_of_rank(wanted: float, one: MultivariateT | None = None, other: Multi
         return math.copysign(1.0, wanted)
     if abs(wanted) > largest:
         raise ValueError(f"errors of these distributions can be rank-correlated up to {largest:.4f}; got {wanted:g}")
-    return float(brentq(lambda rho: rank_correlation(rho, one, other) - wanted, -1.0, 1.0, xtol=1e-15))
+    root = float(brentq(lambda rho: rank_correlation(rho, one, other) - wanted, -1.0, 1.0, xtol=1e-15))
+    if not abs(rank_correlation(root, one, other) - wanted) <= REACHED:
+        raise NumericalError(f"normals correlated by {root:g} do not give two errors the correlation {wanted:g}")
+    return root

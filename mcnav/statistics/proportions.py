@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from scipy import special
+
+from mcnav.errors import NumericalError
+
+BACK: Final = 1e-6
+"""Largest difference of the probability of a quantile, computed back, as a share of the smaller tail."""
 
 
 def lower_probability(hits: int, count: int, confidence: float) -> float:
@@ -12,19 +19,30 @@ def lower_probability(hits: int, count: int, confidence: float) -> float:
     0.9505
     """
     _check(hits, count)
-    return 0.0 if hits == 0 else float(special.betaincinv(hits, count - hits + 1, 1.0 - confidence))
+    return 0.0 if hits == 0 else _beta_quantile(hits, count - hits + 1, 1.0 - confidence)
 
 
 def upper_probability(hits: int, count: int, confidence: float) -> float:
     """Bound a probability from above, as `lower_probability`."""
     _check(hits, count)
-    return 1.0 if hits == count else float(special.betaincinv(hits + 1, count - hits, confidence))
+    return 1.0 if hits == count else _beta_quantile(hits + 1, count - hits, confidence)
 
 
 def probability_interval(hits: int, count: int, confidence: float) -> tuple[float, float]:
     """Return the two-sided interval of a probability, with equal tails."""
     each = 0.5 + 0.5 * confidence
     return lower_probability(hits, count, each), upper_probability(hits, count, each)
+
+
+def _beta_quantile(first: int, second: int, probability: float) -> float:
+    """Return a quantile of a beta variable, whose probability is computed back."""
+    quantile = float(special.betaincinv(first, second, probability))
+    back = float(special.betainc(first, second, quantile))
+    if not abs(back - probability) <= BACK * min(probability, 1.0 - probability):
+        raise NumericalError(
+            f"the quantile {quantile:g} of a beta variable ({first}, {second}) is not at {probability:g}"
+        )
+    return quantile
 
 
 def _check(hits: int, count: int) -> None:

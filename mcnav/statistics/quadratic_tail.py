@@ -31,7 +31,7 @@ LEANING: Final = 3.0**-0.5
 
 MOST_NODES: Final = 100_000
 SECOND: Final = 0.95
-"""Share of the saddle point through which a second path leads, with `PER_SCALE` + 2 nodes: both must agree."""
+"""Share of the saddle point through which a second path leads, with `PER_SCALE` - 2 nodes: both must agree."""
 
 AGREEMENT: Final = 1e-6
 """Largest difference of the two, as a share of the probability."""
@@ -78,6 +78,8 @@ class QuadraticForm:
         scale, expected = self.scale, self.mean + 0.5 * float(np.sum(self.curvatures))
         if scale == 0.0:
             return float(expected > limit)
+        if expected > limit:
+            return 1.0 - self._mirrored.above(-limit)  # on the other side of the mean terms cancel
         largest = float(np.max(self.curvatures, initial=0.0))
         # lengths in standard deviations
         form = QuadraticForm((self.mean - limit) / scale, self.slopes / scale, self.curvatures / scale,
@@ -88,13 +90,11 @@ class QuadraticForm:
             return form._derivatives(s)[0] - 1.0 / s
 
         low = 1e-6 * min(1.0, end)
-        if slope(low) > 0.0:
-            return 1.0  # more than a million standard deviations below the mean
         if slope(end) < 0.0:
             return 0.0
         ends = root_between(slope, (low, slope(low)), (end, slope(end)), 1e-12 * end)
         saddle = 0.5 * (ends[0] + ends[1])
-        value, again = form._integral(saddle, PER_SCALE), form._integral(SECOND * saddle, PER_SCALE + 2)
+        value, again = form._integral(saddle, PER_SCALE), form._integral(SECOND * saddle, PER_SCALE - 2)
         return value if 0.0 <= value <= 1.0 and abs(value - again) <= AGREEMENT * value else math.nan
 
     def _cumulant(self, s: Array) -> Array:

@@ -87,3 +87,17 @@ def test_where_nothing_is_stopped() -> None:
     assert smallest_stopped(lambda size: 1.0, 0.9) == np.inf
     assert smallest_stopped(lambda size: 0.05, 0.9) == 0.0
     assert largest_of(lambda x: 1.0 - (x - 0.3) ** 2, 2.0) == (pytest.approx(0.3, abs=1e-6), pytest.approx(1.0))
+
+
+@pytest.mark.parametrize(("variance", "correlation"), [(25.0, 0.999), (400.0, 0.99), (1e6, 0.9)])
+def test_a_gate_that_is_open_for_few_of_the_errors(variance: float, correlation: float) -> None:
+    """Of an innovation that the error nearly determines: by the law of the error given the innovation, in the gate."""
+    limit, mean, error, sigma, size = 6.0, 3.0, 0.1, 0.7, 0.3
+    cross = correlation * np.sqrt(variance) * sigma
+    law = GatedError(limit, np.array([mean]), np.array([[variance]]), np.array([cross]), error, sigma)
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    innovation = np.sqrt(limit) * nodes
+    density = np.sqrt(limit) * weights * stats.norm.pdf(innovation, mean, np.sqrt(variance))
+    centre, spread = error + cross / variance * (innovation - mean), sigma * np.sqrt(1.0 - correlation**2)
+    beyond = special.ndtr((-size - centre) / spread) + special.ndtr((centre - size) / spread)
+    assert law.unnoticed_beyond(size) == pytest.approx(float(density @ beyond), rel=1e-6)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import special, stats
 
 from mcnav.statistics.quadratic_tail import QuadraticForm
 
@@ -57,3 +59,26 @@ def test_what_has_no_tail() -> None:
     assert QuadraticForm(2.0, np.zeros(1), np.zeros(1)).above(1.0) == 1.0
     squares = QuadraticForm(0.0, np.zeros(3), np.full(3, 2.0)).above(30.0)
     assert squares == pytest.approx(stats.chi2.sf(30.0, 3), rel=RELATIVE)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_one_curved_axis_with_noise_on_both_sides_of_the_mean(seed: int) -> None:
+    """``P(y > c)`` by Gauss and Legendre's rule over the curved axis, between the places at which the noise decides."""
+    random = np.random.default_rng(seed)
+    slope, curvature = random.standard_normal(2) * 10.0 ** random.uniform(-2.0, 1.0, 2)
+    sigma = 10.0 ** random.uniform(-3.0, 0.0)
+    form = QuadraticForm(0.0, np.array([slope]), np.array([curvature]), sigma)
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    for multiple in (-3.0, -0.5, 0.5, 3.0):
+        limit = 0.5 * curvature + multiple * form.scale
+        edges = [-12.0, -slope / curvature, 0.0, 12.0]
+        for away in (-8.0, -4.0, 0.0, 4.0, 8.0):
+            root = slope**2 + 2.0 * curvature * (limit + away * sigma)
+            edges += [(side * np.sqrt(root) - slope) / curvature for side in (-1.0, 1.0) if root > 0.0]
+        ends, expected = np.unique(np.clip(edges, -12.0, 12.0)), 0.0
+        for begin, end in pairwise(ends):
+            for low, high in pairwise(np.linspace(begin, end, 5)):
+                u = 0.5 * (low + high) + 0.5 * (high - low) * nodes
+                above = special.ndtr((slope * u + 0.5 * curvature * u**2 - limit) / sigma)
+                expected += 0.5 * (high - low) * float(weights @ (stats.norm.pdf(u) * above))
+        assert form.above(limit) == pytest.approx(expected, rel=1e-7, abs=1e-15)
