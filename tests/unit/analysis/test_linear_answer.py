@@ -119,3 +119,15 @@ def test_covariance_over_time_adds_up() -> None:
     np.testing.assert_allclose(found.mean, partials @ mean, rtol=1e-12)
     total = found.correlations + sum(found.variances.values())
     np.testing.assert_allclose(total, found.sigma**2, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("limit", "met"), [(5.5, False), (5.86, True)])
+def test_a_burn_along_the_narrow_axis_of_its_covariance(limit: float, met: bool) -> None:
+    """The size of 5 m/s with 0.1005 along and 1 across: 99.73 % below 5.8562 m/s, computed elsewhere."""
+    covariance = np.diag([1.0001, 0.0101, 0.0101])
+    covariance[1, 2] = covariance[2, 1] = 0.0101  # to first order the size is its component along
+    mean = np.array([0.0, 5.0, 5.0])
+    requirement = Requirement("quantile", (2,), (limit,), 0.9973)
+    (judged,) = judge_linearly([requirement], mean, covariance, None, {2: (0, 1)}, mean)
+    assert judged.value == pytest.approx(5.8562, abs=5e-5)
+    assert judged.met == met
