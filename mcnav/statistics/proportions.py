@@ -8,8 +8,11 @@ from scipy import special
 
 from mcnav.errors import NumericalError
 
-BACK: Final = 1e-6
-"""Largest difference of the probability of a quantile, computed back, as a share of the smaller tail."""
+BACK: Final = 1e-3
+"""Largest difference of the probability of a quantile, computed back, as a share of the smaller tail.
+
+Rounding of a quantile next to one leaves up to 1e-4.
+"""
 
 
 def lower_probability(hits: int, count: int, confidence: float) -> float:

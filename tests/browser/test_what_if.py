@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -233,3 +234,26 @@ def test_sliders_in_a_notebook(browser: Browser, page_of: Callable[[str], Path],
         frame = page.frame_locator("iframe")
         frame.get_by_role("slider", name="errors.altitude", exact=True).press("ArrowRight")
         assert frame.locator(".state").inner_text().startswith("1 number changed.")
+
+
+def test_a_box_of_outputs_that_nearly_determine_each_other(browser: Browser, tmp_path: Path) -> None:
+    """The page's own quadrature against `normal_box_probability`, to the last digit that it shows."""
+    written_by = (resources.files("mcnav.report") / "templates" / "what_if.js").read_text(encoding="utf-8")
+    functions = written_by[written_by.index("  // The error function") : written_by.index('  all(".what-if")')]
+    random, cases = np.random.default_rng(5), []
+    for thin in (1.0, 1e-2, 1e-4, 1e-6):
+        for size in (2, 3):
+            root = random.standard_normal((size, size)) * np.array([1.0, *(size - 1) * [thin]])
+            covariance = root @ root.T
+            sigmas = np.sqrt(np.diag(covariance))
+            mean, limits = 0.5 * sigmas * random.standard_normal(size), sigmas * random.uniform(0.5, 3.0, size)
+            cases.append((limits, mean, covariance))
+    page_file = tmp_path / "empty.html"
+    page_file.write_text("<!doctype html><html lang='en'><title>empty</title></html>", encoding="utf-8")
+    with browser.opened(page_file, silent=False) as page:
+        computed = page.evaluate(
+            f"(cases) => {{ const {{ abs, max, min }} = Math; {functions} return cases.map((c) => withinBox(...c)); }}",
+            [[values.tolist() for values in case] for case in cases],
+        )
+    expected = [normal_box_probability(mean, covariance, limits) for limits, mean, covariance in cases]
+    assert computed == pytest.approx(expected, abs=1e-6)

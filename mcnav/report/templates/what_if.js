@@ -89,8 +89,18 @@
       const sigma = factor[n][n];
       if (n === limits.length - 1) return interval(limits[n], centre, sigma);
       if (!sigma) return abs(centre) <= limits[n] ? inside(n + 1, [...known, 0], factor) : 0;
-      return integral(max(-9, (-limits[n] - centre) / sigma), min(9, (limits[n] - centre) / sigma), (z) => bell(z) * inside(n + 1, [...known, z], factor));
+      const [low, high] = [max(-9, (-limits[n] - centre) / sigma), min(9, (limits[n] - centre) / sigma)];
+      const edges = [low, ...steps(n, known, factor).filter((z) => low < z && z < high).sort((p, q) => p - q), high];
+      return edges.slice(1).reduce((sum, end, k) => sum + integral(edges[k], end, (z) => bell(z) * inside(n + 1, [...known, z], factor)), 0);
     };
+    // Where the sides after one are passed within less than a sigma of it: the rule's nodes do not resolve a step.
+    const steps = (n, known, factor) => limits.flatMap((limit, i) => {
+      const slope = factor[i][n];
+      const width = slope && Math.hypot(...factor[i].slice(n + 1)) / abs(slope);
+      if (i <= n || !slope || width > 1) return [];
+      const centre = mean[i] + known.reduce((sum, z, k) => sum + factor[i][k] * z, 0);
+      return [-limit, limit].flatMap((side) => [-6, 0, 6].map((k) => (side - centre) / slope + k * width));
+    });
     const factor = [];
     covariance.forEach((row, i) => {
       factor.push(row.map(() => 0));
