@@ -117,8 +117,32 @@ USUAL: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
 """Factors of usual units, by SI unit: to it, and from it. They are pint's, whose import takes a tenth of a second."""
 
 _QUANTITY: Final = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
-_UNIT: Final = re.compile(r"[A-Za-zµμ%_]+|sqrt\(|[()*/ ]|[\^]-?\d(?!\d)|(?<![\d.])1(?![\d.])")
+_NAME: Final = re.compile(r"[A-Za-z%_]+")
+_UNIT: Final = re.compile(rf"{_NAME.pattern}|[()*/ ]|[\^]-?\d(?!\d)|(?<![\d.])1(?![\d.])")
 _LONGEST: Final = 80
+_SHORTEST_PLURAL: Final = 3
+"""Letters of the shortest name with a plural: "kms" and "gs" look like other units, "mins" and "degs" do not."""
+
+_SIGNS: Final = {
+    "µ": "u", "μ": "u", "°": "deg", "º": "deg", "˚": "deg", "²": "^2", "³": "^3", "′": "arcmin", "'": "arcmin",
+    "’": "arcmin", "″": "arcsec", '"': "arcsec", "”": "arcsec",
+}  # fmt: skip
+"""Signs of data sheets and charts, in letters."""
+
+QUESTIONS: Final = {
+    "nm": 'NM or nmi? "nm" would be a nanometre; a nautical mile is "NM" or "nmi"',
+    "Nm": 'NM or nmi? a nautical mile is "NM" or "nmi"',
+    "M": 'NM or m? a nautical mile is "NM" or "nmi"',
+    "mil": 'mrad or deg? a mil is 1/6400 of a turn, 1 mrad, or a thousandth of an inch; write "mrad" or "deg"',
+    "mils": 'mrad or deg? a mil is 1/6400 of a turn, 1 mrad, or a thousandth of an inch; write "mrad" or "deg"',
+    "G": 'g or gauss? write "g", or "100 uT" for a gauss',
+    "mG": 'mg or milligauss? write "mg", or "0.1 uT" for a milligauss',
+    "uG": 'ug or microgauss? write "ug", or "0.1 nT" for a microgauss',
+    "gauss": 'write "100 uT" for a gauss',
+    "rps": 'rad/s or rev/s? write "rad/s", or "rev/s" for revolutions per second',
+    "dB": 'a ratio in decibels? write the ratio itself, such as "2 %"',
+}
+"""Names that mean one thing to one reader and another to the next, and the question that they are refused with."""
 
 
 class UnitError(ValueError):
@@ -144,26 +168,59 @@ def _registry() -> pint.UnitRegistry[float]:
     with _hidden("dask"):  # pint would load it for arrays that no quantity here holds: a tenth of a second
         import pint  # takes as long without it
 
-    text = files("mcnav").joinpath("units.txt").read_text(encoding="utf-8")
-    return pint.UnitRegistry(text.splitlines(), cache_folder=None)
+    return pint.UnitRegistry(_definitions(), cache_folder=None)
+
+
+@lru_cache
+def _definitions() -> list[str]:
+    return files("mcnav").joinpath("units.txt").read_text(encoding="utf-8").splitlines()
+
+
+@lru_cache
+def _names() -> frozenset[str]:
+    """Return the names of all units, as ``units.txt`` lists them."""
+    definitions = (line.split("=") for line in _definitions() if "=" in line and not line.startswith("#"))
+    return frozenset(name.strip() for first, _, *others in definitions for name in (first, *others))
 
 
 def _spelled(text: str) -> str:
     """Spell the signs of data sheets in letters.
 
-    >>> _spelled("°/√h"), _spelled("m/s/h^0.5"), _spelled("deg/√(h)")
-    ('deg/sqrt(h)', 'm/s/sqrt(h)', 'deg/sqrt(h)')
+    >>> _spelled("°/√h"), _spelled("m/s/h^0.5"), _spelled("deg/√(h)"), _spelled("µg/rtHz")
+    ('deg/sqrt(h)', 'm/s/sqrt(h)', 'deg/sqrt(h)', 'ug/sqrt(Hz)')
     """
-    text = re.sub(r"√(?:\(([^()]*)\)|([A-Za-z]+))", r"sqrt(\1\2)", text.replace("°", "deg").replace("²", "^2"))
+    text = "".join(_SIGNS.get(sign, sign) for sign in text.replace("''", "″"))
+    text = re.sub(r"\brt[- ]?(?:\(([^()]*)\)|(hr|h|Hz|s)\b)", r"sqrt(\1\2)", text)
+    text = re.sub(r"√(?:\(([^()]*)\)|([A-Za-z]+))", r"sqrt(\1\2)", text)
     return re.sub(r"([A-Za-z]+)\^0\.5(?!\d)", r"sqrt(\1)", text)
+
+
+def _singular(name: str) -> str:
+    """Return the name of a unit without the ending of its plural; the empty text where it is none."""
+    if name in _names():
+        return name
+    return name[:-1] if name.endswith("s") and name[:-1] in _names() and len(name) > _SHORTEST_PLURAL else ""
+
+
+def _refuse_unknown(text: str, names: list[str]) -> None:
+    """Raise `UnitError` where one of the names in a unit is that of none, with the one that may be meant."""
+    for name in names:
+        if _singular(name):
+            continue
+        if name in QUESTIONS:
+            raise UnitError(f"{_quoted(text)}: {QUESTIONS[name]}")
+        near = sorted(known for known in _names() if known.lower() == name.lower())
+        raise UnitError(f"{_quoted(text)} is not a known unit" + (f" (did you mean {near[0]}?)" if near else ""))
 
 
 @lru_cache(maxsize=1024)
 def _unit(text: str) -> pint.Unit:
     """Parse a unit: names, products, quotients, one-digit powers and square roots."""
-    spelled = _spelled(text) if len(text) <= _LONGEST else text
+    spelled = re.sub(r"\bper\b", "/", _spelled(text)) if len(text) <= _LONGEST else text
     if len(text) > _LONGEST or _UNIT.sub("", spelled):
         raise UnitError(f"{_quoted(text)} is not a unit")
+    _refuse_unknown(text, [name for name in _NAME.findall(spelled) if name != "sqrt"])
+    spelled = _NAME.sub(lambda name: _singular(name[0]) or name[0], spelled)
     try:
         return _registry().Unit(re.sub(r"sqrt\(([^()]*)\)", r"(\1)**0.5", spelled) if text != "1" else "")
     except Exception:  # pint raises many types, even AssertionError, for text that is not a unit
@@ -195,11 +252,18 @@ def _usual(unit: str, target: str) -> float | None:
 def conversion(unit: str, target: str) -> float:
     """Return the factor that converts values from one unit to another.
 
+    Raises `UnitError` where one of them is not known, or they are of different dimensions.
+
     >>> conversion("km", "m")
     1000.0
     """
     known = _usual(unit, target)
-    return _converted(_unit(unit), target) if known is None else known
+    if known is not None:
+        return known
+    own, wanted = _unit(unit), _unit(target)
+    if own.dimensionality != wanted.dimensionality:
+        raise UnitError(f"{_quoted(unit)} is {_words(own)}; expected {_words(wanted)}")
+    return _converted(own, target)
 
 
 def _converted(unit: pint.Unit, target: str) -> float:
@@ -208,7 +272,7 @@ def _converted(unit: pint.Unit, target: str) -> float:
     return float(registry.Quantity(1.0, unit).to(_unit(target)).magnitude)
 
 
-def quantity(text: object, unit: str) -> float:
+def quantity(text: object, unit: str, shares: bool = False) -> float:
     """Read a quantity such as ``"0.2 deg/h"`` into an SI unit.
 
     Parameters
@@ -217,6 +281,8 @@ def quantity(text: object, unit: str) -> float:
         A string with a unit; a number for a pure number.
     unit : str
         SI unit.
+    shares : bool
+        Whether an angle may be a share such as ``"1 %"``: that of an input that another axis reads is a small angle.
 
     Raises
     ------
@@ -225,15 +291,15 @@ def quantity(text: object, unit: str) -> float:
 
     Examples
     --------
-    >>> quantity("3 km", "m")
-    3000.0
+    >>> quantity("3 km", "m"), quantity("1 %", "rad", shares=True)
+    (3000.0, 0.01)
     >>> quantity("5 km", "rad/s")
     Traceback (most recent call last):
     ...
     mcnav.units.UnitError: got '5 km', which is a length; expected an angular rate such as "0.2 deg/h"
     """
     words, example = dimension_of(unit)
-    expected = f'expected {words} such as "{example}"'
+    expected = f'expected {words} such as "{example}"' + (' or a share such as "1 %"' if shares else "")
     if isinstance(text, (int, float)) and not isinstance(text, bool):
         if unit != "1":
             raise UnitError(f"got {text!r} without a unit; {expected}")
@@ -249,6 +315,8 @@ def quantity(text: object, unit: str) -> float:
     number, name = float(match[1]), match[2]
     if not name and unit != "1":
         raise UnitError(f"got {_quoted(text)} without a unit; {expected}")
+    if shares and name in USUAL["1"]:
+        unit = "1"
     factor = _usual(name or "1", unit)
     if factor is None:
         try:

@@ -226,7 +226,8 @@ def _of_imu(entries: Mapping[str, Any]) -> list[DataSheetNumber]:
     numbers = []
     for instrument in NAMES:
         for key, entry in {**below.get(instrument, {}), **entries.get(instrument, {})}.items():
-            causes = frozenset([f"{instrument}_{key}"])
+            returns = key == "rate_random_walk" and isinstance(entry, dict) and "correlation_time" in entry
+            causes = frozenset([f"{instrument}_{INSTABILITY if returns else key}"])
             numbers.append(DataSheetNumber(f"imu.{instrument}.{key}", entry, causes, {}))
     return numbers
 
@@ -289,6 +290,6 @@ def largest_size(entry: Any, instrument: str, key: str) -> float | None:
     if unit is None:
         return None
     try:
-        return max(abs(quantity(each, unit)) for each in parts)
+        return max(abs(quantity(each, unit, key == "misalignment")) for each in parts)
     except UnitError:
         return None

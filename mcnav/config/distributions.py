@@ -60,7 +60,7 @@ class InUnitOfSource:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         def read(entry: object, info: ValidationInfo[Source]) -> float:
-            value = quantity(entry, info.context.unit)
+            value = quantity(entry, info.context.unit, info.context.shares)
             if self.limited and (wrong := implausible(value, info.context)):
                 raise told(f"got {entry!r}; {wrong}")
             return value
@@ -165,7 +165,7 @@ class ValuesTable(DistributionTable):
 
     def build(self, source: Source, context: FileContext) -> Distribution:
         """Read the values; see `DistributionTable`."""
-        return read_values(self.file, self.column, f"1 {self.unit}", self.sha256, source.unit, context)
+        return read_values(self.file, self.column, f"1 {self.unit}", self.sha256, source, context)
 
 
 class ScipyParameters(DistributionTable):

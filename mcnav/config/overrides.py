@@ -36,7 +36,7 @@ from mcnav.units import UnitError, quantity
 Value = str | int | float | bool | list[Any] | Content
 """A value as a campaign file has it: a quantity is text with its unit."""
 
-SIZES: Final = ("sigma", "allan_minimum", "step", "half_width", "value", "scale")
+SIZES: Final = ("sigma", "allan_minimum", "density", "step", "half_width", "value", "scale")
 """Keys that give a table its size, of which it has one."""
 
 ALL_AXES: Final = (AXES, CROSS_AXES, LEVEL_AXES)

@@ -133,12 +133,7 @@ def _read_items(items: Sequence[str], text: str) -> tuple[Array, str]:
         if not own or own == unit:
             values.append(number)
             continue
-        try:
-            values.append(number * conversion(own, unit or "1"))
-        except UnitError:
-            raise
-        except Exception:  # pint raises many types where dimensions differ
-            raise UnitError(f"got {text!r}, whose units are not of one dimension") from None
+        values.append(number * conversion(own, unit or "1"))
     result = np.array(values)
     if not np.isfinite(result).all():
         raise UnitError(f"got {text!r}; expected finite values")

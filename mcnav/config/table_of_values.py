@@ -34,7 +34,7 @@ class ValuesError(Exception):
 
 
 def read_values(
-    file: str, column: str, unit: str, sha256: str | None, wanted: str, context: FileContext
+    file: str, column: str, unit: str, sha256: str | None, source: Source, context: FileContext
 ) -> EmpiricalDistribution:
     """Read the values of a column.
 
@@ -46,8 +46,8 @@ def read_values(
         One unit of the column, such as ``1 deg/h``.
     sha256 : str, optional
         Digest that the values must have, which the campaign file in a run folder contains.
-    wanted : str
-        SI unit of the values returned.
+    source : Source
+        Whose values are read, in its unit.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def read_values(
         raise ValuesError("file", f"got {file!r}; in a run folder {OUTSIDE}")
     path = context.folder / file
     try:
-        factor = quantity(unit, wanted)
+        factor = quantity(unit, source.unit, source.shares)
     except UnitError as wrong:
         raise ValuesError("unit", str(wrong)) from None
     try:

@@ -20,6 +20,11 @@ KINDS: Final = (NAVIGATION_ERRORS, TRUE_DISPERSION, NAVIGATION_DISPERSION, COMMA
 """Kinds of outputs in the order in which tables list them."""
 
 
+def may_be_share(unit: str, group: str) -> bool:
+    """Return whether errors of a group may be shares such as "1 %": those of an input that another axis reads."""
+    return unit == "rad" and group.endswith("_misalignment")
+
+
 @dataclass(frozen=True)
 class Source:
     """An error that goes in.
@@ -48,6 +53,11 @@ class Source:
     later: bool = False
     group: str = ""
     of: Of = "navigation"
+
+    @property
+    def shares(self) -> bool:
+        """Whether an entry may be a share; see `may_be_share`."""
+        return may_be_share(self.unit, self.group)
 
 
 @dataclass(frozen=True)

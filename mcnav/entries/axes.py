@@ -69,6 +69,8 @@ class AxisSizes:
         Whether each axis needs one.
     one_by_one : str
         What is expected in place of one size for all axes, if that is refused.
+    shares : bool
+        Whether an angle may be a share; see `mcnav.units.quantity`.
     """
 
     unit: str
@@ -76,6 +78,7 @@ class AxisSizes:
     fault: Fault = fault_of_size
     complete: bool = False
     one_by_one: str = ""
+    shares: bool = False
 
     def read(self, entry: object) -> Array:
         """Read an entry; `ValidationError` lists its mistakes."""
@@ -84,7 +87,7 @@ class AxisSizes:
         result, mistakes = np.full(len(self.axes), np.nan), list[Mistake]()
         for number, (value, place) in self._values(entry, mistakes).items():
             try:
-                size = quantity(value, self.unit)
+                size = quantity(value, self.unit, self.shares)
             except UnitError as wrong:
                 mistakes.append(Mistake(str(wrong), place))
             else:
@@ -144,11 +147,13 @@ class OrSizes:
 
 
 def units_of(table: type[Table], above: str = "") -> dict[str, str]:
-    """Return the SI units of a table's sizes by axis, by their keys; those of tables inside it after a dot."""
+    """Return the SI units of a table's sizes by axis, by their keys; those of tables inside it after a dot as well."""
     units: dict[str, str] = {}
     for name, field in table.model_fields.items():
         for part in (*field.metadata, *_parts(field.annotation)):
-            if isinstance(part, AxisSizes):
+            if isinstance(part, OrSizes):
+                units[f"{above}{name}"] = part.sizes.unit
+            elif isinstance(part, AxisSizes):
                 units[f"{above}{name}"] = part.unit
             elif isinstance(part, type) and issubclass(part, Table):
                 units |= units_of(part, f"{above}{name}.")

@@ -59,10 +59,10 @@ class FileContext:
         """Return the exception that lists all mistakes."""
         return CampaignError(self.problems)
 
-    def quantity(self, value: object, unit: str, key: str) -> float | None:
+    def quantity(self, value: object, unit: str, key: str, shares: bool = False) -> float | None:
         """Read a quantity into an SI unit; when it is wrong, add the mistake and return None."""
         try:
-            return quantity(value, unit)
+            return quantity(value, unit, shares)
         except UnitError as wrong:
             self.problem(key, str(wrong))
             return None

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from mcnav._dataclasses import dataclass
-from mcnav.units import conversion
+from mcnav.units import QUESTIONS, UnitError, conversion
 
 BRACKET: Final = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*)[\])}]\s*$", re.DOTALL)
 AXIS: Final = re.compile(r"^(.*?)_?([xyz]|[0-3])$")
@@ -20,11 +20,14 @@ PLACES: Final = {"x": 0, "y": 1, "z": 2}
 SPELLINGS: Final = {
     "degrees": "deg", "degree": "deg", "radians": "rad", "radian": "rad", "dps": "deg/s", "deg_s": "deg/s",
     "degs": "deg/s", "deg_per_s": "deg/s", "deg_h": "deg/h", "rad_s": "rad/s", "rads": "rad/s", "rad_per_s": "rad/s",
-    "rps": "rad/s", "m_s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2", "m_s_2": "m/s^2", "m_s": "m/s", "mps": "m/s",
+    "m_s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2", "m_s_2": "m/s^2", "m_s": "m/s", "mps": "m/s",
     "gs": "g", "seconds": "s", "sec": "s", "secs": "s", "msec": "ms", "usec": "us", "nsec": "ns", "nanoseconds": "ns",
     "microseconds": "us", "milliseconds": "ms", "meters": "m", "metres": "m",
 }  # fmt: skip
 """Units as names and headers spell them."""
+
+TARGETS: Final = ("rad/s", "m/s^2", "s", "rad", "m/s", "m")
+"""SI units of what is recorded."""
 
 SUFFIXES: Final = "|".join(
     sorted((*SPELLINGS, "deg", "rad", "g", "mg", "m", "ns", "us", "ms", "s"), key=len, reverse=True)
@@ -51,29 +54,31 @@ class Named:
 
 
 def spelled_unit(text: str) -> str:
-    """Spell a unit as `mcnav.units` reads it; empty where it is none.
+    """Spell a unit as `mcnav.units` reads it, or asks for it; empty where it is none.
 
-    >>> spelled_unit("rad s^-1"), spelled_unit("m s^-2"), spelled_unit("DEG/SEC"), spelled_unit("frames")
-    ('rad/s', 'm/s^2', 'deg/s', '')
+    >>> spelled_unit("rad s^-1"), spelled_unit("m s^-2"), spelled_unit("DEG/SEC"), spelled_unit("NM")
+    ('rad/s', 'm/s^2', 'deg/s', 'NM')
+    >>> spelled_unit("frames"), spelled_unit("nm")
+    ('', 'nm')
     """
     text = text.strip()
-    spelled = re.sub(r"\b(deg|rad|m)ree?s?\b", r"\1", text) if text != text.upper() else text.lower()
+    spelled = text if text != text.upper() or any(_converts(text, each) for each in TARGETS) else text.lower()
+    spelled = re.sub(r"\b(deg|rad|m)ree?s?\b", r"\1", spelled)
     spelled = re.sub(r"[ *·]+([a-zA-Z]+)\^?-1\b", r"/\1", spelled)
     spelled = re.sub(r"[ *·]+([a-zA-Z]+)\^?-(\d)", r"/\1^\2", spelled)
     spelled = re.sub(r"\b(s|sec)(?:\*\*)?2\b", "s^2", spelled).replace("**", "^")
     spelled = re.sub(r"\b(sec|secs|second|seconds)\b", "s", spelled)
     spelled = SPELLINGS.get(spelled.lower(), spelled)
     for each in dict.fromkeys((spelled, "g" if spelled == "G" else spelled, spelled.lower())):
-        for target in ("rad/s", "m/s^2", "s", "rad", "m/s", "m"):
-            if _converts(each, target):
-                return each
-    return ""
+        if any(_converts(each, target) for target in TARGETS):
+            return each
+    return text if text in QUESTIONS else ""
 
 
 def _converts(unit: str, target: str) -> bool:
     try:
         conversion(unit, target)
-    except Exception:  # UnitError, and those of pint for another dimension
+    except UnitError:
         return False
     return True
 

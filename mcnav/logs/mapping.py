@@ -17,7 +17,7 @@ from mcnav.errors import suggestion
 from mcnav.logs.column_names import named, spelled_unit
 from mcnav.logs.log_error import LogError, listed
 from mcnav.logs.log_table import LogTable, Values
-from mcnav.units import conversion, printable
+from mcnav.units import UnitError, conversion, printable
 
 
 @dataclass(frozen=True)
@@ -82,10 +82,10 @@ def factor_to(path: Path, unit: str, targets: Sequence[str], key: str) -> tuple[
     for target in targets:
         try:
             return conversion(spelled, target), target
-        except Exception:  # UnitError, and those of pint for another dimension
-            continue
+        except UnitError as wrong:
+            reason = str(wrong)
     expected = " or ".join(f'"{each}"' for each in targets)
-    raise LogError(path, f"got {printable(unit, 40)!r}; expected a unit such as {expected}", f"units.{key}")
+    raise LogError(path, f"{reason}; expected a unit such as {expected}", f"units.{key}")
 
 
 def numbers(table: LogTable, values: Values, name: str) -> Array:

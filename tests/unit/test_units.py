@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 
 import pytest
@@ -36,6 +37,25 @@ ARCSEC = math.pi / 648_000.0
         ("0.25", "1", 0.25),
         (0.25, "1", 0.25),
         (3, "1", 3.0),
+        ("0.5 NM", "m", 926.0),
+        ("0.5 nmi", "m", 926.0),
+        ("2 nautical_miles", "m", 3704.0),
+        ("36 kn", "m/s", 18.52),
+        ("36 kt", "m/s", 18.52),
+        ("36 kts", "m/s", 18.52),
+        ("36 knots", "m/s", 18.52),
+        ("1 NM/h", "m/s", 1852.0 / 3600.0),
+        ("5 rpm", "rad/s", math.pi / 6.0),
+        ("2 rev/s", "rad/s", 4.0 * math.pi),
+        ("3 mas", "rad", 3e-3 * ARCSEC),
+        ("2'", "rad", 120 * ARCSEC),
+        ("2''", "rad", 2 * ARCSEC),
+        ('2"', "rad", 2 * ARCSEC),
+        ("2 ″/h", "rad/s", 2 * ARCSEC / 3600.0),
+        ("60 deg/rt-hr", "rad/sqrt(s)", math.pi / 180.0),
+        ("1 ms", "s", 1e-3),
+        ("2 hrs", "s", 7200.0),
+        ("2 mins", "s", 120.0),
         ("5.0e-9 km^2/kg", "m^2/kg", 5e-3),
         ("3.281 s/km", "s/m", 3.281e-3),
         ("-20 min", "s", -1200.0),
@@ -68,7 +88,7 @@ def test_quantities(text: object, unit: str, value: float | None) -> None:
         ({}, "m", "got a table"),
         (10**400, "1", "beyond 1e308"),
         ("5 km^999999999", "m", "is not a unit"),
-        ("5 __import__('os')", "m", "is not a unit"),
+        ("5 __import__('os')", "m", "is not a known unit"),
         ("5 m**9**9**9", "m", "is not a unit"),
         ("5 " + "k" * 5000, "m", "is not a unit"),
         ("5 m\x1b[31m", "m", "is not a unit"),
@@ -81,6 +101,55 @@ def test_what_cannot_be_read(text: object, unit: str, message: str) -> None:
     assert "expected" in str(found.value)
     assert "\n" not in str(found.value)
     assert str(found.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "question"),
+    [
+        ("0.5 nm", "m", "NM or nmi?"),
+        ("250 nm/h", "m/s", "NM or nmi?"),
+        ("1 M", "m", "NM or m?"),
+        ("1 mil", "rad", "mrad or deg?"),
+        ("1 G", "T", "g or gauss?"),
+        ("1 mG", "m/s^2", "mg or milligauss?"),
+        ("1 rps", "rad/s", "rad/s or rev/s?"),
+        ("1 KM", "m", "did you mean km?"),
+        ("1 hz", "1/s", "did you mean Hz?"),
+    ],
+)
+def test_units_with_two_meanings_are_asked_for(text: str, unit: str, question: str) -> None:
+    with pytest.raises(UnitError, match=re.escape(question)):
+        quantity(text, unit)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["1 cd", "1 kd", "1 mh", "1 uh", "1 mmin", "1 cs", "1 mmi", "1 nmis", "1 nft", "1 cg", "1 kg", "1 mppm", "1 m%"],
+)
+@pytest.mark.parametrize("unit", ["m", "s", "m/s^2", "1"])
+def test_prefixes_stand_before_units_that_navigators_use_so(text: str, unit: str) -> None:
+    """A centiday, a milli-mile or a nanofoot is a slip of the pen; "nmis" alone is a plural, of nautical miles."""
+    if (text, unit) == ("1 nmis", "m"):
+        assert quantity(text, unit) == 1852.0
+        return
+    with pytest.raises(UnitError):
+        quantity(text, unit)
+
+
+def test_a_misalignment_may_be_a_share() -> None:
+    assert quantity("1 %", "rad", shares=True) == 0.01
+    assert quantity("100 ppm", "rad", shares=True) == pytest.approx(1e-4, rel=1e-15)
+    assert quantity("1 mrad", "rad", shares=True) == 1e-3
+    for wrong in ("1 km", "0.01", 0.01):
+        with pytest.raises(UnitError, match="or a share such as"):
+            quantity(wrong, "rad", shares=True)
+    with pytest.raises(UnitError, match="pure number"):
+        quantity("1 %", "rad")
+
+
+def test_conversion_refuses_another_dimension() -> None:
+    with pytest.raises(UnitError, match="'km' is a length; expected an angle"):
+        conversion("km", "rad")
 
 
 @pytest.mark.parametrize(("unit", "usual"), [(unit, each) for unit, known in USUAL.items() for each in known])

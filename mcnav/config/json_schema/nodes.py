@@ -13,7 +13,7 @@ Node = dict[str, Any]
 NUMBER: Final = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 """Beginning of every quantity; draft 7 of JSON schema has no way to check the unit itself."""
 
-QUANTITY: Final = NUMBER + r"\s*([A-Za-zµμ%°√(]|\s1\s*/)"
+QUANTITY: Final = NUMBER + r"\s*([A-Za-zµμ%°º˚′″'’”\"√(]|\s1\s*/)"
 """Beginning of a quantity with a unit."""
 
 BOUNDS: Final = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}

@@ -20,6 +20,7 @@ class Declared:
 
     unit: str
     axes: tuple[str, ...]
+    shares: bool = False
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class DeclaredSizes:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         def read(entry: object, info: ValidationInfo[Declared]) -> Array:
-            return AxisSizes(info.context.unit, info.context.axes).read(entry)
+            return AxisSizes(info.context.unit, info.context.axes, shares=info.context.shares).read(entry)
 
         return with_info_plain_validator_function(read)
 

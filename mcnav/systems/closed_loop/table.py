@@ -10,6 +10,7 @@ import numpy as np
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
+from mcnav.contract.quantities import may_be_share
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
 from mcnav.entries.validation import validate, validate_entry
@@ -145,7 +146,9 @@ def _believed_errors(maps: Maps, entries: Mapping[str, Any], context: FileContex
         if not members:
             context.problem(key, f"unknown error source{suggestion(name, list(sources))}")
         for member in members:
-            errors[member] = float(_read_axes(entry, Declared(sources[member].unit, ("",)), key, context)[0])
+            unit = sources[member].unit
+            declared = Declared(unit, ("",), may_be_share(unit, sources[member].group))
+            errors[member] = float(_read_axes(entry, declared, key, context)[0])
     return errors
 
 

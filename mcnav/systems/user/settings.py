@@ -18,7 +18,6 @@ from mcnav._dataclasses import dataclass
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile
 from mcnav.entries.values import SettingError, display
-from mcnav.systems.sample_loop import format_exception
 from mcnav.units import UnitError, conversion, quantity
 
 WORDS: Final[Mapping[type, str]] = {str: "text in quotes", bool: "true or false", int: "a whole number"}
@@ -72,8 +71,8 @@ def check_unit(where: str, unit: object, shown_in: object) -> None:
     try:
         factor = conversion(str(unit), str(shown_in))
         alone = conversion(str(unit), str(unit))
-    except (UnitError, Exception) as wrong:  # pint raises various exceptions for units that do not convert
-        raise ScenarioError("type", f"{where}: {unit!r} shown in {shown_in!r}: {format_exception(wrong, '')}") from None
+    except UnitError as wrong:
+        raise ScenarioError("type", f"{where}: {unit!r} shown in {shown_in!r}: {wrong}") from None
     if not (factor > 0.0 and alone == 1.0):
         raise ScenarioError("type", f"{where}: {unit!r} cannot be shown in {shown_in!r}")
 

@@ -60,6 +60,58 @@ def test_processes_in_the_units_of_data_sheets() -> None:
     assert found.accelerometer.rate_random_walk == pytest.approx(np.full(3, 9.80665e-3 / 60.0))
 
 
+def test_a_rate_random_walk_with_a_correlation_time_is_a_gauss_markov_process() -> None:
+    """Its variance follows from dP/dt = -2 P / tau + K^2 in the steady state; far below tau its sigma is K sqrt(t)."""
+    found = read(
+        {
+            "gyro": {"rate_random_walk": {"density": "0.1 deg/h/sqrt(h)", "correlation_time": "1000 s"}},
+            "accelerometer": {"rate_random_walk": {"density": {"y": "1 mg/sqrt(h)"}, "correlation_time": "1 h"}},
+        }
+    ).processes
+    density, time = 0.1 * DEG_PER_HOUR / 60.0, 1000.0
+    assert found.gyro.instability**2 * 2.0 / time == pytest.approx(np.full(3, density**2))
+    assert found.gyro.correlation_time == pytest.approx(np.full(3, time))
+    assert not found.gyro.rate_random_walk.any()
+    assert found.accelerometer.instability == pytest.approx([0.0, 9.80665e-3 / 60.0 * np.sqrt(1800.0), 0.0])
+    assert {name.rpartition("_")[0] for name in process_sizes(found)} == {
+        "gyro_bias_instability",
+        "accelerometer_bias_instability",
+    }
+    plain = read({"gyro": {"rate_random_walk": {"density": "0.1 deg/h/sqrt(h)"}}}).processes
+    assert plain.gyro.rate_random_walk == pytest.approx(np.full(3, density))
+
+
+def test_a_filter_believes_in_a_walk_with_a_correlation_time() -> None:
+    true = read({"gyro": {"rate_random_walk": "0.2 deg/h/sqrt(h)"}}).processes
+    context = FileContext("mine.toml", Path())
+    walk = {"density": "0.1 deg/h/sqrt(h)", "correlation_time": "1000 s"}
+    believed = read_imu({"gyro": {"rate_random_walk": walk}}, context, "filter.believes.imu", true)
+    assert believed is not None
+    assert not believed.processes.gyro.rate_random_walk.any()
+    assert believed.processes.gyro.instability == pytest.approx(np.full(3, DEG_PER_HOUR / 600.0 * np.sqrt(500.0)))
+
+
+def test_an_axis_has_one_gauss_markov_process() -> None:
+    walk = {"density": "0.1 deg/h/sqrt(h)", "correlation_time": "1000 s"}
+    instability = {"sigma": ["0 deg/h", "0 deg/h", "1 deg/h"], "correlation_time": "1 h"}
+    (line,) = mistakes({"gyro": {"rate_random_walk": walk, "bias_instability": instability}})
+    assert "imu.gyro.rate_random_walk: with a correlation time stands beside bias_instability" in line
+    assert mistakes({"gyro": {"rate_random_walk": {"density": "1 deg/h", "correlation_time": "1 h"}}})
+    assert mistakes({"gyro": {"rate_random_walk": {"correlation_time": "1 h"}}})
+
+
+def test_a_misalignment_is_an_angle_or_a_share() -> None:
+    """Data sheets state cross-axis sensitivities in percent: the share of an input that another axis reads."""
+    found = read(
+        {"gyro": {"misalignment": "1 %"}, "accelerometer": {"misalignment": {"xy": "100 ppm", "yz": "2 mrad"}}}
+    )
+    assert found.sigmas["gyro_misalignment_zx"] == 0.01
+    assert found.sigmas["accelerometer_misalignment_xy"] == pytest.approx(1e-4)
+    assert found.sigmas["accelerometer_misalignment_yz"] == 2e-3
+    (line,) = mistakes({"gyro": {"misalignment": "0.01"}})
+    assert 'without a unit; expected an angle such as "40 arcsec" or a share such as "1 %"' in line
+
+
 def test_quantization_is_a_sigma_or_a_step() -> None:
     """A step is the root of twelve times the sigma of an error that is even within it."""
     found = read(

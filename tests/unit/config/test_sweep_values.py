@@ -69,7 +69,7 @@ def test_values_are_written_as_a_campaign_file_has_them() -> None:
         ("1 deg/h", "expected at least two different values"),
         ("1, 1 deg/h", "expected at least two different values"),
         ("1, 1, 2 deg/h", "a value is there twice"),
-        ("1 km..2 deg/h", "whose units are not of one dimension"),
+        ("1 km..2 deg/h", "'km' is a length; expected an angular rate"),
         ("1 parsecs..2 km", "'parsecs' is not a known unit"),
         ("1..1e999", "expected finite values"),
     ],

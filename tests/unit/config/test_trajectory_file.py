@@ -123,6 +123,21 @@ def test_other_names_and_units(tmp_path: Path) -> None:
     np.testing.assert_allclose(rows.velocity[:, 0], columns["VN"], rtol=1e-15)
 
 
+def test_nautical_miles_and_knots(tmp_path: Path) -> None:
+    columns = flight()
+    knots = {f"{name} [kn]": columns[name] * 3600.0 / 1852.0 for name in ("VN", "VE", "VD")}
+    others = {name: columns[name] for name in COLUMNS if name not in ("alt", "VN", "VE", "VD")}
+    rows = read_trajectory_file(
+        write_csv(tmp_path / "nautical.csv", {"alt [NM]": columns["alt"] / 1852.0, **others, **knots})
+    )
+    np.testing.assert_allclose(rows.altitude, columns["alt"], rtol=1e-15)
+    assert rows.velocity is not None
+    # a quotient in the file and a factor that is one: a few roundings
+    np.testing.assert_allclose(rows.velocity[:, 1], columns["VE"], rtol=1e-15)
+    line = refused(write_csv(tmp_path / "nano.csv", {"alt [nm]": columns["alt"], **others, **knots}))
+    assert "columns.alt: 'nm': NM or nmi?" in line
+
+
 def test_integers_and_short_floats_of_parquet(tmp_path: Path) -> None:
     columns: dict[str, object] = {**flight()}
     columns["alt"] = np.full(len(flight()["alt"]), 3_000, dtype=np.int32)

@@ -207,7 +207,7 @@ def test_what_is_read_later_is_described_now(key: str, entry: object) -> None:
 
 
 def test_units() -> None:
-    keys = ("sizes", "every", "counted.sigma", "counted.step", "apart")
+    keys = ("sizes", "every", "counted", "counted.sigma", "counted.step", "apart")
     assert units_of(WholeTable) == dict.fromkeys(keys, "m")
 
 

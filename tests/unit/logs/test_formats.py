@@ -380,6 +380,23 @@ def test_tracks_in_tables_ask_for_what_their_names_do_not_tell(tmp_path: Path) -
     assert "row 6, lon: has no number" in refused(tmp_path / "d.csv")
 
 
+def test_tracks_in_nautical_miles_and_knots(tmp_path: Path) -> None:
+    def track(length: str, speed: str) -> Path:
+        names = f"time,lat,lon,alt [{length}],vel_north [{speed}],vel_east [{speed}],vel_down [{speed}]"
+        rows = [f"{t},{a:.9f},{o:.9f},{h / 1852.0:.12f},36,0,-3.6"
+                for t, a, o, h in zip(TIME, LATITUDE, LONGITUDE, HEIGHT, strict=True)]  # fmt: skip
+        return written(tmp_path, "track.csv", [names, *rows])
+
+    for length, speed in (("NM", "kn"), ("nmi", "kt"), ("NM", "KTS")):
+        found = read_track(track(length, speed))
+        check(found)
+        assert found.velocity is not None
+        np.testing.assert_allclose(
+            found.velocity, np.broadcast_to([18.52, 0.0, -1.852], found.velocity.shape), rtol=1e-14
+        )
+    assert "NM or nmi?" in refused(track("nm", "kn"))
+
+
 def test_missing_libraries_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 

@@ -130,8 +130,10 @@ def test_ambiguous_columns_are_refused_with_a_mapping_to_paste(tmp_path: Path) -
     assert "names gyro_x only; expected gyro_y and gyro_z, too" in line
     line = refused(write(tmp_path, readings()), columns={"giro_x": "2"})
     assert "did you mean 'gyro_x'?" in line
+    line = refused(write(tmp_path, readings()), units={"gyro": "rps"})
+    assert "units.gyro_x: 'rps': rad/s or rev/s?" in line
     line = refused(write(tmp_path, readings()), units={"gyro": "furlong"})
-    assert 'units.gyro_x: got \'furlong\'; expected a unit such as "rad/s" or "rad"' in line
+    assert 'units.gyro_x: \'furlong\' is not a known unit; expected a unit such as "rad/s" or "rad"' in line
 
 
 @pytest.mark.parametrize(

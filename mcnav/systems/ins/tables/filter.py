@@ -302,7 +302,7 @@ def _believed_errors(entries: Mapping[str, Any], sources: Sequence[Source], cont
         if meant is None:
             context.problem(key, f"unknown error source{suggestion(name, names)}")
             continue
-        size = context.quantity(entry, meant[0].unit, key)
+        size = context.quantity(entry, meant[0].unit, key, meant[0].shares)
         if size is None:
             continue
         if wrong := within(0.0, MULTIPLE * meant[0].nominal, meant[0].unit)(size):

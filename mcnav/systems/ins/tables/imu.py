@@ -29,6 +29,7 @@ from mcnav.systems.ins.tables.instrument_tables import (
     GyroTable,
     InstabilityTable,
     QuantizationTable,
+    WalkTable,
 )
 
 STEP: Final = np.sqrt(12.0)
@@ -100,9 +101,13 @@ def read_imu(entries: object, context: FileContext, place: str = "imu", replaced
     if table is None:
         return None
     gyro, accelerometer = _above_grade("gyro", table), _above_grade("accelerometer", table)
+    before = len(context.problems)
+    for name, each in (("gyro", gyro), ("accelerometer", accelerometer)):
+        _check_one_process(each, f"{place}.{name}.rate_random_walk", context)
+    if len(context.problems) > before:
+        return None
     if replaced is None:
         return _sizes(gyro, accelerometer)
-    before = len(context.problems)
     for name, each, below in (("gyro", gyro, replaced.gyro), ("accelerometer", accelerometer, replaced.accelerometer)):
         _check_instability(each, below, f"{place}.{name}.bias_instability", context)
     if len(context.problems) > before:
@@ -149,15 +154,38 @@ def _noise(table: Instrument, replaced: Noise | None = None) -> Noise:
     walk = table.angle_random_walk if isinstance(table, GyroErrors) else table.velocity_random_walk
     quantization = table.quantization if isinstance(table, (GyroTable, AccelerometerTable)) else None
     missing = np.full(3, np.nan)
-    stated = Noise(
-        missing if walk is None else walk,
-        *_instability(table.bias_instability),
-        missing if table.rate_random_walk is None else table.rate_random_walk,
-        *_quantization(quantization),
-    )
+    stated = Noise(missing if walk is None else walk, *_processes_of_bias(table), *_quantization(quantization))
     below = replaced or Noise()
     pairs = ((getattr(stated, each.name), getattr(below, each.name)) for each in fields(Noise))
     return Noise(*(np.where(np.isnan(result), other, result) for result, other in pairs))
+
+
+def _processes_of_bias(table: Instrument) -> tuple[Array, Array, Array]:
+    """Return sigma and correlation time of a Gauss-Markov process, and a random walk; each of shape (3,), or NaN."""
+    (sigma, time), walk = _instability(table.bias_instability), _rate_random_walk(table.rate_random_walk)
+    returns = ~np.isnan(walk.returning)
+    none = np.where(returns, 0.0, walk.density)
+    return np.where(returns, walk.returning, sigma), np.where(returns, walk.correlation_time, time), none
+
+
+@dataclass(frozen=True)
+class _RateWalk:
+    """Density of a rate random walk; with a correlation time, the sigma of the process, or NaN; shapes (3,), SI."""
+
+    density: Array
+    correlation_time: Array
+
+    @property
+    def returning(self) -> Array:
+        """K sqrt(tau / 2), the stationary sigma of db/dt = -b / tau + K w with white noise w of unit density."""
+        return np.asarray(self.density * np.sqrt(self.correlation_time / 2.0))
+
+
+def _rate_random_walk(table: WalkTable[Any] | None) -> _RateWalk:
+    missing = np.full(3, np.nan)
+    if table is None or table.density is None:
+        return _RateWalk(missing, missing)
+    return _RateWalk(table.density, missing if table.correlation_time is None else table.correlation_time)
 
 
 def _instability(table: InstabilityTable[Any] | None) -> tuple[Array, Array]:
@@ -167,6 +195,14 @@ def _instability(table: InstabilityTable[Any] | None) -> tuple[Array, Array]:
         return missing, missing
     sigma = table.sigma if table.allan_minimum is None else table.allan_minimum / ALLAN_MINIMUM
     return missing if sigma is None else sigma, missing if table.correlation_time is None else table.correlation_time
+
+
+def _check_one_process(table: Instrument, key: str, context: FileContext) -> None:
+    """Add a mistake where an axis has two Gauss-Markov processes: a walk with a correlation time is one as well."""
+    sigma, _ = _instability(table.bias_instability)
+    if np.any((sigma > 0.0) & (_rate_random_walk(table.rate_random_walk).returning > 0.0)):
+        message = "with a correlation time stands beside bias_instability; give one of them, as an axis has one process"
+        context.problem(key, f"{message} (a grade's is left out by bias_instability with a sigma of zero)")
 
 
 def _check_instability(table: Instrument, replaced: Noise, key: str, context: FileContext) -> None:

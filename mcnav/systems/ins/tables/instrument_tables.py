@@ -29,8 +29,10 @@ AngularRates = Annotated[Array, AxisSizes("rad/s", AXES)]
 Angles = Annotated[Array, AxisSizes("rad", AXES)]
 Accelerations = Annotated[Array, AxisSizes("m/s^2", AXES)]
 Velocities = Annotated[Array, AxisSizes("m/s", AXES)]
+RateWalks = Annotated[Array, AxisSizes("rad/s/sqrt(s)", AXES)]
+AccelerationWalks = Annotated[Array, AxisSizes("m/s^2/sqrt(s)", AXES)]
 Shares = Annotated[Array, AxisSizes("1", AXES)]
-CrossShares = Annotated[Array, AxisSizes("rad", CROSS_AXES)]
+CrossShares = Annotated[Array, AxisSizes("rad", CROSS_AXES, shares=True)]
 CorrelationTimes = Annotated[Array, AxisSizes("s", AXES, _fault_of_correlation, complete=True)]
 BelievedTimes = Annotated[Array, AxisSizes("s", AXES, _fault_of_correlation)]
 Intervals = Annotated[Array, AxisSizes("s", AXES, within(*INTERVALS, "s", "an interval is positive"))]
@@ -64,6 +66,22 @@ class BelievedInstabilityTable(InstabilityTable[Sizes], Generic[Sizes]):
     ] = None
 
 
+class WalkTable(Table, Generic[Sizes]):
+    """Random walk that returns to zero: ``rate_random_walk = { density = "…", correlation_time = "1000 s" }``.
+
+    With the density K of its white noise and the correlation time tau it is the stationary first-order Gauss-Markov
+    process whose sigma is K sqrt(tau / 2), as simulators state it; for times far below tau its sigma is K sqrt(t).
+    """
+
+    rules: ClassVar[tuple[Rule, ...]] = (ExactlyOne(("density",)),)
+    expected: ClassVar[str] = 'expected { density = "0.01 deg/h/sqrt(h)", correlation_time = "1000 s" }'
+    density: Annotated[Sizes | None, Field(description="Density K of the white noise that drives the bias.")] = None
+    correlation_time: Annotated[
+        CorrelationTimes | None,
+        Field(description="Correlation time tau, for a bias with the sigma K sqrt(tau / 2).", examples=["1000 s"]),
+    ] = None
+
+
 class QuantizationTable(Table, Generic[Sizes]):
     """``quantization = { sigma = "1e-6 rad", interval = "0.01 s" }``."""
 
@@ -82,6 +100,9 @@ Misalignments = Annotated[
 ]  # fmt: skip
 
 
+RATE_RANDOM_WALK: Final = Field(description="Random walk of the bias, K: its sigma is K sqrt(t).")
+
+
 class GyroErrors(Table):
     """Errors of the gyros but for their bias instability and quantization."""
 
@@ -93,8 +114,7 @@ class GyroErrors(Table):
         Field(description="White noise of the rates, N: the angle has the sigma N sqrt(t)."),
     ] = None
     rate_random_walk: Annotated[
-        Annotated[Array, AxisSizes("rad/s/sqrt(s)", AXES)] | None,
-        Field(description="Random walk of the bias, K: its sigma is K sqrt(t)."),
+        Annotated[WalkTable[RateWalks], OrSizes(AxisSizes("rad/s/sqrt(s)", AXES))] | None, RATE_RANDOM_WALK
     ] = None
     g_sensitivity: Annotated[
         Annotated[Array, AxisSizes("rad/s/(m/s^2)", AXES)] | None,
@@ -113,8 +133,7 @@ class AccelerometerErrors(Table):
         Field(description="White noise of the specific force, N: the velocity has the sigma N sqrt(t)."),
     ] = None
     rate_random_walk: Annotated[
-        Annotated[Array, AxisSizes("m/s^2/sqrt(s)", AXES)] | None,
-        Field(description="Random walk of the bias, K: its sigma is K sqrt(t)."),
+        Annotated[WalkTable[AccelerationWalks], OrSizes(AxisSizes("m/s^2/sqrt(s)", AXES))] | None, RATE_RANDOM_WALK
     ] = None
     nonlinearity: Annotated[
         Annotated[Array, AxisSizes("(m/s^2)/(m/s^2)^2", AXES)] | None,
