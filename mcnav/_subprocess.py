@@ -13,6 +13,8 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, Final
 
+from mcnav._streams import tolerate
+
 _PR_SET_PDEATHSIG: Final = 1
 _TRACKERS_SILENT: Final = "ignore:resource_tracker"
 
@@ -25,6 +27,7 @@ def end_with_parent(parent: int) -> None:
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
+    tolerate()  # classes of users print
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import json
 import math
@@ -125,6 +126,34 @@ def read_whole(path: Path, most: int) -> bytes:
     check_regular(path, most)
     with path.open("rb") as file:
         return file.read(most)
+
+
+class TextError(ValueError):
+    """Content that is no text as this program reads it; the message says what it is, and what to do."""
+
+
+def text_of(content: bytes) -> str:
+    """Decode the content of a text file: UTF-8, or UTF-16 with its mark at the beginning.
+
+    Raises
+    ------
+    TextError
+        When it is neither: with the first line that is none, and what it would be in the encoding of Windows.
+    """
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        try:
+            return content.decode("utf-16")
+        except UnicodeDecodeError:
+            raise TextError("is not UTF-8 text, and no whole UTF-16 text either; save it as UTF-8") from None
+    if b"\0" in content[1:2] or content[:1] == b"\0" != content[1:2]:
+        raise TextError("is not UTF-8 text, but seems to be UTF-16; save it as UTF-8")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as failure:
+        line, byte = content.count(b"\n", 0, failure.start) + 1, content[failure.start : failure.start + 1]
+        meant = byte.decode("cp1252", "ignore")
+        hint = f", which is '{meant}' in Windows-1252" if meant.isprintable() and meant else ""
+        raise TextError(f"is not UTF-8 text: line {line} has the byte 0x{byte.hex()}{hint}; save it as UTF-8") from None
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:

@@ -6,6 +6,7 @@ import atexit
 import gc
 import os
 import sys
+from collections.abc import Sequence
 from copy import copy
 from typing import Final
 
@@ -15,7 +16,7 @@ from typer.main import get_command_name
 from mcnav._imports import load_when_used
 from mcnav._interrupts import interruptible
 from mcnav.cli import advanced, analyse, look, start
-from mcnav.cli.program import app
+from mcnav.cli.program import app, failure
 
 MODULES: Final = (start, analyse, look, advanced)
 """Modules of commands; importing one adds its commands to the program."""
@@ -57,9 +58,19 @@ def _with_the_command(name: str) -> typer.Typer:
     return alone
 
 
+def _refuse_unreadable(words: Sequence[str]) -> None:
+    """End the program where an argument has bytes that are no text: reports and files of a run could not name it."""
+    for word in words:
+        if any("\ud800" <= sign <= "\udfff" for sign in word):
+            encoding = sys.getfilesystemencoding()
+            remedy = "give the file another name" if encoding == "utf-8" else "set PYTHONUTF8=1"
+            sys.exit(failure(f"{word}: is no text in this locale ({encoding}); {remedy}").exit_code)
+
+
 def main() -> None:
     """Run the command line."""
     _prepare_process()
+    _refuse_unreadable(sys.argv[1:])
     with interruptible():
         _with_the_command("".join(sys.argv[1:2]))(prog_name="mcnav")
 

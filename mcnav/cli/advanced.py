@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -24,6 +23,7 @@ from mcnav.cli.printing import (
     print_next,
     print_rows,
     print_written,
+    write_data,
 )
 from mcnav.cli.program import command, failure
 from mcnav.output_place import output_file, output_folder
@@ -119,7 +119,7 @@ def schema(
     from mcnav.files import write_texts
 
     if into is None:
-        sys.stdout.write(schema_text())
+        write_data(schema_text(), "json")
     else:
         file = output_file(into, SCHEMA_FILE, [".json"])
         print_written(write_texts(file.parent, {file.name: schema_text()}))

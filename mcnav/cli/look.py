@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,6 +28,7 @@ from mcnav.cli.printing import (
     print_notes,
     print_rows,
     print_written,
+    write_data,
 )
 from mcnav.cli.program import BAD_INPUT, CHECK_FAILED, command, failure
 from mcnav.output_place import output_file, output_folder
@@ -72,7 +72,7 @@ def show(
     from mcnav.workflow.show import show_run
 
     text, shown = show_run(folder, table, units, form)
-    sys.stdout.write(text)
+    write_data(text, form)
     if shown is not None:
         out.print(shown, soft_wrap=False)
         print_next(next_command.after_show(folder, table))

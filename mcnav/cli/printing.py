@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+from mcnav._streams import writes_any_text
 from mcnav.report.fitted_table import OpenConsole
 
 out, err = OpenConsole(highlight=False, soft_wrap=True), OpenConsole(stderr=True, highlight=False, soft_wrap=True)
@@ -53,4 +56,18 @@ def print_rows(chosen: Format, rows: Sequence[Mapping[str, Any]], tables: Mappin
     """Print rows as CSV, or tables by name as JSON."""
     from mcnav.report import export
 
-    sys.stdout.write(export.as_csv(rows) if chosen == "csv" else export.as_json(tables))
+    write_data(export.as_csv(rows) if chosen == "csv" else export.as_json(tables), chosen)
+
+
+def write_data(text: str, form: Format) -> None:
+    """Write CSV or JSON; where the encoding lacks characters, JSON escapes them and loses nothing."""
+    sys.stdout.write(text if form != "json" or writes_any_text() else escaped(text))
+
+
+def escaped(text: str) -> str:
+    r"""Escape the characters of a JSON text that are not in ASCII.
+
+    >>> escaped('{"unit": "°"}')
+    '{"unit": "\u00b0"}'
+    """
+    return re.sub(r"[^\x00-\x7f]", lambda sign: json.dumps(sign[0])[1:-1], text)

@@ -14,7 +14,7 @@ from mcnav.contract.quantities import Source
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import OUTSIDE
 from mcnav.errors import suggestion
-from mcnav.files import read_whole
+from mcnav.files import TextError, read_whole, text_of
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.chunk_files import table_from
 from mcnav.store.run_files import TABLES
@@ -75,7 +75,7 @@ def _column(path: Path, name: str) -> NDArray[np.float64]:
     import pandas as pd
 
     readers: Mapping[str, Callable[[bytes], pd.DataFrame]] = {
-        ".csv": lambda content: pd.read_csv(io.BytesIO(content)),
+        ".csv": lambda content: pd.read_csv(io.StringIO(text_of(content))),
         ".parquet": lambda content: table_from(content).to_pandas(),
     }
     if path.suffix not in readers:
@@ -86,6 +86,8 @@ def _column(path: Path, name: str) -> NDArray[np.float64]:
         raise ValuesError("file", f"{path}: no such file; paths are relative to the campaign file") from None
     except OSError as failure:
         raise ValuesError("file", f"{path}: cannot be read: {failure.strerror or failure}") from None
+    except TextError as wrong:
+        raise ValuesError("file", f"{path}: {wrong}") from None
     except ValueError as failure:
         raise ValuesError("file", f"{path}: is not a table: {str(failure).splitlines()[0]}") from None
     if name not in frame.columns:

@@ -12,11 +12,12 @@ import tomli_w
 
 from mcnav.entries.near_files import near_file
 from mcnav.errors import CampaignError, Problem
+from mcnav.files import TextError, text_of
 
 Content = dict[str, Any]
 """Content of a TOML file, or of a table in it."""
 
-DOTTED: Final = re.compile(rb"(?:[\w-]{1,100}[ \t]?\.[ \t]?){200}")
+DOTTED: Final = re.compile(r"(?:[\w-]{1,100}[ \t]?\.[ \t]?){200}")
 """Dotted key of more names than any campaign needs; the parser takes time proportional to their square."""
 
 LARGEST_FILE: Final = 1_000_000
@@ -32,19 +33,20 @@ def load_file(path: Path) -> Content:
             raise IsADirectoryError
         with path.open("rb") as file:
             content = file.read(LARGEST_FILE + 1)
-        if len(content) <= LARGEST_FILE and not DOTTED.search(content):
-            return tomllib.loads(content.decode("utf-8-sig"))
-        message = NOT_READABLE
         if len(content) > LARGEST_FILE:
             message = f"is larger than the {LARGEST_FILE} bytes that a campaign file has at most"
+        elif not DOTTED.search(text := text_of(content)):
+            return tomllib.loads(text)
+        else:
+            message = NOT_READABLE
     except IsADirectoryError:
         message = "is a folder; expected a campaign file in TOML"
     except FileNotFoundError:
         message = f"no such file; expected a campaign file in TOML{near_file(path, ('.toml',))}"
     except OSError as failure:
         message = f"cannot be read: {failure.strerror or failure}"
-    except UnicodeDecodeError as failure:
-        message = f"is not UTF-8 text (byte {failure.start})"
+    except TextError as wrong:
+        message = str(wrong)
     except tomllib.TOMLDecodeError as failure:
         message = f"is not TOML: {failure}"
     except (RecursionError, ValueError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 import re
@@ -73,12 +74,14 @@ def open_text(path: Path, size: int) -> LogTable:
 def _layout(path: Path, beginning: bytes) -> Layout:
     """Find the line of names, the delimiter and the first row."""
     text = beginning.decode("utf-8-sig", "replace")
+    if beginning.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise LogError(path, "is UTF-16 text; save it as UTF-8")
     if "\0" in text:
         raise LogError(path, "is no text; expected CSV, parquet, .mat, .ulg, .bag, .db3, .mcap, .pos, .nmea or .gpx")
     skipped = len(beginning) - len(beginning.removeprefix(b"\xef\xbb\xbf"))
     named: tuple[str, ...] | None = None
     for line in beginning[skipped:].splitlines(keepends=True):
-        written = line.decode("utf-8", "replace").strip("\r\n")
+        written = decoded(line).strip("\r\n")
         comment = COMMENT.match(written)
         if not written.strip() or comment:
             skipped += len(line)
@@ -103,9 +106,21 @@ def _layout(path: Path, beginning: bytes) -> Layout:
     raise LogError(path, "is empty" if not text.strip() else "has no rows, only comments")
 
 
+def decoded(line: bytes) -> str:
+    r"""Decode a line: UTF-8, or else the encoding of Windows, in which programs there write "°/s".
+
+    >>> decoded("gyro [°/s]".encode("cp1252"))
+    'gyro [°/s]'
+    """
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("cp1252", "replace")
+
+
 def _first_row(rest: bytes) -> tuple[tuple[str, ...] | None, str]:
     for line in rest.splitlines():
-        written = line.decode("utf-8", "replace")
+        written = decoded(line)
         if written.strip():
             return _cells(written)
     return None, ","
@@ -249,7 +264,7 @@ def _why(path: Path, layout: Layout, places: Sequence[int], reason: str) -> LogE
         file.seek(layout.skipped)
         row = 0
         for line in file:
-            written = line.decode("utf-8", "replace").strip()
+            written = decoded(line).strip()
             if not written:
                 continue
             row += 1

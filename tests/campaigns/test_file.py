@@ -466,7 +466,12 @@ def test_any_value_is_read_or_refused(path: str, value: Any) -> None:
     ("written", "message"),
     [
         (None, "no such file"),
-        (b"\xff\xfe", "is not UTF-8 text"),
+        (b"\xff\xfe\x00", "no whole UTF-16 text either; save it as UTF-8"),
+        ('name = "a"'.encode("utf-16-le"), "seems to be UTF-16; save it as UTF-8"),
+        (
+            'name = "a"\ntitle = "1 °"'.encode("cp1252"),
+            "line 2 has the byte 0xb0, which is '°' in Windows-1252; save it",
+        ),
         (b"name = ", "is not TOML"),
         (b"a = 1\na = 2\n", "is not TOML"),
         (b"a = " + b"[" * 100_000, "is not TOML"),

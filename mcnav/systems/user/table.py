@@ -21,7 +21,7 @@ from mcnav.entries.inputs import LONGEST_NAME, InputFile, SourceFile
 from mcnav.entries.quantities import Table
 from mcnav.entries.values import SettingError
 from mcnav.errors import suggestion
-from mcnav.files import INPUTS, read_whole
+from mcnav.files import INPUTS, TextError, read_whole, text_of
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.description import CLASS_IN_FILE, ScenarioSpec
 from mcnav.systems.user.code import UserScenarioSpec, load_class
@@ -51,11 +51,11 @@ class UserTable(Table):
 def read_code(path: Path) -> SourceFile:
     """Read a Python file; `ScenarioError` when it cannot be read."""
     try:
-        return SourceFile(path.name, read_whole(path, LARGEST_FILE).decode("utf-8-sig"))
+        return SourceFile(path.name, text_of(read_whole(path, LARGEST_FILE)))
     except OSError as failure:
         raise ScenarioError("type", f"{path} {why_unreadable(failure)}") from None
-    except UnicodeDecodeError as failure:
-        raise ScenarioError("type", f"{path.name} is not UTF-8 text (byte {failure.start})") from None
+    except TextError as wrong:
+        raise ScenarioError("type", f"{path.name} {wrong}") from None
 
 
 @dataclass(frozen=True)

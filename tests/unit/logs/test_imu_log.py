@@ -256,3 +256,15 @@ def test_parquet_and_matlab_files_have_the_same_content_as_csv(tmp_path: Path) -
     assert "is no MATLAB file that can be read" in refused(tmp_path / "imu.mat")
     (tmp_path / "imu.parquet").write_bytes(b"PAR1" + bytes(200))
     assert "is no parquet file that can be read" in refused(tmp_path / "imu.parquet")
+
+
+def test_headers_in_the_encoding_of_windows_are_read_and_utf_16_is_refused(tmp_path: Path) -> None:
+    rows = readings()
+    names = "t [s],wx [°/s],wy [°/s],wz [°/s],fx [m/s²],fy [m/s²],fz [m/s²]"
+    degrees = rows * [1.0, *[np.degrees(1.0)] * 3, 1.0, 1.0, 1.0]
+    content = write(tmp_path, degrees, "t").read_text("utf-8").removeprefix("t\n")
+    for encoding in ("cp1252", "utf-8-sig", "utf-8"):
+        (tmp_path / "imu.csv").write_bytes(f"{names}\n{content}".encode(encoding))
+        same(read_imu_log(tmp_path / "imu.csv"), rows, 1e-8)
+    (tmp_path / "imu.csv").write_bytes(f"{names}\n{content}".encode("utf-16"))
+    assert "is UTF-16 text; save it as UTF-8" in refused(tmp_path / "imu.csv")

@@ -20,7 +20,7 @@ from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.entries.near_files import near_file
 from mcnav.errors import suggestion
-from mcnav.files import read_whole
+from mcnav.files import TextError, read_whole, text_of
 from mcnav.parquet import numbers_in
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.tables.trajectory_formats import foreign_format, why_no_header
@@ -213,9 +213,9 @@ def _read_csv(content: bytes, columns: Mapping[str, str]) -> Table:
     if len(line) > LONGEST_HEADER:
         raise TrajectoryError("is no table: its first line is longer than that of any trajectory")
     try:
-        text = line.decode("utf-8-sig").strip("\r\n")
-    except UnicodeDecodeError as failure:
-        raise TrajectoryError(f"is neither CSV nor parquet: its first line is no text (byte {failure.start})") from None
+        text = text_of(line).strip("\r\n")
+    except TextError as wrong:
+        raise TrajectoryError(f"is neither CSV nor parquet: it {wrong}") from None
     delimiter = max(DELIMITERS, key=text.count)
     try:
         header = next(csv.reader([text.lstrip("#% ")], delimiter=delimiter))
