@@ -66,7 +66,7 @@ class _Unread(io.RawIOBase):
     def __init__(self, raw: Any) -> None:
         self._raw = raw
 
-    def write(self, content: Any) -> int | None:  # type: ignore[override]  # none is written where it would block
+    def write(self, content: Any) -> int | None:  # none is written where it would block
         """Write bytes; all of them count as written where nobody reads."""
         try:
             written: int | None = self._raw.write(content)

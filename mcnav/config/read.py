@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,15 +12,15 @@ from pydantic import TypeAdapter
 
 from mcnav.config.campaign import Campaign, check_stored_samples
 from mcnav.config.requirement_times import with_epochs
-from mcnav.config.requirements import read_requirements
+from mcnav.config.requirements import check_requirements, read_requirements
 from mcnav.config.schema import CampaignFile, CampaignTable, UntilTable
-from mcnav.config.sources import read_correlations, read_errors, read_joint
+from mcnav.config.sources import KnownSources, check_names, read_correlations, read_errors, read_joint
 from mcnav.config.start_times import StartTimesPlan, read_start_times
 from mcnav.config.stopping import StoppingRule, read_stopping_rule
 from mcnav.config.table_of_values import StoredTable, stored_table
 from mcnav.config.toml import Content, load_file, load_mapping
 from mcnav.contract.members import lacks_scenario
-from mcnav.contract.quantities import Source
+from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, has_start_times
 from mcnav.entries.context import EarlierFile, FileContext
 from mcnav.entries.validation import validate, validate_entry
@@ -30,6 +31,7 @@ from mcnav.sampling.multivariate_t import MultivariateT
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
+from mcnav.systems.description import ScenarioType
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.registry import (
     FURTHER_NAMES,
@@ -113,16 +115,18 @@ def parse_campaign(
     """Check the content of a campaign file and build the campaign; see `read_campaign`."""
     content = {**content, **(overrides or {})}
     context = FileContext(file, Path(file).parent, earlier or {}, content, confined)
-    table = validate(CampaignFile, content, context)
-    described, sources = _read_scenario(content.get("scenario"), context)
-    distributions = _read_distributions(described, sources, context)
-    if described is not None:
-        _check_use(described, context)
-    if table is None or sources is None:
-        raise context.error()
-    check_stored_samples(table, context)
-    correlations = read_correlations(table.correlations, sources, context)
-    joint = read_joint(table.joint, sources, context)
+    whole = validate(CampaignFile, content, context)
+    table = whole or _readable_part(content, context)
+    described, known = _read_scenario(content.get("scenario"), context)
+    distributions = _read_distributions(described, known, context)
+    _check_use(None if described is None else described.scenario, context)
+    if whole is not None:
+        check_stored_samples(whole, context)
+    if known is not None:
+        check_names(content, known, context)
+    if outputs := _outputs(described, content):
+        check_requirements(content.get("accept"), outputs, context)
+    correlations, joint = read_correlations(table.correlations), read_joint(table.joint, context)
     requirements: list[RequirementRecord] = []
     if table.accept is not None and described is not None:
         if is_ins(described.scenario):
@@ -133,13 +137,14 @@ def parse_campaign(
         until = read_stopping_rule(table.samples, str(table.design), context)
     if isinstance(table.samples, UntilTable) and table.store == SUMMARY:
         context.problem("samples.until", "needs store = 'samples': the blocks of a summary are fixed for one size")
-    model = None if context.problems else _error_model(sources, distributions, correlations, joint, context)
-    if described is None:
-        raise context.error()
-    if "start_times" in content:
+    if described is not None and "start_times" in content:
         _check_start_times(described.scenario, str(table.start_times.axes), context)
-    start_times = read_start_times(table.start_times, sources, described.scenario.outputs, distributions, context)
-    if model is None or context.problems:
+    if known is None:
+        raise context.error()
+    sources = known.sources
+    model = None if context.problems else _error_model(sources, distributions, correlations, joint, context)
+    start_times = read_start_times(table.start_times, known, outputs, distributions, context)
+    if described is None or model is None or context.problems:
         raise context.error()
     if described.complete is not None:
         described = replace(described, scenario=described.complete(described.scenario, model))
@@ -151,13 +156,36 @@ def parse_campaign(
     return _campaign(table, stem, described, model, until, requirements, start_times, columns, context)
 
 
+def _readable_part(content: Mapping[str, Any], context: FileContext) -> CampaignTable:
+    """Return the top-level tables of a file without the entries that have mistakes, so that the others are checked."""
+    wrong = {tuple(re.split(r"[. ]", problem.key)[:2]) for problem in context.problems}
+    kept = {}
+    for key, entry in content.items():
+        inside = {place[1] for place in wrong if place[0] == key and len(place) > 1}
+        if key in ("accept", "start_times") and inside and isinstance(entry, Mapping):
+            kept[key] = {name: value for name, value in entry.items() if name not in inside}
+        elif key in CampaignTable.model_fields and not any(place[0] == key for place in wrong):
+            kept[key] = entry
+    silent = FileContext(context.file, context.folder)
+    return validate(CampaignFile, {"scenario": {}, **kept}, silent) or CampaignTable(scenario={})
+
+
+def _outputs(described: ScenarioSpec | None, content: Mapping[str, Any]) -> Sequence[Output]:
+    """Return the outputs of the scenario, or of its type where it cannot be read; none where that does not tell."""
+    if described is not None:
+        return described.scenario.outputs
+    entries = content.get("scenario")
+    kind = scenario_type(entries.get("type")) if isinstance(entries, dict) else None
+    return () if kind is None else kind.outputs_in(content)
+
+
 def _read_distributions(
-    described: ScenarioSpec | None, sources: Sequence[Source] | None, context: FileContext
+    described: ScenarioSpec | None, known: KnownSources | None, context: FileContext
 ) -> dict[str, Distribution]:
     """Read the distributions of ``[errors]``, and those that other tables give; mistakes are added to the context."""
     entries, distributions = context.content.get("errors"), dict[str, Distribution]()
-    if isinstance(entries, dict) and sources is not None:
-        distributions = read_errors(entries, sources, context)
+    if isinstance(entries, dict) and known is not None:
+        distributions = read_errors(entries, known, context)
     if described is None:
         return distributions
     for name in described.sigmas.keys() & distributions.keys():
@@ -165,16 +193,18 @@ def _read_distributions(
     return {**{name: Normal(sigma) for name, sigma in described.sigmas.items()}, **distributions}
 
 
-def _check_use(described: ScenarioSpec, context: FileContext) -> None:
-    """Add mistakes about what the file has, and this scenario cannot use."""
-    content, scenario = context.content, described.scenario
-    if content.get("design") == "sobol" and can_have_noise(scenario) and scenario.noisy:
+def _check_use(scenario: Scenario | None, context: FileContext) -> None:
+    """Add mistakes about what the file has, and a scenario of this type cannot use."""
+    content, entries = context.content, context.content.get("scenario")
+    if content.get("design") == "sobol" and scenario is not None and can_have_noise(scenario) and scenario.noisy:
         context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
-    kind = scenario_type(content["scenario"]["type"])
+    kind = scenario_type(entries.get("type")) if isinstance(entries, dict) else None
+    if kind is None:
+        return
     for name in FURTHER_NAMES:
-        if name in content and kind is not None and name not in kind.tables:
+        if name in content and name not in kind.tables:
             context.problem(name, f"{further_tables()[name].absent}; leave it out")
-    for name, further in () if kind is None else kind.tables.items():
+    for name, further in kind.tables.items():
         if further.needs and content.get(name) not in (None, []) and content.get(further.needs) in (None, []):
             context.problem(name, further.because)
 
@@ -244,8 +274,11 @@ def _check_start_times(scenario: Scenario, axes: str, context: FileContext) -> N
         context.problem("start_times.axes" if wrong.key == "axes" else "start_times", str(wrong))
 
 
-def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | None, Sequence[Source] | None]:
-    """Read the scenario, and the sources that ``[errors]`` may name; mistakes are added to the context."""
+def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | None, KnownSources | None]:
+    """Read the scenario, and the sources that ``[errors]`` may name; mistakes are added to the context.
+
+    Where the scenario cannot be read, its further tables are checked as far as they do not depend on it.
+    """
     if not isinstance(entries, dict):
         return None, None  # the validation of the whole file reports it
     kind = scenario_type(entries.get("type"))
@@ -254,27 +287,46 @@ def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | N
         came = f"got {entries['type']!r}; expected" if "type" in entries else "is missing; it is"
         context.problem("scenario.type", f"{came} one of {known}")
         return None, None
+    before = len(context.problems)
+    described = _read_by_type(kind, entries, context)
+    if described is None:
+        _check_further(kind, context)
+    sources = kind.sources if described is None else described.scenario.sources
+    if sources is None:
+        return described, None
+    # sources of sensors are not known where a table is wrong
+    incomplete = described is None or len(context.problems) > before
+    brought = [table.source_patterns.values() for name, table in kind.tables.items() if name in context.content]
+    return described, KnownSources(sources, tuple(each for some in brought for each in some) if incomplete else ())
+
+
+def _read_by_type(kind: ScenarioType, entries: dict[str, Any], context: FileContext) -> ScenarioSpec | None:
+    """Read the table of a scenario and build it; mistakes are added to the context."""
     table = validate(kind.table, entries, context, "scenario")
     if table is None:
-        for name, further in kind.tables.items():
-            if name in context.content:
-                validate_entry(TypeAdapter(further.form), context.content[name], context, name)
-        return None, kind.sources
-    before = len(context.problems)
+        return None
     try:
         described = kind.read(table, entries, context)
     except ScenarioError as wrong:
         context.problem(f"scenario.{wrong.key}", str(wrong))
-        described = None
-    if described is not None and (lines := lacks_scenario(described.scenario)):
-        for line in lines:
-            context.problem("scenario.type", line)
-        described = None
-    if len(context.problems) > before and any(
-        table.source_patterns for name, table in kind.tables.items() if name in context.content
-    ):
-        return described, None  # sources of sensors are not known
-    return described, kind.sources if described is None else described.scenario.sources
+        return None
+    lines = [] if described is None else lacks_scenario(described.scenario)
+    for line in lines:
+        context.problem("scenario.type", line)
+    return None if lines else described
+
+
+def _check_further(kind: ScenarioType, context: FileContext) -> None:
+    """Add the mistakes of further tables of a scenario that cannot be read, but those that are there already."""
+    alone = replace(context, problems=[])
+    if kind.check_alone is not None:
+        kind.check_alone(alone)
+    else:
+        for name, further in kind.tables.items():
+            if name in context.content:
+                validate_entry(TypeAdapter(further.form), context.content[name], alone, name)
+    known = {problem.key for problem in context.problems}
+    context.problems.extend(problem for problem in alone.problems if problem.key not in known)
 
 
 def _resolve(content: Mapping[str, Any], table: CampaignTable, name: str, described: ScenarioSpec) -> Content:

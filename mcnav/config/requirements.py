@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 from mcnav.config.requirement_times import RequirementEpochs, read_epochs
 from mcnav.config.schema import AcceptTable
+from mcnav.contract.quantities import Output
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
 from mcnav.store.manifest import RequirementRecord
+from mcnav.units import UnitError, quantity
 
 RADII: Final = {"cep": 0.5, "r95": 0.95, "sep": 0.5}
 """Probability of the errors within a radius, by the kind of requirement."""
 
 
 def read_requirements(table: AcceptTable, scenario: Scenario, context: FileContext) -> list[RequirementRecord]:
-    """Read all requirements; mistakes are added to the context."""
+    """Read all requirements; mistakes but those that `check_requirements` finds are added to the context."""
     units = {output.name: output.unit for output in scenario.outputs}
     records: list[RequirementRecord] = []
     filtered = context.content.get("filter")
@@ -36,38 +38,71 @@ def read_requirements(table: AcceptTable, scenario: Scenario, context: FileConte
                 context.problem(f"{key}.of", f'got {of!r}; it needs smoother = "fixed-interval" in [filter]')
         records.append(record)
 
-    def limit(written: object, name: str, key: str) -> float:
-        value = context.quantity(written, units[name], key)
-        if value is not None and value <= 0.0:
-            context.problem(key, f"got {written!r}; expected a limit above zero")
-        return value or 1.0
+    def known(names: Sequence[str]) -> bool:
+        return set(names) <= units.keys()
 
-    def known(names: Sequence[str], key: str) -> bool:
-        return context.check_names(names, list(units), key, "output")
+    def limit(written: object, name: str) -> float:
+        try:
+            return quantity(written, units[name])
+        except UnitError:
+            return 1.0  # `check_requirements` adds the mistake
 
     if table.sigma_ratio is not None:
         require("sigma_ratio", list(units), [table.sigma_ratio], None)
     for number, entry in enumerate(table.quantile, start=1):
         key = f"accept.quantile #{number}"
-        if known([entry.output], f"{key}.output"):
-            largest = limit(entry.below, entry.output, f"{key}.below")
+        if known([entry.output]):
+            largest = limit(entry.below, entry.output)
             epochs = read_epochs(entry, scenario, key, context)
             require("quantile", [entry.output], [largest], entry.probability, epochs, entry.of, key)
     for kind, probability in RADII.items():
         for number, radius in enumerate(getattr(table, kind), start=1):
             key = f"accept.{kind} #{number}"
-            if known(radius.outputs, f"{key}.outputs") and _alike(radius.outputs, units, f"{key}.outputs", context):
-                largest = limit(radius.below, radius.outputs[0], f"{key}.below")
+            if known(radius.outputs):
+                largest = limit(radius.below, radius.outputs[0])
                 epochs = read_epochs(radius, scenario, key, context)
                 require(kind, radius.outputs, [largest], probability, epochs, radius.of, key)
     for number, box in enumerate(table.box, start=1):
-        key = f"accept.box #{number}"
-        if not box.within:
-            context.problem(f"{key}.within", "is empty; expected a limit for at least one output")
-        elif known(list(box.within), f"{key}.within"):
-            limits = [limit(written, name, f"{key}.within.{name}") for name, written in box.within.items()]
-            require("box", list(box.within), limits, box.probability)
+        if known(list(box.within)):
+            limits = [limit(written, name) for name, written in box.within.items()]
+            require("box", list(box.within), limits, box.probability, key=f"accept.box #{number}")
     return records
+
+
+def check_requirements(entries: object, outputs: Sequence[Output], context: FileContext) -> None:
+    """Add the mistakes in names and limits of ``[accept]`` as it is written, whatever else is wrong with it."""
+    units = {output.name: output.unit for output in outputs}
+    for kind in ("quantile", *RADII, "box"):
+        tables = entries.get(kind) if isinstance(entries, Mapping) else None
+        for number, table in enumerate(tables if isinstance(tables, list) else (), start=1):
+            if isinstance(table, Mapping):
+                _check_requirement(table, f"accept.{kind} #{number}", units, context)
+
+
+def _check_requirement(table: Mapping[str, Any], key: str, units: Mapping[str, str], context: FileContext) -> None:
+    """Add the mistakes in names and limits of one requirement."""
+    if isinstance(within := table.get("within"), Mapping):
+        if not within:
+            context.problem(f"{key}.within", "is empty; expected a limit for at least one output")
+        context.check_names(within, list(units), f"{key}.within", "output")
+        for name in within.keys() & units.keys():
+            _check_limit(within[name], units[name], f"{key}.within.{name}", context)
+        return
+    named = "output" if "output" in table else "outputs"
+    written = table.get(named)
+    names = [name for name in (written if isinstance(written, list) else [written]) if isinstance(name, str)]
+    known = [name for name in names if name in units]
+    alike = context.check_names(names, list(units), f"{key}.{named}", "output")
+    if alike and len(names) > 1:
+        alike = _alike(names, units, f"{key}.{named}", context)
+    if known and (alike or len(known) < len(names)) and "below" in table:
+        _check_limit(table["below"], units[known[0]], f"{key}.below", context)
+
+
+def _check_limit(written: object, unit: str, key: str, context: FileContext) -> None:
+    value = context.quantity(written, unit, key)
+    if value is not None and value <= 0.0:
+        context.problem(key, f"got {written!r}; expected a limit above zero")
 
 
 def _alike(names: Sequence[str], units: Mapping[str, str], key: str, context: FileContext) -> bool:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from mcnav._dataclasses import dataclass
@@ -24,6 +25,30 @@ class Entry:
 
     value: Any
     key: str
+
+
+@dataclass(frozen=True)
+class KnownSources:
+    """Sources that a file may name.
+
+    Attributes
+    ----------
+    sources : sequence of Source
+    further : tuple of str
+        Patterns of names that others may have: of tables that cannot be read.
+    """
+
+    sources: Sequence[Source]
+    further: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the sources."""
+        return [source.name for source in self.sources]
+
+    def may_be(self, name: object) -> bool:
+        """Return whether a name may be that of a source that is not known."""
+        return isinstance(name, str) and any(re.fullmatch(pattern, name) for pattern in self.further)
 
 
 def expand_groups(entries: Mapping[str, Any], sources: Sequence[Source], context: FileContext) -> Mapping[str, Entry]:
@@ -59,11 +84,14 @@ def _by_source(group: str, members: Sequence[str], entry: object, context: FileC
     return {name: Entry(entry, group) for name in members}
 
 
-def read_errors(entries: Mapping[str, Any], sources: Sequence[Source], context: FileContext) -> dict[str, Distribution]:
+def read_errors(
+    entries: Mapping[str, Any], known_sources: KnownSources, context: FileContext
+) -> dict[str, Distribution]:
     """Read the distributions of ``[errors]``, by source; mistakes are added to the context.
 
     A mistake in the entry of a group is told once.
     """
+    sources = known_sources.sources
     known = {source.name: source for source in sources}
     distributions: dict[str, Distribution] = {}
     wrong: set[str] = set()
@@ -72,7 +100,8 @@ def read_errors(entries: Mapping[str, Any], sources: Sequence[Source], context: 
         if len(context.problems) > MOST_PROBLEMS:
             break
         if name not in known:
-            context.problem(key, f"unknown error source{suggestion(name, list(known))}")
+            if not known_sources.may_be(name):
+                context.problem(key, f"unknown error source{suggestion(name, list(known))}")
         elif key not in wrong:
             distribution = _read_distribution(entry.value, known[name], key, context)
             if distribution is None:
@@ -103,36 +132,49 @@ def _read_distribution(entry: object, source: Source, key: str, context: FileCon
     return distribution
 
 
-def read_correlations(
-    tables: Sequence[CorrelationTable], sources: Sequence[Source], context: FileContext
-) -> list[Correlation]:
-    """Read the entries of ``[[correlations]]``; mistakes are added to the context."""
-    names = [source.name for source in sources]
-    correlations: list[Correlation] = []
+def check_names(content: Mapping[str, Any], known: KnownSources, context: FileContext) -> None:
+    """Add the mistakes in the names of ``[[correlations]]`` and ``[[joint]]`` as written, whatever else is wrong."""
     seen: set[frozenset[str]] = set()
-    for number, entry in enumerate(tables, start=1):
-        key = f"correlations #{number}.between"
-        context.check_names(entry.between, names, key, "error source")
-        first, second = entry.between
+    for key, names in _named_sources(content):
+        context.check_names([name for name in names if not known.may_be(name)], known.names, key, "error source")
+        if not key.startswith("correlations") or len(names) != 2:
+            continue
+        first, second = names
         if first == second:
             context.problem(key, f"got {first!r} twice; expected two different sources")
         elif {first, second} in seen:
             context.problem(key, f"{first} and {second} are correlated twice; expected one entry for each pair")
         seen.add(frozenset((first, second)))
-        size = entry.rank_coefficient if entry.coefficient is None else entry.coefficient
-        correlations.append(Correlation((first, second), size or 0.0, of_ranks=entry.coefficient is None))
-    return correlations
 
 
-def read_joint(tables: Sequence[JointTable], sources: Sequence[Source], context: FileContext) -> list[MultivariateT]:
-    """Read the entries of ``[[joint]]``; mistakes are added to the context."""
-    names = [source.name for source in sources]
+def _named_sources(content: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
+    """Yield the names of sources that entries list, by their keys."""
+    for table, name in (("correlations", "between"), ("joint", "sources")):
+        entries = content.get(table)
+        for number, entry in enumerate(entries if isinstance(entries, list) else (), start=1):
+            names = entry.get(name) if isinstance(entry, Mapping) else None
+            if isinstance(names, list):
+                yield f"{table} #{number}.{name}", [each for each in names if isinstance(each, str)]
+
+
+def read_correlations(tables: Sequence[CorrelationTable]) -> list[Correlation]:
+    """Read the entries of ``[[correlations]]``, whose names `check_names` has checked."""
+    return [
+        Correlation(
+            (entry.between[0], entry.between[1]),
+            (entry.rank_coefficient if entry.coefficient is None else entry.coefficient) or 0.0,
+            of_ranks=entry.coefficient is None,
+        )
+        for entry in tables
+    ]
+
+
+def read_joint(tables: Sequence[JointTable], context: FileContext) -> list[MultivariateT]:
+    """Read the entries of ``[[joint]]``; mistakes but those of names are added to the context."""
     joint = []
     for number, entry in enumerate(tables, start=1):
-        key = f"joint #{number}"
-        context.check_names(entry.sources, names, f"{key}.sources", "error source")
         try:
             joint.append(MultivariateT(tuple(entry.sources), entry.degrees_of_freedom))
         except ValueError as wrong:
-            context.problem(f"{key}.degrees_of_freedom", f"got {entry.degrees_of_freedom:g}; {wrong}")
+            context.problem(f"joint #{number}.degrees_of_freedom", f"got {entry.degrees_of_freedom:g}; {wrong}")
     return joint

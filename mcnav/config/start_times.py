@@ -11,6 +11,7 @@ import numpy as np
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.config.schema import StartTimesTable
+from mcnav.config.sources import KnownSources
 from mcnav.contract.quantities import Output, Source
 from mcnav.entries.context import FileContext
 from mcnav.errors import suggestion
@@ -46,21 +47,25 @@ class StartTimesPlan:
 
 def read_start_times(
     table: StartTimesTable,
-    sources: Sequence[Source],
+    known: KnownSources,
     outputs: Sequence[Output],
     distributions: Mapping[str, Distribution],
     context: FileContext,
 ) -> StartTimesPlan:
     """Read the plan; mistakes are added to the context."""
+    sources = known.sources
     weights = _read_weights(table.weights, outputs, context)
     multiples = {}
     names = [source.name for source in sources]
     for name, entries in table.errors.items():
         key = f"start_times.errors.{name}"
         if name not in names:
-            context.problem(key, f"unknown error source{suggestion(name, names)}")
+            if not known.may_be(name):
+                context.problem(key, f"unknown error source{suggestion(name, names)}")
             continue
         stated = distributions.get(name)
+        if stated is None and name in context.content.get("errors", ()):
+            continue  # its entry is wrong itself
         size = 0.0 if stated is None else stated.standard_deviation or abs(stated.mean)
         if size == 0.0:
             context.problem(key, "changes an error that [errors] does not have; state it there first")

@@ -104,6 +104,9 @@ class ScenarioType:
         Further tables of the file that it reads.
     choose_outputs : callable, optional
         Returns those outputs that the scenario of a file has, from the content of the file; all unless given.
+    check_alone : callable, optional
+        Adds to the context the mistakes of further tables that can be found where the scenario cannot be read; by
+        default those of their forms.
     """
 
     table: type[Table]
@@ -113,6 +116,7 @@ class ScenarioType:
     start_times: bool = False
     tables: Mapping[str, FurtherTable] = field(default_factory=dict)
     choose_outputs: Callable[[Mapping[str, Any]], Sequence[Output]] | None = None
+    check_alone: Callable[[FileContext], None] | None = None
 
     def outputs_in(self, content: Mapping[str, Any]) -> Sequence[Output]:
         """Return the outputs of the scenario of a file."""

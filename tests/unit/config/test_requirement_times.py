@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mcnav.config.requirement_times import with_epochs
-from mcnav.config.requirements import read_requirements
+from mcnav.config.requirements import check_requirements, read_requirements
 from mcnav.config.schema import AcceptTable
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
@@ -39,7 +39,9 @@ def hour(*sensors: Sensor) -> Ins:
 def accept(kind: str, scenario: Scenario, **entry: Any) -> tuple[list[RequirementRecord], list[str]]:
     context = FileContext("mine.toml", Path())
     of_kind = {"output": "position_north", "probability": 0.95} if kind == "quantile" else {"outputs": POSITION[:2]}
-    table = validate(AcceptTable, {kind: [{**of_kind, "below": "10 m", **entry}]}, context, "accept")
+    entries = {kind: [{**of_kind, "below": "10 m", **entry}]}
+    table = validate(AcceptTable, entries, context, "accept")
+    check_requirements(entries, scenario.outputs, context)
     if table is not None and isinstance(scenario, Ins):
         scenario = with_epochs(scenario, table)
     found = [] if table is None else read_requirements(table, scenario, context)

@@ -204,11 +204,7 @@ def plan_filter(
     """Plan the filter of a navigation of a duration, s, with these sensors; mistakes are added to the context."""
     before = len(context.problems)
     _check_states(table, sensors, context)
-    if table.smoother is not None and table.considers:
-        message = (
-            "is not defined with considers, whose errors the filter's gains leave out; estimate them, or leave it out"
-        )
-        context.problem("filter.smoother", message)
+    _check_smoother(table, context)
     _check_kind(table, context)
     believed = read_imu(table.believes.imu, context, "filter.believes.imu", imu)
     gravity = read_believed_gravity(table.believes.gravity, imu.gravity, context)
@@ -235,6 +231,38 @@ def plan_filter(
     return FilterPlan(estimates, tuple(table.considers), *believes, lag, question, table.kind)
 
 
+def check_filter_alone(entries: object, context: FileContext) -> None:
+    """Add the mistakes of ``[filter]`` that do not depend on the sensors, which cannot be read."""
+    table = validate(FilterTable, entries, context, "filter")
+    if table is None:
+        check_states_as_written(entries, None, context)
+    else:
+        _check_states(table, None, context)
+        _check_smoother(table, context)
+        _check_kind(table, context)
+        validate(BelievedImuTable, table.believes.imu, context, "filter.believes.imu")
+        validate(BelievedGravityTable, table.believes.gravity, context, "filter.believes.gravity")
+
+
+def check_states_as_written(entries: object, sensors: tuple[Sensor, ...] | None, context: FileContext) -> None:
+    """Add the mistakes in the states of a filter whose table has others, if they can be read."""
+    given = (
+        {key: entries[key] for key in ("estimates", "considers") if key in entries} if isinstance(entries, dict) else {}
+    )
+    table = validate(FilterTable, given, FileContext(context.file, context.folder))
+    if table is not None:
+        _check_states(table, sensors, context)
+
+
+def _check_smoother(table: FilterTable, context: FileContext) -> None:
+    """Add a mistake where a smoother is not defined."""
+    if table.smoother is not None and table.considers:
+        message = (
+            "is not defined with considers, whose errors the filter's gains leave out; estimate them, or leave it out"
+        )
+        context.problem("filter.smoother", message)
+
+
 def _check_kind(table: FilterTable, context: FileContext) -> None:
     """Add a mistake for each thing that other kinds than the EKF have not."""
     if table.kind == EKF:
@@ -248,10 +276,13 @@ def _check_kind(table: FilterTable, context: FileContext) -> None:
         context.problem("filter.estimates", f"got {gravity[0]!r}, which {without}")
 
 
-def _check_states(table: FilterTable, sensors: tuple[Sensor, ...], context: FileContext) -> None:
-    """Add a mistake for each state that is missing, unknown, or named twice."""
-    flexures = (f"{sensor.name}_flexure" for sensor in sensors if sensor.flexure is not None)
-    kinds = (*KINDS, *estimated_kinds(aiding_constants(sensors)), *flexures)
+def _check_states(table: FilterTable, sensors: tuple[Sensor, ...] | None, context: FileContext) -> None:
+    """Add a mistake for each state that is missing, unknown, or named twice; without sensors theirs may be there."""
+    if sensors is None:
+        kinds = (*KINDS, *(name for name in (*table.estimates, *table.considers) if OF_SENSORS.fullmatch(name)))
+    else:
+        flexures = (f"{sensor.name}_flexure" for sensor in sensors if sensor.flexure is not None)
+        kinds = (*KINDS, *estimated_kinds(aiding_constants(sensors)), *flexures)
     if absent := [name for name in ALWAYS if name not in table.estimates]:
         context.problem("filter.estimates", f"{' and '.join(absent)} must be there; expected {', '.join(ALWAYS)}, …")
     seen: set[str] = set()
@@ -266,7 +297,7 @@ def _check_states(table: FilterTable, sensors: tuple[Sensor, ...], context: File
             elif name in ALWAYS and name not in known:
                 context.problem(key, f"got {name!r}; a filter always estimates it")
             elif name not in known:
-                context.problem(key, _unknown_state(name, sensors, known))
+                context.problem(key, _unknown_state(name, sensors or (), known))
             seen.add(name)
 
 

@@ -8,25 +8,31 @@ from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any, ClassVar, Final, Literal
 
-from pydantic import Field
+from pydantic import Field, TypeAdapter
 
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
 from mcnav.entries.inputs import InputFile
 from mcnav.entries.quantities import AngularRate, Duration, GravitationalParameter, Later, Length, Table
 from mcnav.entries.unions import ByForm
-from mcnav.entries.validation import validate
+from mcnav.entries.validation import validate, validate_entry
 from mcnav.files import INPUTS
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
-from mcnav.systems.ins.earth import BODIES, Earth
+from mcnav.systems.ins.earth import BODIES, WGS84, Earth
 from mcnav.systems.ins.imu.instruments import Imu
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.scenario import NAVIGATION_ERRORS, SOURCES, Ins, Navigation
 from mcnav.systems.ins.tables.aiding import Aiding, read_aiding, with_gate
 from mcnav.systems.ins.tables.error_names import error_patterns
 from mcnav.systems.ins.tables.faults import FAULTS, read_faults
-from mcnav.systems.ins.tables.filter import FilterPlan, FilterTable, plan_filter
+from mcnav.systems.ins.tables.filter import (
+    FilterPlan,
+    FilterTable,
+    check_filter_alone,
+    check_states_as_written,
+    plan_filter,
+)
 from mcnav.systems.ins.tables.gravity import GRAVITY, read_gravity
 from mcnav.systems.ins.tables.imu import IMU, read_imu
 from mcnav.systems.ins.tables.sensor_tables import Sensors
@@ -159,15 +165,40 @@ def _read_aiding(navigation: Navigation, origin: float, context: FileContext) ->
     none = Aiding((), {})
     sensors, entries = context.content.get("aiding", []), context.content.get("filter")
     aiding = read_aiding(sensors, navigation, context, origin)
+    if aiding is None:
+        _check_filter_and_faults(context)
     if entries is None or aiding is None or not aiding.sensors:
         return aiding or none, None
     table = validate(FilterTable, entries, context, "filter")
-    if table is None:
-        return aiding, None
-    aiding = replace(aiding, sensors=with_gate(aiding.sensors, table.gate))
+    if table is not None:
+        aiding = replace(aiding, sensors=with_gate(aiding.sensors, table.gate))
     if (faults := context.content.get("faults")) is not None:
         aiding = replace(aiding, sensors=read_faults(faults, aiding.sensors, navigation, context))
+    if table is None:
+        check_states_as_written(entries, aiding.sensors, context)
+        return aiding, None
     return aiding, plan_filter(table, aiding.sensors, navigation.imu, navigation.end - navigation.start, context)
+
+
+def _check_filter_and_faults(context: FileContext) -> None:
+    """Add the mistakes of ``[filter]`` and ``[[faults]]`` that do not depend on the sensors."""
+    if (entries := context.content.get("filter")) is not None:
+        check_filter_alone(entries, context)
+    if (faults := context.content.get("faults")) is not None:
+        validate_entry(TypeAdapter(FAULTS.form), faults, context, "faults")
+
+
+def check_alone(context: FileContext) -> None:
+    """Add the mistakes of the trajectory and of further tables that do not depend on each other; see `ScenarioType`."""
+    entries = context.content["scenario"]
+    if TRAJECTORY in entries and entries.get("earth", "wgs84") == "wgs84":  # over another figure others may be wrong
+        columns = entries.get("columns")
+        read_trajectory(entries[TRAJECTORY], WGS84, context, columns if isinstance(columns, dict) else {})
+    read_imu(context.content.get("imu", {}), context)
+    read_gravity(context.content.get("gravity"), context)
+    if (sensors := context.content.get("aiding")) is not None:
+        validate_entry(TypeAdapter(Sensors), sensors, context, "aiding")
+    _check_filter_and_faults(context)
 
 
 NO_AIDING: Final = "this scenario cannot be aided, which those of type ins can"
@@ -178,6 +209,7 @@ INS: Final = ScenarioType(
     SOURCES,
     NAVIGATION_ERRORS,
     start_times=True,
+    check_alone=check_alone,
     tables={
         "imu": IMU,
         "gravity": GRAVITY,
