@@ -94,12 +94,23 @@ def _size(size: SampledSize, names: Sequence[str]) -> Keys:
     }  # fmt: skip
 
 
+def _repeated(manifest: Manifest) -> tuple[str, ...]:
+    """Say how many samples of a user's class were simulated one by one because a call with several failed."""
+    repeated = sum(chunk.fallback_count for chunk in manifest.chunks)
+    if manifest.identity.code is None or not repeated:
+        return ()
+    return (
+        f"propagate failed in calls with several samples, so {repeated:,} of {manifest.samples:,} samples were "
+        "simulated one by one, which is slower",
+    )
+
+
 def _run(manifest: Manifest) -> Keys:
     """Return what was asked for and what was simulated."""
     return {
         "campaign": manifest.campaign,
         "unsettled": manifest.unsettled.to_json() if manifest.unsettled else None,
-        **({"remarks": list(manifest.remarks)} if manifest.remarks else {}),
+        **({"remarks": remarks} if (remarks := [*manifest.remarks, *_repeated(manifest)]) else {}),
         "samples": manifest.samples,
         "engine": manifest.identity.engine,
         "seed": manifest.seed,

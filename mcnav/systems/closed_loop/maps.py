@@ -17,6 +17,7 @@ from mcnav.systems.closed_loop.own_outputs import OwnOutputs
 from mcnav.systems.closed_loop.quantities import Block, Quantity, Values, as_kept, as_seen, attitude_kept, spread
 from mcnav.systems.closed_loop.rotations import turn_between
 from mcnav.systems.closed_loop.structure import Part, Structure
+from mcnav.systems.user.returned import real_numbers
 
 _ROOT_3: Final = float(np.sqrt(3.0))
 
@@ -252,8 +253,10 @@ class Maps:
 
     def _sensed(self, returned: Any) -> Any:
         if isinstance(returned, Mapping):
-            return Values.given("sensed", {name: np.asarray(each, dtype=float) for name, each in returned.items()})
-        return np.asarray(returned, dtype=float)
+            return Values.given(
+                "sensed", {name: real_numbers(each, f"sense, {name},") for name, each in returned.items()}
+            )
+        return real_numbers(returned, "sense")
 
     def _seen_command(self, values: Array, within_x: bool) -> Array:
         (quantity,) = self.structure.command.quantities

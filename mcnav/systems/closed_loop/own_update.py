@@ -11,6 +11,7 @@ from mcnav._types import Array
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.quantities import as_seen, spread
 from mcnav.systems.closed_loop.rotations import to_matrix
+from mcnav.systems.user.returned import real_numbers
 
 UPDATE: Final = ("time", "name", "measured", "innovation", "estimate", "memory")
 """Arguments that ``update`` may name."""
@@ -33,7 +34,7 @@ def _updated(maps: Maps, number: int, x: Array, time: Array, noise: Array) -> Ar
     innovation = maps.innovation(number, x, time) + noise
 
     def measured() -> Any:
-        true = np.asarray(sensor.truth(maps.truth_frame(x, time)), dtype=float)
+        true = real_numbers(sensor.truth(maps.truth_frame(x, time)), "a measurement's truth")
         if sensor.attitude:
             return true @ to_matrix(noise)
         return true + as_seen(noise, true.ndim == 2)
@@ -66,7 +67,7 @@ def stated_covariance(maps: Maps, x: Array, time: Array) -> Array:
 def _stated_covariance(maps: Maps, x: Array, time: Array) -> Array:
     assert maps.covariance is not None
     size, count = maps.structure.estimate.size, x.shape[1]
-    returned = np.asarray(maps.covariance(maps.navigator_frame(x, time, None)), dtype=float)
+    returned = real_numbers(maps.covariance(maps.navigator_frame(x, time, None)), "covariance")
     if returned.shape not in ((count, size, size), (size, size)):
         wanted = f"({count}, {size}, {size}), for {count} samples"
         raise ValueError(f"covariance must have shape {wanted}; got {returned.shape}")

@@ -15,6 +15,7 @@ from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
 from mcnav.systems.closed_loop.declarations import Attitude
 from mcnav.systems.closed_loop.rotations import Side, from_matrix, to_matrix
+from mcnav.systems.user.returned import real_numbers
 from mcnav.systems.user.settings import NAME, check_unit
 
 MOST_AXES: Final = 100
@@ -219,7 +220,7 @@ def as_kept(returned: Any, quantity: Quantity, count: int, where: str) -> Array:
 
     Raises `ValueError` when the shape is wrong.
     """
-    values = np.asarray(returned, dtype=float)
+    values = real_numbers(returned, where)
     shape, size = values.shape, len(quantity.axes)
     if size:
         if shape == (count, size):
@@ -239,7 +240,7 @@ def attitude_kept(returned: Any, count: int, where: str) -> Array:
 
     Raises `ValueError` when they are no rotations; what is not finite stays so.
     """
-    matrices = np.asarray(returned, dtype=float)
+    matrices = real_numbers(returned, where)
     if matrices.shape not in ((count, 3, 3), (3, 3)):
         raise ValueError(f"{where} must have shape ({count}, 3, 3), for {count} samples; got {matrices.shape}")
     matrices = matrices.reshape(-1, 3, 3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.sample_loop import simulate_alone, simulate_each
 from mcnav.systems.timeouts import SampleTimeout, within_limit
 from mcnav.systems.user.code import UserScenarioSpec
+from mcnav.systems.user.returned import numbers_of
 
 
 @dataclass(frozen=True)
@@ -52,26 +54,26 @@ class UserEngine:
             raise
         except (Exception, SystemExit, SampleTimeout):
             rows = len(errors)
-            return simulate_alone(lambda row: propagate(errors[row : row + 1].copy()), rows, self.outputs, file)
+            alone = simulate_alone(lambda row: propagate(errors[row : row + 1].copy()), rows, self.outputs, file)
+            return replace(alone, fallback_count=rows if rows > 1 else 0)
 
     def _result(self, returned: Any, count: int) -> SimulationResult:
         """Check what ``propagate`` returned, and give every row without finite outputs a reason."""
         reasons: Mapping[int, Failure] = {}
-        fallback_count = 0
         if isinstance(returned, SimulationResult):
-            returned, reasons, fallback_count = returned.values, returned.failures, returned.fallback_count
-        values = np.array(returned, dtype=float)
+            returned, reasons = returned.values, returned.failures
+        values = numbers_of(returned, "propagate")
         if values.shape != (count, self.outputs):
             raise ValueError(f"propagate must return shape {(count, self.outputs)}; got {values.shape}")
         failed = ~np.isfinite(values).all(axis=1)
         failed[list(reasons)] = True
         values[failed] = np.nan
         failures = {int(row): Failure.of(reasons.get(int(row), Reason.NOT_FINITE)) for row in np.flatnonzero(failed)}
-        return SimulationResult(values, failures, fallback_count)
+        return SimulationResult(values, failures)
 
 
 def _check_row(returned: Any, outputs: int) -> Array:
-    values = np.array(returned, dtype=float)
+    values = numbers_of(returned, "fly")
     if values.shape != (outputs,):
         raise ValueError(f"fly must return shape {(outputs,)}; got {values.shape}")
     return values

@@ -14,6 +14,7 @@ from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import BY_SENSOR, FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.systems.sample_loop import SampleFailed
+from mcnav.systems.user.returned import numbers_of
 from mcnav.systems.user.settings import NAME
 
 ALL: Final = "all"
@@ -123,12 +124,12 @@ def record_of(
     ValueError
         When shapes or sensors are wrong.
     """
-    errors = np.asarray(flown.errors, dtype=float)
+    errors = numbers_of(flown.errors, "fly")
     known = list(schema.known)
     count, size = len(errors), len(known)
     if flown.covariance is None:
         raise ValueError("fly returned no covariance; it did without errors and noise")
-    covariance = np.array(flown.covariance, dtype=float)
+    covariance = numbers_of(flown.covariance, "covariance of fly")
     if covariance.shape != (count, size, size):
         raise ValueError(f"the filter's covariance must have shape {(count, size, size)}; got {covariance.shape}")
     if dict(schema.sensors).keys() != flown.innovations.keys():
@@ -206,9 +207,9 @@ def _columns(name: str, innovations: Innovations) -> tuple[Array, Array, Array, 
     """Return times (k,), values (k, size), covariances (k, size, size) and accepted (k,); `ValueError` when wrong."""
     if not isinstance(innovations, Innovations):
         raise ValueError(f"innovations of {name!r} must be Innovations of mcnav; got {type(innovations).__name__}")
-    times = np.array(innovations.times, dtype=float)
-    values = np.array(innovations.values, dtype=float)
-    covariance = np.array(innovations.covariance, dtype=float)
+    times = numbers_of(innovations.times, "times of innovations")
+    values = numbers_of(innovations.values, "values of innovations")
+    covariance = numbers_of(innovations.covariance, "covariance of innovations")
     values = values[:, None] if values.ndim == 1 else values
     covariance = covariance[:, None, None] if covariance.ndim == 1 else covariance
     accepted = innovations.accepted

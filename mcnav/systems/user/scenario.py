@@ -32,6 +32,7 @@ from mcnav.systems.histories import check_history
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.code import UserScenarioSpec
 from mcnav.systems.user.engine import UserEngine
+from mcnav.systems.user.returned import numbers_of
 from mcnav.systems.user.settings import NAME, check_unit
 from mcnav.systems.user.stochastic_engine import StochasticUserEngine
 
@@ -172,7 +173,7 @@ class UserScenario:
         shape = (*self.leading_shape, len(self.outputs), len(self.sources))
         with self._object.recording(self.spec.code.file):
             try:
-                partials = np.array(self._instance.partials(), dtype=float)
+                partials = numbers_of(self._instance.partials(), "partials")
             except (Exception, SystemExit) as failure:
                 message = f"partials: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure

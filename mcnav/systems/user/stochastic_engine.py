@@ -21,6 +21,7 @@ from mcnav.systems.conditions import Conditions
 from mcnav.systems.sample_loop import SampleFailed, simulate_each
 from mcnav.systems.user.code import UserScenarioSpec
 from mcnav.systems.user.flown import Flown, record_of
+from mcnav.systems.user.returned import numbers_of
 from mcnav.systems.user.sample_noise import NORMALS, SAMPLES, GivenNoise, ScaledNoise, sample_noise
 
 MOST_NORMALS: Final = 2_000
@@ -199,7 +200,7 @@ class StochasticUserEngine:
         return np.asarray(self.linear.nominal + self.linear.partials @ errors + response)
 
     def _fly_linear(self, instance: Any, errors: Array, noise: np.random.Generator) -> Array:
-        values = np.array(instance.fly_linear(errors.copy(), noise), dtype=float)
+        values = numbers_of(instance.fly_linear(errors.copy(), noise), "fly_linear")
         if values.shape != self.shape or not np.isfinite(values).all():
             raise ValueError(f"fly_linear must return finite numbers of shape {self.shape}; got {values.shape}")
         return values.reshape(-1, len(self.outputs))
@@ -219,7 +220,7 @@ class StochasticUserEngine:
         """Call ``fly`` with the errors of one sample; `ValueError` when the shape of what it returns is wrong."""
         returned = instance.fly(errors.copy(), noise) if self.noisy else instance.fly(errors.copy())
         flown = returned if isinstance(returned, Flown) else Flown(returned)
-        values = np.array(flown.errors, dtype=float)
+        values = numbers_of(flown.errors, "fly")
         if values.shape != self.shape:
             raise ValueError(f"fly must return shape {self.shape}; got {values.shape}")
         return replace(flown, errors=values)

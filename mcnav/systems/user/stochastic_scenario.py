@@ -33,6 +33,7 @@ from mcnav.systems.user.flown import Flown, record_of, schema_of, spread_out
 from mcnav.systems.user.kept_differences import simulate_for_differences
 from mcnav.systems.user.kept_noise import noise_of
 from mcnav.systems.user.measured_noise import MeasuredNoise
+from mcnav.systems.user.returned import numbers_of
 from mcnav.systems.user.scenario import SINGLE_CHUNK, UserScenario
 from mcnav.systems.user.settings import NAME
 from mcnav.systems.user.stochastic_engine import StochasticUserEngine
@@ -146,9 +147,9 @@ class StochasticUserScenario(UserScenario):
         """Check one covariance that the class returned."""
         shape = (*self.leading_shape, len(self.outputs), len(self.outputs))
         try:
-            covariance = np.array(returned, dtype=float)
-        except (TypeError, ValueError):
-            covariance = np.full(0, np.nan)
+            covariance = numbers_of(returned, "noise_covariance")
+        except ValueError as wrong:
+            raise ScenarioError("type", f"{wrong} of {name}") from None
         if covariance.shape != shape or not np.isfinite(covariance).all():
             message = f"noise_covariance must return finite numbers of shape {shape}; got {covariance.shape} of {name}"
             raise ScenarioError("type", message)
@@ -243,7 +244,7 @@ class TimedUserScenario(StochasticUserScenario):
             given = self._instance.epochs
             given = given() if callable(given) else given
             epochs = given if isinstance(given, Epochs) else Epochs("time [s]", given)
-            times = np.array(epochs.times, dtype=float)
+            times = numbers_of(epochs.times, "epochs")
             events = {str(name): float(time) for name, time in epochs.events.items()}
         except (Exception, SystemExit) as failure:
             raise ScenarioError("type", f"epochs: {format_exception(failure, self.spec.code.file)}") from failure
