@@ -66,6 +66,12 @@ REQUIREMENTS: Final = (
 )
 """Caption of the table of requirements."""
 
+POLAR: Final = ("reentry", "cruise", "hover")
+"""Types of scenarios whose outputs are errors of a polar state."""
+
+ARCS: Final = "Output ranges are arcs on the earth's surface; initial ranges are arcs at the radius of the start."
+"""Of polar states: the same angle is a longer arc higher up."""
+
 SHARES: Final = "Share of the variance at the end, %, and the sigma that a cause alone leaves"
 """Caption of the error budget."""
 
@@ -225,8 +231,14 @@ def final_table(answer: LinearAnswer) -> Table[SizeRow]:
         Column("Largest causes", lambda row: _causes(row.causes), CAUSES, "words"),
     ]
     what = "At the end" if any(kinds_of(answer.outputs)) else "Errors at the end"
-    caption = f"{what}, one sigma. Causes: share of the variance at the end."
+    caption = f"{what}, one sigma. Causes: share of the variance at the end.{_about_ranges(answer)}"
     return _by_kind(answer, Table(caption, columns, rows, "Linear covariance at the end, 1σ"))
+
+
+def _about_ranges(answer: LinearAnswer) -> str:
+    """Say where ranges are measured, of a system whose initial ranges are arcs at another radius than its outputs."""
+    polar = answer.kind in POLAR and any(output.name == "range" for output in answer.outputs)
+    return f" {ARCS}" if polar else ""
 
 
 def largest_table(answer: LinearAnswer) -> Table[SizeRow]:
@@ -240,8 +252,9 @@ def largest_table(answer: LinearAnswer) -> Table[SizeRow]:
         Column("Largest causes then", lambda row: _causes(row.causes), CAUSES, "words"),
     ]
     title = f"Largest over time{'' if answer.beyond is None else ' within the range of linear analysis'}"
-    caption = f"{title}, one sigma. Causes: share of the variance at that time."
-    return _by_kind(answer, Table(caption, columns, largest_rows(answer), f"{title}, 1σ"))
+    caption = f"{title}, one sigma. Causes: share of the variance at that time.{_about_ranges(answer)}"
+    ranges = f" ({ARCS[0].lower()}{ARCS[1:-1]})" if _about_ranges(answer) else ""
+    return _by_kind(answer, Table(caption, columns, largest_rows(answer), f"{title}, 1σ{ranges}"))
 
 
 def smoothed_table(answer: LinearAnswer) -> Table[SizeRow]:

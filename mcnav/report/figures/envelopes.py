@@ -49,7 +49,11 @@ def envelopes(content: RunAnalysis) -> Figure | None:
         columns |= {f"{names[i]}, {words} [{units[i]}]": each[:, i] * scale[i] for words, each in moments.items()}
     about = ""
     if content.summary.engine not in OWN:
-        about = "Ranges are arc lengths on the earth's surface. " if "range" in names else ""
+        about = (
+            "Output ranges are arcs on the earth's surface; initial ranges are arcs at the radius of the start. "
+            if "range" in names
+            else ""
+        )
         about += "Samples outside the fast engine's range of validity are not included. "
     return Figure(
         name="envelopes",
