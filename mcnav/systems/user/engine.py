@@ -65,7 +65,7 @@ class UserEngine:
         values = numbers_of(returned, "propagate")
         if values.shape != (count, self.outputs):
             raise ValueError(f"propagate must return shape {(count, self.outputs)}; got {values.shape}")
-        failed = ~np.isfinite(values).all(axis=1)
+        failed = np.asarray(~np.isfinite(values).all(axis=1))
         failed[list(reasons)] = True
         values[failed] = np.nan
         failures = {int(row): Failure.of(reasons.get(int(row), Reason.NOT_FINITE)) for row in np.flatnonzero(failed)}
