@@ -68,10 +68,13 @@ class LinearRequirement:
 
     @property
     def met(self) -> bool:
-        """Return whether the requirement is met; false where linear analysis cannot tell."""
+        """Return whether the requirement is met; false where linear analysis cannot tell.
+
+        ``below`` is strict: a size without dispersion that equals its limit does not meet it.
+        """
         if self.requirement.kind == "box":
             return self.value >= size_probability(self.requirement)
-        return self.value <= self.requirement.limits[0]
+        return self.value < self.requirement.limits[0]
 
 
 @dataclass(frozen=True)

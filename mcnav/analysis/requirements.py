@@ -245,6 +245,17 @@ def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Requireme
     return RequirementResult(requirement, finding, ratio, interval, 1.0, True, needed, remark=remark)
 
 
+def finding_on_size(interval: tuple[float, float], limit: float) -> Finding:
+    """Judge a quantile of a size, by its one-sided bounds, against a limit below which it is to stay.
+
+    ``below`` is strict: a size that equals the limit, as that of a saturated command, is not below it. With X_(k) the
+    upper bound, ``X_(k) < limit`` says that at least k samples lie below the limit, so that a requirement that is not
+    met is found met as rarely as the confidence says, also where sizes repeat.
+    """
+    low, high = interval
+    return Finding.MET if high < limit else Finding.NOT_MET if low >= limit else Finding.UNDECIDED
+
+
 def _judge_size(
     requirement: Requirement, model: Model, outcomes: Array, confidence: float, remark: str, counting: Counting
 ) -> RequirementResult:
@@ -253,18 +264,18 @@ def _judge_size(
     sizes = error_sizes(outcomes, outputs)
     ranked = RankedSizes.of(sizes)
     interval = (0.0, math.inf) if remark else ranked.bounds(probability, confidence)
-    finding = Finding.MET if interval[1] <= limit else Finding.NOT_MET if interval[0] > limit else Finding.UNDECIDED
+    finding = finding_on_size(interval, limit)
     linear = linear_quantile(model, outputs, probability)
     needed = None
     if finding == Finding.UNDECIDED and not remark and len(sizes):
-        shares = [float(np.mean(~(sizes <= limit)))], [float(np.mean(sizes > limit))]
+        shares = [float(np.mean(~(sizes < limit)))], [float(np.mean(sizes >= limit))]
         needed, remark = samples_needed(*shares, 1.0 - probability, (confidence, confidence), counting)
     largest = None
     if requirement.kind == "quantile" and not size_members(outputs, model.sizes):
         sigma = _largest_sigma(float(model.outcome_mean[outputs[0]]), limit, probability)
         if sigma is not None:
             largest = largest_sigmas(model.partials[outputs[0]], model.covariance, sigma)
-    estimate, meets = ranked.estimate(probability), linear <= limit
+    estimate, meets = ranked.estimate(probability), linear < limit
     return RequirementResult(requirement, finding, estimate, interval, linear, meets, needed, largest, remark)
 
 
@@ -274,7 +285,7 @@ def _judge_box(
     """Judge the probability that several outputs lie within their limits together."""
     limits, probability = np.array(requirement.limits), requirement.probability or 0.5
     values = outcomes[:, requirement.outputs]
-    inside = int(np.count_nonzero(np.all(np.abs(values) <= limits, axis=1)))
+    inside = int(np.count_nonzero(np.all(np.abs(values) < limits, axis=1)))
     count, lost = len(values), int(np.count_nonzero(~np.isfinite(values).all(axis=1)))
     low, high = 0.0, 1.0
     if not remark:

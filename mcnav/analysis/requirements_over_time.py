@@ -24,6 +24,7 @@ from mcnav.analysis.requirements import (
     Requirement,
     RequirementResult,
     error_sizes,
+    finding_on_size,
     independent_samples,
     size_members,
     size_probability,
@@ -81,11 +82,11 @@ def judge_over_time(requirement: Requirement, histories: ErrorHistories | None, 
     low = max(each.bounds(probability, shared)[0] for each in ranked)
     high = max(each.bounds(probability, confidence)[1] for each in ranked)
     interval = (0.0, math.inf) if remark else (low, high)
-    finding = Finding.MET if interval[1] <= limit else Finding.NOT_MET if interval[0] > limit else Finding.UNDECIDED
+    finding = finding_on_size(interval, limit)
     needed = None
     if finding == Finding.UNDECIDED and not remark and len(errors):
         sizes = [error_sizes(errors[:, epoch], requirement.outputs) for epoch in epochs]
-        shares = [float(np.mean(~(each <= limit))) for each in sizes], [float(np.mean(each > limit)) for each in sizes]
+        shares = [float(np.mean(~(each < limit))) for each in sizes], [float(np.mean(each >= limit)) for each in sizes]
         reason = f"errors over time are stored of the first {histories.most:,} samples alone"
         counting = Counting(len(histories.errors), len(errors), histories.most, reason)
         needed, remark = samples_needed(*shares, 1.0 - probability, (confidence, shared), counting)
@@ -96,7 +97,7 @@ def judge_over_time(requirement: Requirement, histories: ErrorHistories | None, 
         float(estimates[worst]),
         interval,
         linear,
-        linear <= limit,
+        linear < limit,
         needed,
         remark=remark,
         time=float(histories.times[epochs[worst]]),

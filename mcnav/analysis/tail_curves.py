@@ -82,7 +82,7 @@ class TailCurve:
     ----------
     multiples : ndarray, shape (m,)
     counted, low, high : ndarray, shape (m,)
-        Share of the samples beyond, and the ends of its two-sided interval.
+        Share of the samples at or beyond them, and the ends of its two-sided interval.
     linear, curved : ndarray, shape (m,)
         For linear normal errors, and with the curvature of the outputs.
     samples : int
@@ -90,7 +90,7 @@ class TailCurve:
     at_limit : tuple of float
         Linear and curved probability at the limits themselves.
     beyond : int
-        Samples beyond the limits themselves.
+        Samples at or beyond the limits themselves.
     """
 
     multiples: Array
@@ -120,7 +120,7 @@ def tail_curve(
     independent, remark = independent_samples(blocks)
     reached = np.sort(limits_reached(requirement, model, outcomes[independent]))
     reached = reached[np.isfinite(reached)]
-    counts, samples = len(reached) - np.searchsorted(reached, multiples, side="right"), len(reached)
+    counts, samples = len(reached) - np.searchsorted(reached, multiples, side="left"), len(reached)
     ends = [
         (math.nan, math.nan) if remark or not samples else probability_interval(int(count), samples, confidence)
         for count in counts
@@ -130,7 +130,7 @@ def tail_curve(
         multiples, np.where(counts > 0, counts / max(samples, 1), np.nan), low, high,
         np.array([linear_beyond(requirement, model, each) for each in multiples]),
         np.array([curved(each) for each in multiples]),
-        samples, (linear_beyond(requirement, model), curved(1.0)), int(np.count_nonzero(reached > 1.0)),
+        samples, (linear_beyond(requirement, model), curved(1.0)), int(np.count_nonzero(reached >= 1.0)),
     )  # fmt: skip
 
 

@@ -14,9 +14,20 @@ DIRECTIONS: Final = 16
 """Directions in which the outside of a circle is divided; twice as many for a sphere."""
 
 
+def strict_margin(margin: Array) -> Array:
+    """Count outputs exactly at a limit, such as saturated commands, as beyond it: "below" is strict.
+
+    Their margin is the smallest positive number instead of zero, so that a positive margin is all that fails.
+
+    >>> strict_margin(np.array([-1.0, 0.0, 2.0])) > 0.0
+    array([False,  True,  True])
+    """
+    return np.asarray(np.where(margin == 0.0, np.nextafter(0.0, 1.0), margin))
+
+
 @dataclass(frozen=True)
 class Sides:
-    """At least one output beyond a side: ``y_i > upper_i`` or ``y_i < lower_i``.
+    """At least one output at a side or beyond: ``y_i >= upper_i`` or ``y_i <= lower_i``.
 
     ``lower`` and ``upper`` have shape (outputs,), SI; infinite where an output has no such side.
     """
@@ -27,9 +38,11 @@ class Sides:
     def margin(self, outputs: Array) -> Array:
         """Return how far outputs, shape (n, outputs), lie beyond, shape (n,); negative within; NaN of a failed flight.
 
+        See `strict_margin` for outputs exactly at a side.
+
         With several outputs it is the largest of the distances, each over half the width between its sides.
         """
-        return np.asarray(np.max((outputs @ self.normals.T - self.offsets) / self._scales, axis=1))
+        return strict_margin(np.max((outputs @ self.normals.T - self.offsets) / self._scales, axis=1))
 
     def reached(self, outputs: Array) -> Array:
         """Return the largest multiple of two equal limits that outputs, shape (n, outputs), reach, shape (n,)."""
@@ -67,7 +80,7 @@ class Distance:
 
     def margin(self, outputs: Array) -> Array:
         """Return how far outputs, shape (n, dimensions), lie beyond; see `Sides.margin`."""
-        return np.asarray(np.sqrt(np.sum(outputs**2, axis=1)) - self.radius)
+        return strict_margin(np.sqrt(np.sum(outputs**2, axis=1)) - self.radius)
 
     def reached(self, outputs: Array) -> Array:
         """Return the multiple of the radius that outputs, shape (n, dimensions), reach, shape (n,)."""

@@ -52,7 +52,7 @@ def probability_beyond_box(mean: Array, covariance: Array, limits: Array) -> flo
     1.14661
     """
     chosen = np.diag(covariance) > 0.0
-    if np.any(np.abs(mean[~chosen]) > limits[~chosen]):
+    if np.any(np.abs(mean[~chosen]) >= limits[~chosen]):
         return 1.0
     sigma = np.sqrt(np.diag(covariance)[chosen])
     if len(sigma) > MOST:
@@ -75,7 +75,7 @@ def normal_box_probability(mean: Array, covariance: Array, limits: Array) -> flo
     varies = np.diag(covariance) > 0.0
     if np.count_nonzero(varies) <= MOST:
         return max(1.0 - probability_beyond_box(mean, covariance, limits), 0.0)
-    if np.any(np.abs(mean[~varies]) > limits[~varies]):
+    if np.any(np.abs(mean[~varies]) >= limits[~varies]):
         return 0.0
     from scipy.stats import multivariate_normal  # slow to import: half a second
 

@@ -212,7 +212,7 @@ class NormalSize:
             return math.nan, math.nan
         square = (size - self.fixed) * (size + self.fixed)
         if not len(self.variances):
-            return float(square >= 0.0), float(square < 0.0)
+            return float(square > 0.0), float(square <= 0.0)
         if size <= 0.0 or square <= 0.0:
             return 0.0, 1.0
         if len(self.variances) == 1:

@@ -168,7 +168,13 @@ def campaign_requirements(campaign: Campaign) -> tuple[Requirement, ...]:
 
 
 def _margin(measure: Measure, value: float) -> float:
+    """Return the logarithm of a value over its bound, of a box the other way round.
+
+    A size exactly at its limit is not below it: its margin is the smallest positive number.
+    """
     bound = measure.bound or 1.0
+    if value == bound and not measure.falls:
+        return math.nextafter(0.0, 1.0)
     if math.isnan(value):
         return math.nan
     ratio = (bound / value if value > 0.0 else math.inf) if measure.falls else value / bound

@@ -31,7 +31,7 @@
   }))(48);
   const integral = (low, high, f) => (high > low ? (high - low) / 2 * RULE.reduce((sum, [x, w]) => sum + w * f((low + high) / 2 + (high - low) / 2 * x), 0) : 0);
   const bell = (z) => Math.exp(-z * z / 2) / Math.sqrt(2 * Math.PI);
-  const interval = (half, centre, sigma) => (sigma > 0 ? (erf((half - centre) / sigma / Math.SQRT2) + erf((half + centre) / sigma / Math.SQRT2)) / 2 : +(abs(centre) <= half));
+  const interval = (half, centre, sigma) => (sigma > 0 ? (erf((half - centre) / sigma / Math.SQRT2) + erf((half + centre) / sigma / Math.SQRT2)) / 2 : +(abs(centre) < half));
 
   // Principal axes of a covariance by Jacobi's rotations: sigmas, the least first, and the mean along each.
   const principal = (mean, covariance) => {
@@ -54,7 +54,7 @@
   // Probability of a distance up to a radius: along the lesser axes in the angle that makes the chord smooth.
   const withinRadius = (radius, [[sigma, centre], ...others]) => {
     if (!others.length) return interval(radius, centre, sigma);
-    if (sigma <= 1e-7 * others[others.length - 1][0]) return abs(centre) <= radius ? withinRadius(Math.sqrt(radius ** 2 - centre ** 2), others) : 0;
+    if (sigma <= 1e-7 * others[others.length - 1][0]) return abs(centre) < radius ? withinRadius(Math.sqrt(radius ** 2 - centre ** 2), others) : 0;
     const angle = (at) => Math.asin(min(1, max(-1, at / radius)));
     return integral(angle(centre - 9 * sigma), angle(centre + 9 * sigma), (t) => {
       const chord = radius * Math.cos(t);
@@ -88,7 +88,7 @@
       const centre = mean[n] + known.reduce((sum, z, k) => sum + factor[n][k] * z, 0);
       const sigma = factor[n][n];
       if (n === limits.length - 1) return interval(limits[n], centre, sigma);
-      if (!sigma) return abs(centre) <= limits[n] ? inside(n + 1, [...known, 0], factor) : 0;
+      if (!sigma) return abs(centre) < limits[n] ? inside(n + 1, [...known, 0], factor) : 0;
       const [low, high] = [max(-9, (-limits[n] - centre) / sigma), min(9, (limits[n] - centre) / sigma)];
       const edges = [low, ...steps(n, known, factor).filter((z) => low < z && z < high).sort((p, q) => p - q), high];
       return edges.slice(1).reduce((sum, end, k) => sum + integral(edges[k], end, (z) => bell(z) * inside(n + 1, [...known, z], factor)), 0);
@@ -190,7 +190,7 @@
           margin = high < 1e9 ? root(about, 1e-9 * high, high) : Infinity;
         }
       }
-      return { value, margin, met: value <= limits[0] };
+      return { value, margin, met: value < limits[0] };
     });
 
     // The page's parts.
