@@ -20,6 +20,16 @@ TRAJECTORY_TIME: Final = "time of the trajectory [s]"
 """Label of the times of a trajectory, in which campaigns state outages and requirements."""
 
 
+LARGEST: Final = 1e70
+"""Magnitude to which linear errors are limited: beyond the range of any output, with covariances whose squares are
+finite."""
+
+
+def limited(values: Array, largest: float = LARGEST) -> Array:
+    """Limit values that a long divergence has let grow, as those of an inertial altitude over days."""
+    return np.asarray(np.clip(values, -largest, largest)) if np.any(np.abs(values) > largest) else values
+
+
 @dataclass(frozen=True)
 class LinearSystem:
     """The linear system read out at rising times, r of them, the last being the end: ``nominal + partials @ errors``.
@@ -59,6 +69,10 @@ class LinearSystem:
     def __post_init__(self) -> None:
         if not self.updates:
             object.__setattr__(self, "updates", (None,) * len(self.times))
+        object.__setattr__(self, "partials", limited(self.partials))
+        object.__setattr__(
+            self, "processes", {name: limited(added, LARGEST**2) for name, added in self.processes.items()}
+        )
 
     @classmethod
     def at_end(

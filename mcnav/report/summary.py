@@ -73,7 +73,7 @@ def summarise(
         **({"sizes": [_size(each, names) for each in sizes]} if sizes else {}),
         "requirements": [_requirement(judged, names) for judged in requirements],
         "requirements_met": tally(judged.finding.value for judged in requirements),
-        **({} if beyond is None else {"beyond_range": _beyond(beyond, record)}),
+        **({} if beyond is None else {"beyond_range": named_range(beyond, record)}),
         "budget": {**asdict(budget), "flown": record.budget},
         **({} if filtered is None else filter_entries(filtered)),
         **({} if smoothed is None else smoother_entries(smoothed)),
@@ -204,7 +204,7 @@ def _ellipsoid(ellipsoid: Ellipsoid | None, names: Sequence[str]) -> Keys:
     }
 
 
-def _beyond(beyond: BeyondRange, record: ModelRecord) -> Beyond:
+def named_range(beyond: BeyondRange, record: ModelRecord) -> Beyond:
     """Name the outputs that leave the range of linear analysis, and when; in the unit of the run's histories."""
     names = [record.outputs[output].name for output in beyond.outputs]
     return Beyond(

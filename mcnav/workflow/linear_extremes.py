@@ -13,6 +13,8 @@ from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import Requirement, RequirementResult
+from mcnav.report.sentences import beyond_range as range_words
+from mcnav.report.summary import named_range
 from mcnav.store.manifest import ModelRecord, PartialsRecord
 
 
@@ -34,6 +36,15 @@ def beyond_range(record: ModelRecord, model: Model) -> BeyondRange | None:
         over_time = development.times, mean, sigma
     limits = limits_of(output.limit for output in record.outputs)
     return find_beyond(limits, model.outcome_mean, np.sqrt(np.diag(model.outcome_covariance)), over_time)
+
+
+def range_note(record: ModelRecord, model: Model) -> str:
+    """Say before samples are simulated from when on they are not compared; empty where they are throughout."""
+    beyond = beyond_range(record, model)
+    if beyond is None:
+        return ""
+    words = range_words(named_range(beyond, record)).removeprefix("No: ").removesuffix(".")
+    return f"{words}; samples from then on are not compared with it"
 
 
 def _meaningless(requirement: Requirement, development: PartialsRecord | None, beyond: BeyondRange) -> bool:

@@ -44,6 +44,7 @@ from mcnav.store.manifest import (
     UnsettledRecord,
     Variable,
 )
+from mcnav.systems.histories import check_history
 from mcnav.systems.user.soundness import Unsettled
 
 DEVELOPMENT_POINTS: Final = 61
@@ -135,12 +136,21 @@ def prepare_system(
             raise CampaignError([Problem(file, "scenario", str(doubt))])
         engine = prepare_engine(scenario, engine_name, probes, errors.mean, errors.standard_deviations)
         throughout = linear_history(scenario, engine)
-        model, history = _linear(scenario, errors, engine, throughout, together), scenario.nominal()
+        model = _linear(scenario, errors, engine, throughout, together)
+        history = drawable_history(scenario.nominal(), file)
         remarks = remarks_of(scenario, errors.mean, errors.covariance)
     record = None if doubt is None else unsettled_record(doubt)
     return PreparedSystem(
         scenario, draws, engine, engine_name, model, throughout, history, record, remarks, timeout, file
     )
+
+
+def drawable_history(history: History, file: str) -> History:
+    """Check the history of the truth before samples are simulated: the run's report reads and draws it afterwards."""
+    try:
+        return check_history(history)
+    except (TypeError, ValueError) as wrong:
+        raise CampaignError([Problem(file, "scenario", f"has no history that can be drawn: {wrong}")]) from None
 
 
 def unsettled_record(doubt: Unsettled) -> UnsettledRecord:

@@ -26,7 +26,7 @@ from mcnav.execution.identity import check_no_foreign_files, check_resumable, ch
 from mcnav.execution.processes import end_workers_apart
 from mcnav.execution.runner import ChunkExecutor
 from mcnav.lincov.polynomial_engine import engine_names
-from mcnav.progress import SILENT, Phase, Progress
+from mcnav.progress import SILENT, Phase, Progress, note
 from mcnav.store.inputs import check_as_read, check_unchanged, file_records
 from mcnav.store.manifest import CriterionRecord, ExecutionRecord, Identity, Manifest
 from mcnav.store.provenance import commit
@@ -37,6 +37,7 @@ from mcnav.systems.timeouts import stopped_by
 from mcnav.workflow.analyse import analyse, linear_model, summary_frame, write_results
 from mcnav.workflow.corrections import compute_corrections
 from mcnav.workflow.exceedance import estimate_exceedances
+from mcnav.workflow.linear_extremes import range_note
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from mcnav.workflow.stopping import Execution
 from mcnav.workflow.stored_samples import doubt_samples, tables_over_time
@@ -122,6 +123,8 @@ def run_campaign(
         begun = _begin(campaign, folder, engine_name, fresh, force)
         execution = Execution(begun.job, jobs, progress, begun.notices.append, most_failures, executor)
         system, code = begun.system, campaign.code is not None
+        if words := range_note(system.model, linear_model(system.model)):
+            note(words)
         with _computed_beside(lambda: _compute_beside(system, campaign), before=code) as beside:
             manifest, record = _simulate(execution, begun.manifest, campaign.until)
             progress.phase(Phase.ANALYSING)

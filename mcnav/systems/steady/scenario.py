@@ -34,10 +34,13 @@ from mcnav.numerics.integration import Diverged
 from mcnav.numerics.refinement import refined_steps
 from mcnav.systems.histories import with_errors
 from mcnav.systems.sample_loop import simulate_each
-from mcnav.systems.steady.ensemble import ORDER, simulate_histories
+from mcnav.systems.steady.ensemble import ORDER, highest_rate, simulate_histories
 from mcnav.systems.steady.linearized import linearize
 from mcnav.systems.steady.navigator import simulate_indicated
 from mcnav.systems.steady.truth import SteadyFlight, navigation_error
+
+LARGEST_GROWTH: Final = 230.0
+"""Logarithm of the factor, 1e100, by which an error of an inertial altitude may grow in a flight."""
 
 DEGREE: Final = np.pi / 180.0
 
@@ -73,6 +76,10 @@ OUTPUTS: Final = (
     Output("cross_range_rate", "m/s", "m/s"),
 )
 """Final navigation errors."""
+
+LARGEST_ALTITUDE: Final = 0.5
+"""Altitude error, as a share of the radius, beyond which a linear one has no meaning: within two sigmas the indicated
+position reaches the earth's centre."""
 
 VERTICAL: Final = ("altitude", "altitude_rate")
 """Neither errors nor outputs of a navigator whose altitude is slaved."""
@@ -141,6 +148,36 @@ class Navigation:
         whole, outputs = self.whole(errors), list(self.outputs)
         return simulate_each(lambda row: simulate_indicated(self.flight, whole[row])[outputs], rows, values, Diverged)
 
+    def reference_steps(self, errors: Array) -> tuple[Array, Array]:
+        """Simulate one sample, shape (sources,), by the reference engine, until it ends or leaves the model.
+
+        Returns
+        -------
+        times : ndarray, shape (m,)
+            Of the integrator's steps, s; empty for a sample that starts outside.
+        errors : ndarray, shape (m, outputs)
+        """
+        seen: list[tuple[Array, Array]] = []
+        with contextlib.suppress(Diverged):
+            simulate_indicated(self.flight, self.whole(errors[None])[0], lambda *steps: seen.append(steps))
+        if not seen:
+            return np.empty(0), np.empty((0, len(self.outputs)))
+        times, states = seen[0]
+        flights = (replace(self.flight, duration=float(time)) for time in times)
+        off = [navigation_error(flight, state) for flight, state in zip(flights, states.T, strict=True)]
+        return times, np.array(off)[:, self.outputs]
+
+
+def largest_linear_error(flight: SteadyFlight, output: str) -> float:
+    """Return the size of an output beyond which a linear error has no meaning, SI.
+
+    That of an altitude is `LARGEST_ALTITUDE`; of a range the radius r, over which the local axes turn by a radian; of a
+    rate sqrt(g r), that of a Schuler oscillation with the amplitude r.
+    """
+    if output.endswith("_rate"):
+        return float(np.sqrt(flight.gravity * flight.radius))
+    return flight.radius * (LARGEST_ALTITUDE if output == "altitude" else 1.0)
+
 
 @dataclass(frozen=True)
 class ReferenceEngine:
@@ -192,7 +229,8 @@ class EnsembleEngine:
 class Cruise:
     """The scenario: steady flight along a great circle, or standing still, and a navigator that goes along.
 
-    Raises `ScenarioError` when nothing holds the vehicle down: at or beyond orbital speed.
+    Raises `ScenarioError` when nothing holds the vehicle down, at or beyond orbital speed, and when an inertial
+    altitude would diverge by more than `LARGEST_GROWTH`.
     """
 
     engines = ("ensemble", "reference")
@@ -205,14 +243,23 @@ class Cruise:
             raise ScenarioError(
                 "speed", f"{flight.speed:g} m/s is not below the {orbital:.1f} m/s of a satellite at this height"
             )
+        if not flight.slaved and (growing := highest_rate(flight)) * flight.duration > LARGEST_GROWTH:
+            raise ScenarioError(
+                "duration",
+                f"{flight.duration / 3600.0:.4g} h is too long for an inertial altitude, whose error grows e-fold "
+                f"every {1.0 / growing / 60.0:.3g} min; expected at most {LARGEST_GROWTH / growing / 3600.0:.3g} h",
+            )
         left_out = VERTICAL if flight.slaved else ()
         self.flight = flight
         self.sources = tuple(source for source in SOURCES if source.name not in left_out)
-        self.outputs = tuple(output for output in OUTPUTS if output.name not in left_out)
+        self.outputs = tuple(
+            replace(output, limit=largest_linear_error(flight, output.name))
+            for output in OUTPUTS if output.name not in left_out
+        )  # fmt: skip
         self.navigation = Navigation(
             flight,
             tuple(SOURCES.index(source) for source in self.sources),
-            tuple(OUTPUTS.index(output) for output in self.outputs),
+            tuple(number for number, output in enumerate(OUTPUTS) if output.name not in left_out),
         )
 
     def _partials(self, times: Array) -> Array:
@@ -251,39 +298,46 @@ class Cruise:
 
     def simulate_one(self, errors: Array) -> History:
         """Simulate one sample, shape (sources,), on the reference path: its navigation errors over the flight."""
-        seen: list[tuple[Array, Array]] = []
-        with contextlib.suppress(Diverged):
-            simulate_indicated(self.flight, self.navigation.whole(errors[None])[0], lambda *step: seen.append(step))
-        if not seen:
-            return History()
-        times, states = seen[0]
-        off = np.array(
-            [
-                navigation_error(replace(self.flight, duration=float(time)), state)
-                for time, state in zip(times, states.T, strict=True)
-            ]
-        )
-        return with_errors(History({HISTORY_TIME: times / 60.0}), off[:, self.navigation.outputs], self.outputs)
+        times, off = self.navigation.reference_steps(errors)
+        return with_errors(History({HISTORY_TIME: times / 60.0}), off, self.outputs) if len(times) else History()
 
     def nominal(self) -> History:
-        """Simulate the usual size of each error alone: its effect on the indicated position over the flight."""
+        """Simulate the usual size of each error alone: its effect on the indicated position over the flight.
+
+        The effect of an error ends (NaN) where the indicated position leaves the model.
+        """
         flight, names = self.flight, [output.name for output in self.outputs]
-        labels = source_labels([source.name for source in self.sources], names)
-        sizes = np.diag([source.nominal for source in self.sources])
-        shares, intervals = np.linspace(0.0, 1.0, HISTORY_POINTS), HISTORY_POINTS - 1
-        each = int(np.ceil(flight.duration / (intervals * LONGEST_STEP)))
-        histories, _ = self.navigation.histories(sizes, each * intervals, shares)
-        times, flown = shares * flight.duration, histories.swapaxes(0, 1)
+        times, histories = self._single_errors()
+        ended = times[np.maximum(np.isfinite(histories).all(axis=2).sum(axis=1), 1) - 1]
+        labels = [
+            label if end == flight.duration else f"{label}, until {end / 60.0:.0f} min"
+            for label, end in zip(source_labels([source.name for source in self.sources], names), ended, strict=True)
+        ]
+        flown = histories.swapaxes(0, 1)
         columns = {HISTORY_TIME: times / 60.0, "range flown [km]": flight.speed * times / 1e3}
         panels = []
         for name in (name for name in names if not name.endswith("_rate")):
             spoken = name.replace("_", " ")
             of_output = flown[:, :, names.index(name)] / 1e3
-            largest = np.abs(of_output).max(axis=0)
+            largest = np.nanmax(np.abs(of_output), axis=0)
             kept = [j for j in np.argsort(-largest, kind="stable") if largest[j] > 0.01 * largest.max()][:6]
+            if not kept:
+                continue
             drawn = {f"{spoken} by {self.sources[j].name.replace('_', ' ')} [km]": of_output[:, j] for j in kept}
             legend = tuple(labels[j] for j in kept)
             columns |= drawn
             title = f"{spoken.capitalize()} error left by one error of usual size"
             panels.append(Panel(title, HISTORY_TIME, tuple(drawn), legend, f"{spoken} error [km]"))
         return History(columns, {"end": flight.duration / 60.0}, tuple(panels), title=RESPONSES)
+
+    def _single_errors(self) -> tuple[Array, Array]:
+        """Simulate the usual size of each error alone: times, s, shape (m,), and errors, (sources, m, outputs), SI."""
+        sizes = np.diag([source.nominal for source in self.sources])
+        shares, intervals = np.linspace(0.0, 1.0, HISTORY_POINTS), HISTORY_POINTS - 1
+        each = int(np.ceil(self.flight.duration / (intervals * LONGEST_STEP)))
+        histories, valid = self.navigation.histories(sizes, each * intervals, shares)
+        times = shares * self.flight.duration
+        for number in np.flatnonzero(~valid).tolist():
+            reached, _ = self.navigation.reference_steps(sizes[number])
+            histories[number, times > reached.max(initial=0.0)] = np.nan
+        return times, histories
