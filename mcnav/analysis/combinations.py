@@ -7,7 +7,7 @@ The linear covariance C of dependent outputs is singular: in its null space it p
 units of their linear sigmas, the correlation matrix is ``F F^T``, where F stacks ``P S^(1/2)`` and the square roots of
 the processes' covariances. A QR factorization of F^T with column pivoting splits the outputs into independent and
 dependent ones; each dependent output less its combination of independent ones is one basis vector of the null space
-(Golub and Van Loan, *Matrix Computations*, 2013, section 5.4.2). F has the sigma of such a combination to 1e-16, its
+(Golub and Van Loan, *Matrix Computations*, 2013, section 5.4.2). F has the weights of such a combination to 1e-16, its
 square C only to 1e-8.
 """
 
@@ -15,8 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Final
 
 import numpy as np
 from scipy import linalg
@@ -25,10 +23,8 @@ from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.block_moments import BlockMoments
 from mcnav.analysis.decision_rule import DecisionRule
+from mcnav.analysis.floor import COMBINED
 from mcnav.analysis.verdict import Judgement
-
-SIMULATED: Final = 1e-6
-"""Share of an output's sigma to which engines simulate it; a combination dispersed by less is rounding."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +127,7 @@ def null_combinations(factor: Array, rank: int) -> tuple[Array, IndexArray]:
 
 @dataclass(frozen=True)
 class FixedCombination:
-    """Combination to which linear analysis gives no dispersion, or next to none.
+    """Combination to which linear analysis gives no dispersion, or less than counts.
 
     Attributes
     ----------
@@ -139,48 +135,41 @@ class FixedCombination:
         Weights on outputs in linear sigmas.
     lead : int
         Dependent output, whose weight is one.
-    variance, floor : float
-        Linear variance in the square of that sigma, and the one up to which it is rounding.
+    floor : float
+        Variance up to which its dispersion counts as none, in the square of that sigma.
     """
 
     terms: Array
     lead: int
-    variance: float
     floor: float
-
-    @property
-    def dispersed(self) -> bool:
-        """Return whether the linear variance is more than rounding."""
-        return self.variance > self.floor
 
 
 def fixed_combinations(
-    partials: Array, covariance: Array, processes: Sequence[Array], sigma: Array, rank: int, rounding: Array
+    partials: Array, covariance: Array, processes: Sequence[Array], sigma: Array, rank: int, floor: Array
 ) -> tuple[FixedCombination, ...]:
     """List the combinations of outputs outside the range of the linear covariance, of so many dimensions.
 
     Parameters
     ----------
-    sigma, rounding : ndarray, shape (outputs,)
-        Linear sigmas, and the share of each below which a sigma is rounding, at least `SIMULATED`. Outputs without a
-        sigma are left out.
+    sigma, floor : ndarray, shape (outputs,)
+        Linear sigmas, and the sigma up to which each counts as none (`mcnav.analysis.floor`). Outputs without a sigma
+        are left out.
     """
     dispersed = np.flatnonzero(sigma > 0.0)
     noise = [each[np.ix_(dispersed, dispersed)] for each in processes]
     factor = covariance_factor(partials[dispersed], covariance, noise, sigma[dispersed])
-    floors, combinations = np.maximum(rounding[dispersed], SIMULATED), []
+    shares, combinations = np.maximum(floor[dispersed] / sigma[dispersed], COMBINED), []
     for own, dependent in zip(*null_combinations(factor, rank), strict=True):
         terms = np.zeros(len(sigma))
         terms[dispersed] = own
-        variance, floor = float(np.sum((factor.T @ own) ** 2)), float(np.abs(own) @ floors) ** 2
-        combinations.append(FixedCombination(terms, int(dispersed[dependent]), variance, floor))
+        combinations.append(FixedCombination(terms, int(dispersed[dependent]), float(np.abs(own) @ shares) ** 2))
     return tuple(combinations)
 
 
 def compare_fixed(
     fixed: FixedCombination, sigma: Array, moments: BlockMoments, bias: Array, rule: DecisionRule
 ) -> Combination:
-    """Compare the dispersion of a combination with the linear one: with none, any that is more than rounding differs.
+    """Compare the dispersion of a combination with the linear one: with none, any that is above the floor differs.
 
     Parameters
     ----------
@@ -188,13 +177,9 @@ def compare_fixed(
         Linear sigmas, and simulated less linear means.
     """
     scaled = np.divide(fixed.terms, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
-    estimate, difference = (rule.mean(moments.unbiased * sums, moments.counts) for sums in moments.combined(scaled))
-    expected = fixed.variance if fixed.dispersed else 0.0
-    if fixed.dispersed:
-        estimate = replace(difference, value=expected + difference.value)
-    judgement = rule.judge(estimate, expected, fixed.floor)
-    unit = float(sigma[fixed.lead])
-    linear, paired = (unit * _root(each) for each in (expected, estimate.value))
+    estimate = rule.mean(moments.unbiased * moments.combined(scaled), moments.counts)
+    judgement, unit = rule.judge(estimate, 0.0, fixed.floor), float(sigma[fixed.lead])
     return Combination(
-        fixed.lead, unit * scaled, fixed.terms, linear, paired, unit * float(scaled @ bias), judgement
+        fixed.lead, unit * scaled, fixed.terms, 0.0, unit * _root(estimate.value), unit * float(scaled @ bias),
+        judgement,
     )  # fmt: skip

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
-from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
@@ -26,6 +26,7 @@ from mcnav.analysis.block_moments import (
 from mcnav.analysis.combinations import Combination, FixedCombination, compare_fixed, fixed_combinations
 from mcnav.analysis.decision_rule import DecisionRule
 from mcnav.analysis.ellipsoid import Ellipsoid, compare_ellipsoid, name_combinations
+from mcnav.analysis.floor import COMBINED, agreement_floor, cancelled
 from mcnav.analysis.multivariate import MultivariateTests, compare_jointly
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Judgement, Verdict, combine_verdicts
 from mcnav.lincov.block_sums import BlockSums, Normalization
@@ -36,9 +37,6 @@ from mcnav.statistics.estimates import Estimate, block_begins
 from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.whitening import whitening
-
-ROUNDING: Final = 1e-10
-"""A sigma below this share of the terms that form it is rounding, and counts as zero."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +54,12 @@ class Model:
         Covariance Q_j that each process of noise adds, by name.
     sizes : mapping of int to tuple of int
         Outputs that are the root sum of squares of others.
+    scales : ndarray, shape (outputs,), optional
+        Sizes on which the system of each output changes, its `Output.limit`; infinite without one.
+    limits : ndarray, shape (outputs,), optional
+        Smallest limit that requirements set to each output; infinite without one.
+    withheld : tuple of int
+        Outputs without a verdict, since they depend on a source with heavy tails.
     """
 
     partials: Array
@@ -64,6 +68,9 @@ class Model:
     covariance: Array
     processes: Mapping[str, Array] = field(default_factory=dict)
     sizes: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    scales: Array | None = None
+    limits: Array | None = None
+    withheld: tuple[int, ...] = ()
 
     @property
     def outcome_mean(self) -> Array:
@@ -78,8 +85,25 @@ class Model:
         """
         covariance = propagated_covariance(self.partials, self.covariance)
         covariance = covariance + sum(self.processes.values(), np.zeros_like(covariance))
-        dispersed = np.diag(covariance) > self.rounding**2
-        return np.asarray(np.where(np.outer(dispersed, dispersed), covariance, 0.0), dtype=float)
+        return _without(covariance, np.diag(covariance) <= self.rounding**2)
+
+    @property
+    def judged_covariance(self) -> Array:
+        """The same without the outputs whose sigma is within the floor: that of what is judged together."""
+        return _without(self.outcome_covariance, ~self.judged)
+
+    @property
+    def judged(self) -> NDArray[np.bool_]:
+        """Outputs that are judged together: not those hardly dispersed, nor those withheld while others are not.
+
+        An output is hardly dispersed within its floor, or by less than `COMBINED` of the error of fixed sources.
+        """
+        variances = np.diag(self.outcome_covariance)
+        least = np.maximum(self.floor, COMBINED * np.abs(self._fixed))
+        judged = (variances == 0.0) | (variances > least**2)
+        if len(self.withheld) < len(variances):
+            judged[list(self.withheld)] = False
+        return np.asarray(judged)
 
     @property
     def laws_of_sizes(self) -> dict[int, NormalSize]:
@@ -95,8 +119,27 @@ class Model:
     @property
     def rounding(self) -> Array:
         """Sigma that rounding alone may leave in each output, shape (outputs,)."""
-        terms = np.abs(self.partials) * np.sqrt(np.diag(self.covariance))
-        return np.asarray(ROUNDING * np.maximum(terms.max(axis=1, initial=0.0), np.abs(self.outcome_mean)))
+        return cancelled(self._terms, self.outcome_mean)
+
+    @property
+    def floor(self) -> Array:
+        """Sigma up to which a difference from each output counts as agreement, shape (outputs,)."""
+        return agreement_floor(self._terms, self.outcome_mean, self._fixed, self.scales, self.limits)
+
+    @property
+    def _fixed(self) -> Array:
+        """Mean error that sources of fixed value leave, shape (outputs,)."""
+        known = np.diag(self.covariance) <= 0.0
+        return np.asarray(self.partials[:, known] @ self.mean[known])
+
+    @property
+    def _terms(self) -> Array:
+        return np.abs(self.partials) * np.sqrt(np.diag(self.covariance))
+
+
+def _without(covariance: Array, outputs: NDArray[np.bool_]) -> Array:
+    """Return a covariance with zeros in the rows and columns of some outputs, shape (outputs,)."""
+    return np.where(outputs[:, None] | outputs, 0.0, covariance)
 
 
 @dataclass(frozen=True)
@@ -128,6 +171,8 @@ class OutputComparison:
         there is no ratio.
     samples_to_see : float
         Samples with which the paired estimate finds a departure as large as the tolerance, as often.
+    floor : float
+        Sigma up to which a difference counts as agreement (`mcnav.analysis.floor`).
     """
 
     sigma_linear: float
@@ -140,13 +185,14 @@ class OutputComparison:
     detectable_plain: float
     detectable_paired: float
     samples_to_see: float
+    floor: float = 0.0
 
 
 @dataclass(frozen=True)
 class Comparison:
     """Result of a campaign; arrays in the order of the scenario's outputs, SI.
 
-    ``joint`` holds the tests of all outputs together; it is none when there is nothing to test.
+    ``joint`` holds the tests of all outputs together, but those ``apart``; it is none when there is nothing to test.
     ``verdict`` is that on the outputs' sigmas. The whole matrix has a judgement of its own (`Ellipsoid`), which is
     stricter: nonlinearity appears first along the ellipsoid's narrowest axes.
     """
@@ -162,6 +208,7 @@ class Comparison:
     ellipsoid: Ellipsoid | None
     joint: MultivariateTests | None
     verdict: Verdict
+    apart: tuple[int, ...] = ()
 
 
 def correlations(covariance: Array) -> Array:
@@ -197,7 +244,7 @@ def reduce_stored(
         z += model.nominal
     else:
         z = np.asfortranarray(linear)
-    given = whitening(model.outcome_covariance)
+    given = whitening(model.judged_covariance)
     moments = SampleMoments(y, z, block_begins(blocks), model.outcome_mean, given)
     return ReducedSamples(moments, moments, drawn, successful)
 
@@ -206,7 +253,7 @@ def reduce_summary(
     model: Model, frame: Normalization, sums: BlockSums, samples: int, stored: SampleMoments
 ) -> ReducedSamples:
     """Restore a campaign from its summary; of the samples drawn, those not in the sums failed."""
-    moments = SummaryMoments.of(frame, sums, whitening(model.outcome_covariance))
+    moments = SummaryMoments.of(frame, sums, whitening(model.judged_covariance))
     successful = ErrorSums(moments.samples, sums.errors, sums.squares)
     drawn = ErrorSums(samples, sums.errors + sums.lost, sums.squares + sums.lost_squares)
     return ReducedSamples(moments, stored, drawn, successful)
@@ -233,9 +280,8 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
     """Compare a campaign with the linear model; the criterion's confidence is that of all verdicts (Bonferroni)."""
     moments, linear = samples.moments, model.outcome_covariance
     count, failed = moments.samples, samples.failed
-    given, fixed = whitening(linear), _fixed_combinations(model, moments)
-    statements = len(linear) + 1 + sum(each.dispersed for each in fixed)
-    each = 1.0 - (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / statements
+    given, fixed = whitening(model.judged_covariance), _fixed_combinations(model)
+    each = 1.0 - (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / (len(linear) + 1)
     if min(count, samples.stored.samples) < 2:
         unknown = np.full_like(linear, np.nan)
         return Comparison(
@@ -245,18 +291,21 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
     sample, predicted = moments.covariances
     paired = sample - predicted + linear
     rule = DecisionRule(count, criterion.tolerance, each, design.fewest_blocks)
+    rules = [replace(rule, fewest_blocks=np.inf) if i in model.withheld else rule for i in range(len(linear))]
+    if len(model.withheld) == len(linear):
+        rule = rules[0]
     ellipsoid, joint = None, None
     of_sizes = model.laws_of_sizes
     with side_threads(2 if count > STRETCH else 0) as executor:
         judged = [
-            executor.submit(_compare_size, i, of_sizes[i], float(model.outcome_mean[i]), moments, rule)
+            executor.submit(_compare_size, i, of_sizes[i], float(model.outcome_mean[i]), moments, rules[i])
             if i in of_sizes
-            else executor.submit(_compare_output, i, float(linear[i, i]), float(floor), moments, rule)
-            for i, floor in enumerate(model.rounding**2)
+            else executor.submit(_compare_output, i, float(linear[i, i]), float(floor), moments, rules[i])
+            for i, floor in enumerate(model.floor**2)
         ]
-        if np.any(linear):
+        if given.rank:
             whole = executor.submit(compare_ellipsoid, given, samples, paired, rule)
-            joint = compare_jointly(samples, linear, each, design)
+            joint = compare_jointly(samples, model.judged_covariance, each, design, model.judged)
             ellipsoid = whole.result()
     outputs = tuple(output.result() for output in judged)
     if ellipsoid is not None:
@@ -264,17 +313,18 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
         unpredicted = _unpredicted(fixed, np.sqrt(np.diag(linear)), moments, outputs, bias, rule)
         ellipsoid = name_combinations(ellipsoid, given, linear, paired, bias, unpredicted)
     verdict = _overall_verdict(outputs, failed, count + failed)
-    return Comparison(count, failed, each, moments.mean, linear, sample, paired, outputs, ellipsoid, joint, verdict)
+    apart = tuple(np.flatnonzero(~model.judged).tolist())
+    return Comparison(
+        count, failed, each, moments.mean, linear, sample, paired, outputs, ellipsoid, joint, verdict, apart
+    )
 
 
-def _fixed_combinations(model: Model, moments: BlockMoments) -> tuple[FixedCombination, ...]:
-    """List the combinations of outputs that the linear model holds fixed."""
-    linear = model.outcome_covariance
-    sigma = np.sqrt(np.diag(linear))
-    shares = np.divide(model.rounding, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
+def _fixed_combinations(model: Model) -> tuple[FixedCombination, ...]:
+    """List the combinations of outputs that the linear model holds fixed, of outputs that are judged together."""
+    judged = model.judged_covariance
     return fixed_combinations(
-        model.partials, model.covariance, list(model.processes.values()), sigma, whitening(linear).rank,
-        np.maximum(shares, moments.rounding),
+        model.partials, model.covariance, list(model.processes.values()), np.sqrt(np.diag(judged)),
+        whitening(judged).rank, model.floor,
     )  # fmt: skip
 
 
@@ -328,7 +378,7 @@ def _compare_size(
 def _compare_output(
     i: int, variance: float, floor: float, moments: BlockMoments, rule: DecisionRule
 ) -> OutputComparison:
-    """Compare output i, of a linear variance; a variance up to the floor is rounding."""
+    """Compare output i, of a linear variance; a difference of variances up to the floor counts as agreement."""
     unbiased = moments.samples / (moments.samples - 1.0)
     plain, difference = (rule.mean(unbiased * sums, moments.counts) for sums in moments.products(i, i))
     paired = replace(difference, value=variance + difference.value)
@@ -344,4 +394,5 @@ def _compare_output(
         detectable_plain=rule.power(plain, variance)[0],
         detectable_paired=detectable,
         samples_to_see=samples_to_see,
+        floor=float(np.sqrt(floor)),
     )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
+from mcnav.analysis.floor import widened
 from mcnav.analysis.verdict import Judgement, Verdict, judge
 from mcnav.statistics.estimates import Estimate, summed_mean
 from mcnav.statistics.power import detectable_ratio, samples_to_detect
@@ -31,12 +33,22 @@ class DecisionRule:
         return summed_mean(sums, counts, self.fewest_blocks)
 
     def judge(self, estimate: Estimate, expected: float, floor: float = 0.0) -> Judgement:
-        """Judge the square root of an estimated variance over the expected one."""
+        """Judge the square root of an estimated variance over the expected one.
+
+        A difference of variances up to the floor counts as agreement (`mcnav.analysis.floor`).
+        """
         if expected <= 0.0:
             agrees = estimate.value <= floor
-            return Judgement(Verdict.AGREES if agrees else Verdict.DIFFERS, None, None, certain=not agrees)
+            negligible = agrees and estimate.value > 0.0
+            verdict = Verdict.AGREES if agrees else Verdict.DIFFERS
+            return Judgement(verdict, None, None, certain=not agrees, negligible=negligible)
         ratio, interval = ratio_interval(estimate, expected, self.confidence)
-        return judge(ratio, interval, self.tolerance, self.samples, self.confidence)
+        plain = judge(ratio, interval, self.tolerance, self.samples, self.confidence)
+        tolerance = widened(self.tolerance, floor / expected)
+        if plain.verdict == Verdict.AGREES or tolerance == self.tolerance:
+            return plain
+        wide = judge(ratio, interval, tolerance, self.samples, self.confidence)
+        return replace(wide, negligible=wide.verdict == Verdict.AGREES)
 
     def power(self, estimate: Estimate, expected: float) -> tuple[float, float]:
         """Return the smallest departure of the sigma ratio from one that would have been found.

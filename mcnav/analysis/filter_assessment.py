@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from mcnav._dataclasses import dataclass
@@ -21,7 +22,6 @@ from mcnav.analysis.filter_consistency import (
     SensorConsistency,
     SigmaConsistency,
     Whiteness,
-    rounding_floor,
 )
 from mcnav.analysis.filter_decision import (
     NOT_NAVIGATION,
@@ -32,7 +32,7 @@ from mcnav.analysis.filter_decision import (
     outputs_of,
     worst_output,
 )
-from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
+from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares, singular
 from mcnav.analysis.filter_judgement import (
     Rates,
     find,
@@ -42,6 +42,7 @@ from mcnav.analysis.filter_judgement import (
     undecidable,
 )
 from mcnav.analysis.filter_remarks import remarks_on
+from mcnav.analysis.floor import filter_floor
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE
 from mcnav.statistics.filter_sums import FilterMeans, Means
 from mcnav.statistics.mean_square import mean_square_bounds, share_bounds, share_intervals
@@ -214,10 +215,12 @@ def _groups(
         picked = [i for i in outputs_of(name, names) if i in means.schema.known]
         members = [*(() if name == "sensors" else (outputs[i] for i in picked if outputs))]
         members += states if name in NOT_NAVIGATION else ()
-        singular = np.any([each.disbelieved for each in members], axis=0) if members else np.zeros(epochs, dtype=bool)
+        unknown = np.any([each.disbelieved for each in members], axis=0) if members else np.zeros(epochs, dtype=bool)
+        if len(picked) > 1:
+            unknown |= _singular(means.covariances[:epochs][:, np.array(picked)[:, None], picked], unknown)
         rates = basis.deciding if name in deciding else aside
         band = mean_square_band(
-            np.where(singular, np.nan, nees.value[:epochs, number]),
+            np.where(unknown, np.nan, nees.value[:epochs, number]),
             basis.error(nees.standard_error[:epochs, number]),
             count,
             count * size,
@@ -244,6 +247,15 @@ def _groups(
     return tuple(consistencies)
 
 
+def _singular(covariances: Array, unknown: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return where the filters' mean covariance of a group, shape (m, k, k), has no inverse, shape (m,)."""
+    sigma = np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 0.0))
+    known = ~unknown & np.isfinite(covariances).all(axis=(1, 2)) & (sigma > 0.0).all(axis=1)
+    scale = np.where(known[:, None], sigma, 1.0)
+    correlations = covariances / (scale[:, :, None] * scale[:, None, :])
+    return known & singular(np.where(known[:, None, None], correlations, np.eye(sigma.shape[1])))
+
+
 def _linear_ratio(linear: LinearFilter | None, outputs: tuple[int, ...], size: int) -> Array | None:
     """Return the root of the mean NEES of some outputs by linear analysis over their number, shape (m,).
 
@@ -265,9 +277,8 @@ def _linear_ratio(linear: LinearFilter | None, outputs: tuple[int, ...], size: i
     return np.asarray(np.where(regular, np.sqrt(np.maximum(nees, 0.0) / size), np.nan))
 
 
-def _ratio(basis: _Basis, squares: Means, variances: Means, rates: Rates) -> Band:
+def _ratio(basis: _Basis, squares: Means, variances: Means, rates: Rates, floor: float) -> Band:
     """Return the roots of mean squares over mean variances; their errors add up, whatever their correlation."""
-    floor = rounding_floor(_root(squares.value), _root(variances.value))
     known = (variances.value > floor**2) & np.isfinite(variances.standard_error)
     relative = np.where(known, variances.standard_error / np.where(known, variances.value, 1.0), 0.0)
     error = basis.error(squares.standard_error + squares.value * relative)
@@ -284,11 +295,14 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
     halves = Rates.of(basis.criterion, 2 * len(evidence.outputs) * epochs)
     independent = means.samples * evidence.weight
     bounds_1, bounds_3 = (share_bounds(each, independent, halves.together) for each in WITHIN.values())
+    floors = filter_floor(
+        _root(true.value), _root(variances.value[:epochs]), [output.unit for output in evidence.outputs], evidence.floor
+    )
     consistencies = []
     for i, output in enumerate(evidence.outputs):
         squares = Means(true.value[:, i], true.standard_error[:, i], np.full(epochs, float(true.samples)))
         own = Means(variances.value[:epochs, i], variances.standard_error[:epochs, i], variances.count[:epochs, i])
-        ratio = _ratio(basis, squares, own, basis.deciding)
+        ratio = _ratio(basis, squares, own, basis.deciding, floors[i])
         within_1, within_3 = (
             _share_band(shares[name].value[:epochs, i], basis.count(shares[name].count[:epochs, i]), halves)
             for name in WITHIN
@@ -309,6 +323,7 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
                 bounds_1,
                 bounds_3,
                 basis.find(ratio, means.samples, basis.deciding),
+                float(floors[i]),
             )
         )
     return tuple(consistencies)
@@ -319,13 +334,15 @@ def _states(basis: _Basis, means: FilterMeans) -> tuple[SigmaConsistency, ...]:
     evidence, epochs, schema = basis.evidence, len(basis.evidence.times), means.schema
     squares, variances = means.squared_state_errors, means.at("state_variance")
     rates = Rates.of(basis.criterion, int(np.count_nonzero(variances.value[:-1] > 0.0)))
+    units = [unit for unit, _ in schema.units]
+    floors = filter_floor(_root(squares.value[:epochs]), _root(variances.value[:epochs]), units)
     consistencies = []
     for i, (name, (unit, shown_in)) in enumerate(zip(schema.states, schema.units, strict=True)):
         true, own = (
             Means(each.value[:epochs, i], each.standard_error[:epochs, i], each.count[:epochs, i])
             for each in (squares, variances)
         )
-        ratio, linear = _ratio(basis, true, own, rates), evidence.linear
+        ratio, linear = _ratio(basis, true, own, rates, floors[i]), evidence.linear
         consistencies.append(
             SigmaConsistency(
                 name,
@@ -341,6 +358,7 @@ def _states(basis: _Basis, means: FilterMeans) -> tuple[SigmaConsistency, ...]:
                 (0.0, 1.0),
                 (0.0, 1.0),
                 basis.find(ratio, means.samples, rates),
+                float(floors[i]),
             )
         )
     return tuple(consistencies)

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._dataclasses import dataclass
-from mcnav.analysis.filter_consistency import MEAN, NeglectedError, rounding_floor
+from mcnav.analysis.filter_consistency import MEAN, NeglectedError
 from mcnav.analysis.filter_evidence import LinearFilter
 
 NEARLY: Final = 0.99
@@ -31,17 +31,13 @@ def largest_departure(linear: LinearFilter, outputs: Sequence[int], tolerance: f
     """Find where the sigma of one of some outputs departs the most; none within the tolerance.
 
     Of epochs that are nearly equal it is the last one: what an initial error contributes has then decayed. Sigmas up to
-    rounding have no ratio. A departure that linear analysis does not know has no cause that it could name.
+    the floor have no ratio. A departure that linear analysis does not know has no cause that it could name.
     """
     if linear.true is None:
         return None
     picked = np.array(outputs)
-    true, own = (
-        np.sqrt(np.maximum(np.diagonal(each, axis1=1, axis2=2)[:, picked], 0.0))
-        for each in (linear.true, linear.covariance)
-    )
-    floors = np.array([rounding_floor(*columns) for columns in zip(true.T, own.T, strict=True)])
-    ratio = np.divide(true, own, out=np.zeros_like(true), where=np.isfinite(true) & (own > floors))
+    true, own = (sigmas[:, picked] for sigmas in linear.sigmas)
+    ratio = np.divide(true, own, out=np.zeros_like(true), where=np.isfinite(true) & (own > 0.0))
     largest = ratio.max(axis=1)
     epoch = int(np.flatnonzero(largest >= NEARLY * largest.max())[-1])
     output = int(picked[int(np.argmax(ratio[epoch]))])

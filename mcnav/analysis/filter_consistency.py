@@ -75,15 +75,6 @@ class Band:
         return np.isfinite(self.value)
 
 
-ROUNDING: Final = 1e-8
-"""A sigma below this share of the largest one over time is rounding: of a position on the earth it is 1e-9 m."""
-
-
-def rounding_floor(true: Array, own: Array) -> float:
-    """Return the sigma up to which those of an output over time count as zero."""
-    return ROUNDING * float(max(np.max(true, initial=0.0), np.max(np.nan_to_num(own), initial=0.0)))
-
-
 @dataclass(frozen=True)
 class Finding:
     """Verdict on a ratio of sigmas over time.
@@ -169,6 +160,8 @@ class SigmaConsistency:
     bounds_1, bounds_3 : (float, float)
         Where these shares of so many samples of a consistent filter lie, at all epochs together.
     finding : Finding
+    floor : float
+        Sigma up to which one counts as none (`mcnav.analysis.floor`).
     """
 
     name: str
@@ -184,16 +177,22 @@ class SigmaConsistency:
     bounds_1: tuple[float, float]
     bounds_3: tuple[float, float]
     finding: Finding
+    floor: float = 0.0
 
     @property
     def disbelieved(self) -> NDArray[np.bool_]:
-        """Return where the filter believes in no error, shape (m,): sigmas up to rounding count as zero."""
-        return np.asarray(self.filter <= rounding_floor(self.true, self.filter))
+        """Return where the filter believes in no error, shape (m,): sigmas up to the floor count as zero."""
+        return np.asarray(self.filter <= self.floor)
+
+    @property
+    def negligible(self) -> NDArray[np.bool_]:
+        """Return where neither the error nor the filter's sigma is above the floor, shape (m,)."""
+        return np.asarray(self.disbelieved & (self.true <= self.floor))
 
     @property
     def overlooked(self) -> NDArray[np.bool_]:
         """Return where the filter believes in no error and there is one, shape (m,)."""
-        return np.asarray(self.disbelieved & (self.true > rounding_floor(self.true, self.filter)))
+        return np.asarray(self.disbelieved & (self.true > self.floor))
 
     @property
     def claims(self) -> bool:

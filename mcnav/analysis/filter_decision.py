@@ -81,11 +81,17 @@ class Decision:
 
 
 def decide(groups: Sequence[GroupConsistency], outputs: Sequence[SigmaConsistency]) -> Decision:
-    """Decide on a filter by its deciding groups, one at least, and by all outputs that it may be wrong about."""
-    of_groups = [Claim(group.name, group.size, group.finding) for group in groups]
+    """Decide on a filter by its deciding groups, one at least, and by all outputs that it may be wrong about.
+
+    A group whose covariance is singular at every epoch makes no claim beside outputs that make one.
+    """
     of_outputs = [Claim(output.name, 0, output.finding) for output in outputs if output.claims]
+    known = [group for group in groups if group.ratio.known.any()]
+    judged = known or ([] if of_outputs else groups)
+    of_groups = [Claim(group.name, group.size, group.finding) for group in judged]
     departures = tuple(_departures(of_groups, of_outputs))
-    whole, single = _together(of_groups), _together(of_outputs)
+    whole = _together(of_groups) if of_groups else Honesty.UNDECIDED
+    single = _together(of_outputs)
     if departures:
         return Decision(departures[0][0], whole, single, departures[0][1], departures)
     claims = [*of_groups, *of_outputs]

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
+from mcnav.analysis.floor import filter_floor
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
 from mcnav.sampling.designs import SamplingDesign
@@ -38,6 +41,18 @@ class MeanSquares:
         return cls(sums.count, squares, error)
 
 
+SINGULAR: Final = 1e-6
+"""Smallest eigenvalue of a filter's correlation matrix of which a NEES is judged.
+
+The two covariances of a matched filter agree to 1e-9 of its sigmas, so that such a NEES has an error of some 1e-3.
+"""
+
+
+def singular(correlations: Array) -> NDArray[np.bool_]:
+    """Return which of m correlation matrices, shape (m, k, k), are singular to `SINGULAR`, shape (m,)."""
+    return np.asarray(np.linalg.eigvalsh(correlations)[:, 0] <= SINGULAR)
+
+
 @dataclass(frozen=True)
 class LinearFilter:
     """Linear analysis of a filter and of the truth at m epochs, SI; see `FilterPrediction`.
@@ -58,6 +73,10 @@ class LinearFilter:
         Variance that the filter believes each of these to have, over its true mean square; one for those missing.
     squared_means : mapping of str to ndarray, shape (m, outputs)
         Part of the squared mean error that the mean of each source contributes.
+    units : tuple of str
+        SI units of the outputs, of which those of one unit share a covariance.
+    floor : ndarray, shape (outputs,), optional
+        That of the outputs for samples (`mcnav.analysis.floor`).
     """
 
     covariance: Array
@@ -67,6 +86,31 @@ class LinearFilter:
     contributions: Mapping[str, Array] = field(default_factory=dict)
     believed: Mapping[str, float] = field(default_factory=dict)
     squared_means: Mapping[str, Array] = field(default_factory=dict)
+    units: tuple[str, ...] = ()
+    floor: Array | None = None
+
+    @property
+    def sigmas(self) -> tuple[Array, Array]:
+        """True sigmas and those that the filter computes, shape (m, outputs); those up to the floor are zero."""
+        true, own, floor = self._with_floor
+        return np.where(true > floor, true, 0.0), np.where((own > floor) | np.isnan(own), own, 0.0)
+
+    @property
+    def negligible(self) -> dict[int, float]:
+        """Outputs of which neither sigma is above the floor at some epoch with an error, and their floors, SI."""
+        true, own, floor = self._with_floor
+        small = ((true > 0.0) & (true <= floor) & (own <= floor)).any(axis=0)
+        return {int(number): float(floor[number]) for number in np.flatnonzero(small)}
+
+    @property
+    def _with_floor(self) -> tuple[Array, Array, Array]:
+        """True sigmas, those that the filter computes, shape (m, outputs), and the floors, shape (outputs,)."""
+        assert self.true is not None
+        true, own = (
+            np.sqrt(np.maximum(np.diagonal(each, axis1=1, axis2=2), 0.0)) for each in (self.true, self.covariance)
+        )
+        units = self.units or tuple(str(number) for number in range(true.shape[1]))
+        return true, own, filter_floor(true, own, units, self.floor)
 
 
 @dataclass(frozen=True)
@@ -92,6 +136,8 @@ class FilterEvidence:
     linear : LinearFilter, optional
     subject : str
         What is judged: the filter, or the smoother behind it.
+    floor : ndarray, shape (outputs,), optional
+        That of the outputs for samples (`mcnav.analysis.floor`).
     """
 
     label: str
@@ -104,6 +150,7 @@ class FilterEvidence:
     sampling: SamplingDesign = field(default_factory=SamplingDesign)
     linear: LinearFilter | None = None
     subject: str = "filter"
+    floor: Array | None = None
 
     @property
     def samples(self) -> int:

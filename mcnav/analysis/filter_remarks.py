@@ -19,6 +19,7 @@ from mcnav.analysis.filter_consistency import (
 )
 from mcnav.analysis.filter_decision import Decision
 from mcnav.statistics.power import sensible_step
+from mcnav.units import conversion
 
 if TYPE_CHECKING:
     from mcnav.statistics.filter_sums import FilterMeans
@@ -45,6 +46,7 @@ def remarks_on(
     result = [f"{reason[:1].upper()}{reason[1:]}."] if reason else []
     result += _on_records(means)
     result += _on_zero_variances([*outputs, *states])
+    result += _on_negligible([*outputs, *states])
     if decision.groups == Honesty.CONSISTENT and decision.outputs != Honesty.CONSISTENT:
         result += _on_single_outputs(decision, [output for output in outputs if output.claims])
     if decision.verdict == Honesty.CONSISTENT:
@@ -74,6 +76,18 @@ def _on_zero_variances(sigmas: Sequence[SigmaConsistency]) -> Iterator[str]:
     for each in sigmas:
         if each.overlooked.any():
             yield f"The filter has no variance of {_spoken(each.name)} where its error is not zero."
+
+
+def _on_negligible(sigmas: Sequence[SigmaConsistency]) -> Iterator[str]:
+    """Yield the errors of which neither truth nor filter has more than the floor, with the largest floor of a unit."""
+    units: dict[str, list[SigmaConsistency]] = {}
+    for each in sigmas:
+        if each.negligible.any() and (each.true > 0.0).any():
+            units.setdefault(each.shown_in, []).append(each)
+    for shown_in, members in units.items():
+        size = max(each.floor for each in members) * conversion(members[0].unit, shown_in)
+        names = ", ".join(_spoken(each.name) for each in members)
+        yield f"Errors up to {size:.2g} {shown_in} count as none: {names}."
 
 
 def _on_single_outputs(decision: Decision, outputs: Sequence[SigmaConsistency]) -> Iterator[str]:

@@ -14,7 +14,8 @@ from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
-from mcnav.analysis.comparison import ROUNDING, Model
+from mcnav.analysis.comparison import Model
+from mcnav.analysis.floor import CANCELLED
 from mcnav.analysis.gates import GateAnswer
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
 from mcnav.analysis.linear_filter import LinearVerdict
@@ -355,7 +356,7 @@ def _margin_about(
     size = float(np.sqrt(np.trace(covariance) + errors @ errors))
     if own >= limit:
         return 0.0
-    if size <= ROUNDING * own:
+    if size <= CANCELLED * own:
         return math.inf
 
     def excess(multiple: float) -> float:
@@ -402,7 +403,7 @@ def _box_margin_about(nominal: Array, mean: Array, covariance: Array, limits: Ar
     size = np.sqrt(np.diag(covariance) + errors**2)
     if np.any(np.abs(nominal) >= limits):
         return 0.0
-    if np.all(size <= ROUNDING * np.abs(nominal)):
+    if np.all(size <= CANCELLED * np.abs(nominal)):
         return math.inf
 
     def outside(multiple: float) -> float:

@@ -11,23 +11,17 @@ updates. It is *optimistic* where one lies above it, else *pessimistic*.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Final
+from dataclasses import field, replace
 
 import numpy as np
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.filter_causes import NEARLY, Departure, neglected_errors
-from mcnav.analysis.filter_consistency import Honesty, NeglectedError, rounding_floor
+from mcnav.analysis.filter_consistency import Honesty, NeglectedError
 from mcnav.analysis.filter_decision import NOT_NAVIGATION, outputs_of
-from mcnav.analysis.filter_evidence import LinearFilter
+from mcnav.analysis.filter_evidence import LinearFilter, singular
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
-
-SINGULAR: Final = 1e-6
-"""Smallest eigenvalue of a filter's correlation matrix of which a NEES is computed.
-
-The two covariances of a matched filter agree to 1e-9 of its sigmas, so that such a NEES has an error of some 1e-3.
-"""
 
 
 @dataclass(frozen=True)
@@ -60,6 +54,9 @@ class LinearVerdict:
         Numbers of the readings at which one does.
     neglected : tuple of NeglectedError
         What makes that output optimistic at that reading, the largest share first; of a group nothing is known.
+    floors : mapping of str to float
+        Outputs of which neither the error nor the filter's sigma is above the floor at some reading with an error, and
+        their floors, SI (`mcnav.analysis.floor`).
     """
 
     verdict: Honesty
@@ -76,6 +73,7 @@ class LinearVerdict:
     end: float | None = None
     departing: tuple[int, ...] = ()
     neglected: tuple[NeglectedError, ...] = ()
+    floors: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def throughout(self) -> bool:
@@ -85,7 +83,7 @@ class LinearVerdict:
 
 def judge_filter(
     covariances: Sequence[LinearCovariance], outputs: Sequence[str], groups: Sequence[str], sources: Sequence[str],
-    covariance: Array, tolerance: float,
+    covariance: Array, tolerance: float, units: Sequence[str] = (), floor: Array | None = None,
 ) -> LinearVerdict | None:  # fmt: skip
     """Judge a filter by linear covariances over time; none without a filter.
 
@@ -99,13 +97,15 @@ def judge_filter(
         Names, in the order of the columns of the partials.
     covariance : ndarray, shape (sources, sources)
         Of the sources.
+    units, floor
+        As those of `LinearFilter`.
     """
     verdict = [_evidence(each, sources, covariance) for each in covariances if each.readings.own is not None]
     verdict = [each for each in verdict if len(each.covariance)]
     if not verdict:
         return None
     times = np.concatenate([each.readings.times for each in covariances if each.readings.own is not None])
-    evidence = _joined(verdict, np.argsort(times, kind="stable"))
+    evidence = replace(_joined(verdict, np.argsort(times, kind="stable")), units=tuple(units), floor=floor)
     ratios = output_ratios(evidence)
     stated = np.asarray(np.isfinite(np.diagonal(evidence.covariance, axis1=1, axis2=2)).all(axis=0))
     together = {
@@ -113,8 +113,9 @@ def judge_filter(
         for group in groups
         if group not in NOT_NAVIGATION
     }
-    return _verdict(evidence, np.sort(times, kind="stable"), covariances[0].readings.label, outputs, ratios, together,
-                    tolerance)  # fmt: skip
+    reached = _verdict(evidence, np.sort(times, kind="stable"), covariances[0].readings.label, outputs, ratios,
+                       together, tolerance)  # fmt: skip
+    return replace(reached, floors={outputs[i]: size for i, size in evidence.negligible.items()})
 
 
 def _evidence(linear_covariance: LinearCovariance, sources: Sequence[str], covariance: Array) -> LinearFilter:
@@ -149,19 +150,9 @@ def _joined(filters: Sequence[LinearFilter], order: IndexArray) -> LinearFilter:
     )
 
 
-def _sigmas(evidence: LinearFilter) -> tuple[Array, Array]:
-    """Return true and stated sigmas, shape (r, outputs); those up to rounding are zero."""
-    assert evidence.true is not None
-    true, own = (
-        np.sqrt(np.maximum(np.diagonal(each, axis1=1, axis2=2), 0.0)) for each in (evidence.true, evidence.covariance)
-    )
-    floors = np.array([rounding_floor(*columns) for columns in zip(true.T, own.T, strict=True)])
-    return np.where(true > floors, true, 0.0), np.where((own > floors) | np.isnan(own), own, 0.0)
-
-
 def output_ratios(evidence: LinearFilter) -> Array:
     """Return true over stated sigma of each output, shape (r, outputs)."""
-    true, own = _sigmas(evidence)
+    true, own = evidence.sigmas
     ratio = np.divide(true, own, out=np.full_like(true, np.nan), where=own > 0.0)
     return np.where((own <= 0.0) & (true > 0.0), np.inf, ratio)
 
@@ -171,12 +162,12 @@ def group_ratios(evidence: LinearFilter, outputs: Sequence[int]) -> Array:
     assert evidence.true is not None
     picked = np.ix_(range(len(evidence.true)), outputs, outputs)
     own, true, size = evidence.covariance[picked], evidence.true[picked], len(outputs)
-    sigma = _sigmas(evidence)[1][:, list(outputs)]
+    sigma = evidence.sigmas[1][:, list(outputs)]
     regular = np.asarray((sigma > 0.0).all(axis=1))
     scale = np.where(regular[:, None], sigma, 1.0)
     scales = scale[:, :, None] * scale[:, None, :]
     correlation = np.where(regular[:, None, None], own / scales, np.eye(size))
-    regular &= np.linalg.eigvalsh(correlation)[:, 0] > SINGULAR
+    regular &= ~singular(correlation)
     correlation[~regular] = np.eye(size)
     nees = np.trace(np.linalg.solve(correlation, true / scales), axis1=1, axis2=2)
     return np.asarray(np.where(regular, np.sqrt(np.maximum(nees, 0.0) / size), np.nan))

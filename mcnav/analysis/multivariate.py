@@ -7,6 +7,7 @@ from itertools import combinations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
@@ -92,27 +93,40 @@ class MultivariateTests:
 
 
 def compare_jointly(
-    samples: ReducedSamples, linear: Array, confidence: float, design: SamplingDesign
-) -> MultivariateTests:
-    """Test the outputs together against P S P^T, shape (outputs, outputs), with a confidence for each interval."""
+    samples: ReducedSamples, linear: Array, confidence: float, design: SamplingDesign,
+    judged: NDArray[np.bool_] | None = None,
+) -> MultivariateTests:  # fmt: skip
+    """Test the outputs together against P S P^T, with a confidence for each interval.
+
+    Parameters
+    ----------
+    linear : ndarray, shape (outputs, outputs)
+        P S P^T, zero in the rows and columns of outputs that are not judged.
+    judged : ndarray of bool, shape (outputs,), optional
+        Outputs that are; by default all.
+    """
     moments, stored, rank = samples.moments, samples.stored, whitening(linear).rank
+    judged = np.ones(len(linear), dtype=bool) if judged is None else judged
     count, blocks, fewest = moments.samples, len(moments.counts), design.fewest_blocks
-    sample, predicted = moments.covariances
+    sample, predicted = (np.where(np.outer(judged, judged), each, 0.0) for each in moments.covariances)
     paired = sample - predicted + linear
     plain = design.independent and blocks >= fewest
+    counted = bool(judged.all()) or moments is stored  # a stored summary has the counts for all outputs together
     ranked = design.independent and stored.samples >= fewest
     with side_threads(1 if count > STRETCH else 0) as executor:  # for the slowest part
         tests = executor.submit(_hotelling_tests, moments, rank) if blocks >= fewest else None
         shapes = [
-            executor.submit(lambda i: shape_of_sums(moments.powers(i), moments.counts, fewest), i)
+            executor.submit(
+                lambda i: shape_of_sums(moments.powers(i), moments.counts, fewest if judged[i] else np.inf), i
+            )
             for i in range(len(linear))
         ]
         return MultivariateTests(
             covariance=covariance_likelihood_ratio(sample, count, linear) if plain and design.normal else None,
             nees=distribution_test(stored.distances, rank) if ranked and design.normal else None,
             nees_expected=mean_interval(count, rank, confidence) if plain and design.normal else None,
-            contained=containment(moments.within(), count, confidence) if plain else (),
-            normality=mardia(stored.y) if ranked else None,
+            contained=containment(moments.within(), count, confidence) if plain and counted else (),
+            normality=mardia(stored.y[:, judged]) if ranked else None,
             correlations=tuple(
                 _correlation((i, j), linear, paired, moments, fewest)
                 for i, j in combinations(range(len(linear)), 2)

@@ -79,6 +79,18 @@ def requirements_from(
     )  # fmt: skip
 
 
+def smallest_limits(requirements: Sequence[Requirement], outputs: int) -> Array:
+    """Return the smallest limit that requirements set to the size of each output; infinite without one."""
+    limits = np.full(outputs, np.inf)
+    for requirement in requirements:
+        if requirement.kind == "sigma_ratio":
+            continue
+        sides = requirement.limits if requirement.kind == "box" else requirement.limits * len(requirement.outputs)
+        for output, limit in zip(requirement.outputs, sides, strict=True):
+            limits[output] = min(limit, limits[output])
+    return limits
+
+
 RARE: Final = 1e-3
 """Probability beyond its limits that a requirement allows, from which on linear analysis states it."""
 
@@ -224,7 +236,7 @@ def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Requireme
     judgements = [
         judge(each.ratio, each.interval, requirement.limits[0], comparison.samples, comparison.confidence_each)
         for each in paired
-        if each.ratio is not None and each.interval is not None
+        if each.ratio is not None and each.interval is not None and not each.negligible
     ]
     unforeseen = any(each.verdict == Verdict.DIFFERS and each.ratio is None for each in paired)
     if not judgements:

@@ -68,7 +68,7 @@ def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common
     for samples, i in ((before, outputs[0]), (after, outputs[1])):
         square, deviation, linear, centre = _controlled(samples, i)
         variance = linear + float(np.mean(square))
-        variance = variance if variance > samples.model.rounding[i] ** 2 else 0.0
+        variance = variance if variance > samples.model.floor[i] ** 2 else 0.0
         sigmas.append(float(np.sqrt(variance)) if variance > 0.0 else 0.0)
         squares.append(square / variance if variance > 0.0 else square)
         deviations.append(deviation)

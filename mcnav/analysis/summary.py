@@ -502,6 +502,9 @@ class Summary(_Entry):
     sigma_ratio_paired_interval: Sequence[Ends | None] = ()
     verdicts: Sequence[str] = ()
     samples_needed: Sequence[int | None] = ()
+    floors: Gaps = ()
+    withheld: Sequence[str] | None = None
+    not_joint: Sequence[str] = ()
     nees_dimension: int = 0
     nees_mean: float | None = None
     nees_standard_error: float | None = None

@@ -37,7 +37,8 @@ class Judgement:
 
     It is ``certain`` when the interval excludes 1: a difference can be certain and still lie within the tolerance.
     ``samples_needed`` would decide an undecided case with a probability of 90 % if the true ratio were the estimated
-    one; none where that is too close to a limit of the tolerance, or has no interval.
+    one; none where that is too close to a limit of the tolerance, or has no interval. ``negligible`` is agreement that
+    holds because the difference is within the floor (`mcnav.analysis.floor`).
     """
 
     verdict: Verdict
@@ -45,6 +46,7 @@ class Judgement:
     interval: tuple[float, float] | None
     certain: bool = False
     samples_needed: int | None = None
+    negligible: bool = False
 
 
 def judge(

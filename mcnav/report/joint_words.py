@@ -190,9 +190,8 @@ def _of_unpredicted(summary: Summary, joint: Joint, start: str) -> str:
         words = f"{combination_words(unpredicted, summary)}: linear sigma {linear}, simulated {simulated}"
         told.append(f"{words} ({share} % of that of {humanize(unpredicted.lead)}, {own})")
     more = f", and {len(entries) - NAMED} more" if len(entries) > NAMED else ""
-    nearly = "nearly " if all(each.sigma_linear for each in entries) else ""
     return (
-        f"{start}: what linear analysis holds {nearly}fixed is dispersed{' otherwise' if nearly else ''}. "
+        f"{start}: what linear analysis holds fixed is dispersed. "
         f"{'; '.join(told)}{more}. What depends on this, such as a difference of outputs or an inverse of P·S·Pᵀ, is "
         f"not what linear analysis says. {rest}"
     )

@@ -116,13 +116,23 @@ def _verdict_words(answer: LinearAnswer, judged: LinearVerdict | None, name: str
         times = len(np.unique(judged.times))
         yield (
             f"The {name} is consistent: the true sigma of every output and of every group of them is within {within} "
-            f"of its own at all {times} times",
+            f"of its own at all {times} times{_floors(answer, judged)}",
             tone,
         )
         return
     worst = instant(judged.worst, judged.label)
     departure = _departure(answer, judged)
     yield f"The {name} is {judged.verdict.value} {_period(judged)}: at worst, at {worst}, {departure}", tone
+
+
+def _floors(answer: LinearAnswer, judged: LinearVerdict) -> str:
+    """Name the errors that are too small to count, with the largest floor of each unit; empty without any."""
+    scale, of_units = dict(zip(answer.outputs, scale_of(answer.outputs), strict=True)), dict[str, list[float]]()
+    for output in answer.outputs:
+        if output.name in judged.floors:
+            of_units.setdefault(output.shown_in, []).append(judged.floors[output.name] * scale[output])
+    sizes = [f"{number(max(floors), 2)} {unit}" for unit, floors in of_units.items()]
+    return f"; errors up to {' or '.join(sizes)} count as none" if sizes else ""
 
 
 def _period(judged: LinearVerdict) -> str:

@@ -10,7 +10,7 @@ from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, NUMERICAL
 from mcnav.contract.failure import message_of
-from mcnav.report import filter_verdict, joint_words
+from mcnav.report import apart_words, filter_verdict, joint_words
 from mcnav.report.format import percent
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.vector_sizes import size_sentences
@@ -78,7 +78,10 @@ def statements(summary: Summary) -> list[Statement]:
 
     Where linear analysis agrees and a requirement is not met, its tone is ``partly``: nothing is green.
     """
-    details = _known(*findings(summary), *size_sentences(summary), certain_but_small(summary), stopping(summary))
+    apart = () if summary.beyond_range else (apart_words.not_joint(summary), apart_words.negligible(summary))
+    details = _known(
+        *findings(summary), *apart, *size_sentences(summary), certain_but_small(summary), stopping(summary)
+    )
     warnings = _known(caveat(summary), failures(summary), *noticed(summary.remarks))
     linear = Statement("linear", _on_linear(summary), standing(summary), details, warnings)
     stated = [(tone(summary), linear)]
@@ -227,7 +230,11 @@ def explanation(summary: Summary) -> str:
         return "Linear sigmas there are not shown, and samples are not compared with them."
     if not summary.verdicts:
         return f"{samples:,} of {summary.samples:,} samples succeeded, which is too few for a comparison."
-    ratios = {name: ratio for name, ratio in zip(names, summary.sigma_ratio_paired, strict=True) if ratio is not None}
+    floors = summary.floors or [None] * len(names)
+    ratios = {
+        name: ratio for name, ratio, floor in zip(names, summary.sigma_ratio_paired, floors, strict=True)
+        if ratio is not None and floor is None
+    }  # fmt: skip
     verdicts = dict(zip(names, summary.verdicts, strict=True))
     wrong = [name for name in names if verdicts[name] == "differs"]
     only_nonlinear = [name for name in wrong if name not in ratios]
@@ -249,7 +256,9 @@ def explanation(summary: Summary) -> str:
             f"than {limit} ({confidence}); {largest}.{rest}"
         )
     if undecided:
-        return f"With {samples:,} samples, {confidence} and a tolerance of ±{limit}: {undecided}"
+        decided = [name for name in names if verdicts[name] == "agrees" and name not in still]
+        of_others = f" The Monte Carlo sigma of {_join(decided)} is within it." if decided else ""
+        return f"With {samples:,} samples, {confidence} and a tolerance of ±{limit}: {undecided}{of_others}"
     alone = f" {_join(still)} {'is' if len(still) == 1 else 'are'} {NOT_DISTURBED}." if still else ""
     if summary.verdict == "undecided":  # although every output agrees: too many samples failed
         return (
@@ -268,16 +277,24 @@ def _undecided(summary: Summary, names: Sequence[str]) -> str:
     """Name the undecided outputs and the samples that would decide; empty without any."""
     if not names:
         return ""
+    concerned = {humanize(name) for name in apart_words.without_verdict(summary)}
+    heavy = [name for name in names if name in concerned]
+    result = [f"Undecided for {_join(heavy)}: tails too heavy for an interval."] if heavy else []
+    others = [name for name in names if name not in concerned]
+    if others:
+        result.append(f"Undecided for {_join(others)}: {_why_undecided(summary, others)}.")
+    return " ".join(result)
+
+
+def _why_undecided(summary: Summary, names: Sequence[str]) -> str:
+    """Return what would decide some outputs, or why nothing would."""
     needed = [count for count in summary.samples_needed if count]
     if needed:
-        reason = f"{more_samples(max(needed), summary.samples)} would decide"
-    elif any(ends and _is_finite(*ends) for ends in summary.sigma_ratio_paired_interval):
-        reason = "too close to a limit of the tolerance for any number of samples"
-    elif summary.heavy_tailed:
-        reason = "tails too heavy for an interval"
-    else:
-        reason = "too few independent samples for an interval"
-    return f"Undecided for {_join(names)}: {reason}."
+        return f"{more_samples(max(needed), summary.samples)} would decide"
+    intervals = zip(summary.names, summary.sigma_ratio_paired_interval, strict=False)
+    if any(ends and _is_finite(*ends) for name, ends in intervals if humanize(name) in names):
+        return "too close to a limit of the tolerance for any number of samples"
+    return "too few independent samples for an interval"
 
 
 def _is_finite(low: float | None, high: float | None) -> bool:
@@ -332,8 +349,10 @@ def certain_but_small(summary: Summary) -> str:
     ratios, intervals = summary.sigma_ratio_paired, summary.sigma_ratio_paired_interval
     small = [
         f"{humanize(name)} ({percent(ratio - 1.0)})"
-        for name, ratio, ends, verdict in zip(summary.names, ratios, intervals, summary.verdicts, strict=False)
-        if verdict == "agrees" and ratio is not None and ends is not None and not _holds_one(*ends)
+        for name, ratio, ends, verdict, floor in zip(
+            summary.names, ratios, intervals, summary.verdicts, summary.floors or [None] * len(ratios), strict=False
+        )
+        if verdict == "agrees" and floor is None and ratio is not None and ends is not None and not _holds_one(*ends)
     ]
     return f"Statistically significant, but within the tolerance: {_join(small)}." if small else ""
 
@@ -384,10 +403,12 @@ def caveat(summary: Summary) -> str:
     """Warn of sources whose tails are too heavy for the intervals; empty when there are none."""
     labels = dict(zip((source.name for source in summary.sources), labels_in(summary), strict=True))
     heavy = [labels[name] for name in summary.heavy_tailed]
-    if heavy:
+    concerned = [humanize(name) for name in apart_words.without_verdict(summary)]
+    if heavy and concerned:
+        of = f" of {_join(concerned)}" if len(concerned) < len(summary.names) else ""
         return (
-            f"No interval and no verdict is given because of heavy tails ({_join(heavy)}): with such errors and this "
-            "design, nominal 95 % intervals cover far less in calibration (mcnav calibrate)."
+            f"No interval and no verdict is given{of} because of heavy tails ({_join(heavy)}): with such errors and "
+            "this design, nominal 95 % intervals cover far less in calibration (mcnav calibrate)."
         )
     long = [labels[name] for name in summary.long_tailed]
     if long:

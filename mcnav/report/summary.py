@@ -65,6 +65,7 @@ def summarise(
         "confidence_each": comparison.confidence_each,
         **_linear(record, model),
         **_sigmas(comparison),
+        **_apart(comparison, model, names),
         **_ellipsoid(comparison.ellipsoid, names),
         "nees_mean_expected": comparison.joint.nees_expected if comparison.joint else None,
         **_joint(comparison.joint, len(names)),
@@ -180,6 +181,15 @@ def _sigmas(comparison: Comparison) -> Keys:
         "detectable_ratio_paired": [output.detectable_paired for output in outputs],
         "samples_to_see_tolerance": [output.samples_to_see for output in outputs],
     }
+
+
+def _apart(comparison: Comparison, model: Model, names: Sequence[str]) -> Keys:
+    """Return which outputs agree within their floor, have no verdict, or are not judged together."""
+    negligible = [output.floor if output.paired.negligible else None for output in comparison.outputs]
+    entries: Keys = {} if not any(negligible) else {"floors": negligible}
+    if model.withheld:
+        entries["withheld"] = [names[i] for i in model.withheld]
+    return entries | ({"not_joint": [names[i] for i in comparison.apart]} if comparison.apart else {})
 
 
 def _ellipsoid(ellipsoid: Ellipsoid | None, names: Sequence[str]) -> Keys:

@@ -177,6 +177,7 @@ class ModelRecord(Record):
 
     ``processes`` are the covariances that each process of noise adds; none in a scenario without noise. ``filter`` is
     none in a scenario without a filter, ``smoother`` where none follows it. ``faults`` are those of its sensors.
+    ``tail_outputs`` are the outputs that depend on sources with heavy tails; none where that was not examined.
     ``development`` is in a file of its own (`mcnav.store.development`), whose digest the manifest has; in the manifest
     itself where an earlier version wrote it.
     """
@@ -199,6 +200,7 @@ class ModelRecord(Record):
     higher_order: Mapping[str, Any] | None = None
     budget: Mapping[str, Any] | None = None
     exceedance: tuple[ExceedanceRecord, ...] | None = None
+    tail_outputs: tuple[Name, ...] | None = None
 
     @model_validator(mode="after")
     def _shapes(self) -> Self:

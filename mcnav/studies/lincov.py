@@ -21,8 +21,8 @@ from mcnav.analysis.gates import GateAnswer, answer_gates
 from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, within_range
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
-from mcnav.analysis.linear_range import picked
-from mcnav.analysis.requirements import requirements_from
+from mcnav.analysis.linear_range import limits_of, picked
+from mcnav.analysis.requirements import requirements_from, smallest_limits
 from mcnav.analysis.vector_sizes import components_of, linear_sizes
 from mcnav.analysis.what_if import WhatIf
 from mcnav.config.overrides import document_of
@@ -120,12 +120,16 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
             _check_times(described, times)
         _check_soundness(described)
         linear, readings = _linearize(scenario)
-        model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes,
-                      components_of(scenario.outputs))  # fmt: skip
+        model = Model(
+            linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes,
+            components_of(scenario.outputs), limits_of(output.limit for output in scenario.outputs),
+        )  # fmt: skip
         moments = errors.mean, errors.covariance
         history = None if readings is None else covariance_over_time(readings, names, *moments)
         outputs = [{"name": output.name} for output in scenario.outputs]
         entries = [record.model_dump() for record in described.requirements]
+        required = requirements_from(entries, outputs)
+        model = replace(model, limits=smallest_limits(required, len(outputs)))
         smoothed = None
         if has_smoother(scenario):
             smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)
@@ -134,7 +138,7 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
                 [each], model.outcome_mean, model.outcome_covariance, None if known is None else known.moments,
                 model.sizes, model.nominal,
             )[0]
-            for each in requirements_from(entries, outputs)
+            for each in required
             for known in [smoothed if each.of else history]
         )  # fmt: skip
         asked = None
@@ -173,6 +177,8 @@ def _judge_filter(
         [source.name for source in answer.sources],
         campaign.errors.covariance,
         campaign.tolerance,
+        [output.unit for output in answer.outputs],
+        answer.model.floor,
     )
 
 

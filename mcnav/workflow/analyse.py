@@ -22,8 +22,15 @@ from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
 from mcnav.analysis.linear_covariance import NOMINAL
-from mcnav.analysis.linear_range import BeyondRange
-from mcnav.analysis.requirements import Exceedance, Requirement, RequirementResult, judge_requirement, requirements_from
+from mcnav.analysis.linear_range import BeyondRange, limits_of
+from mcnav.analysis.requirements import (
+    Exceedance,
+    Requirement,
+    RequirementResult,
+    judge_requirement,
+    requirements_from,
+    smallest_limits,
+)
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
 from mcnav.analysis.running_ratios import convergence
 from mcnav.analysis.summary import Summary
@@ -46,6 +53,7 @@ from mcnav.store.run_files import SUMMARY as SUMMARY_FILE
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, collect_summary
 from mcnav.store.totals import Totals, read_totals
+from mcnav.workflow.heavy_tails import withheld_outputs
 from mcnav.workflow.linear_extremes import beyond_range, explain, linear_moments
 from mcnav.workflow.what_if import what_if_of_run
 
@@ -104,21 +112,23 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         criterion = Criterion(**manifest.criterion.model_dump())
         described = manifest.to_json()["model"]
         requirements = requirements_from([entry.model_dump() for entry in manifest.requirements], described["outputs"])
+        model = replace(model, limits=smallest_limits(requirements, len(model.nominal)))
         units = [output.unit for output in manifest.model.outputs]
         predicted = predicted_from(described, len(model.partials))
         samples = folder.samples(manifest)
     except (KeyError, TypeError, ValueError) as failure:
         raise RunFolderError(f"{folder.path / MANIFEST}: is damaged ({failure}); run with --fresh") from None
-    design = manifest.sampling_design
+    model = replace(model, withheld=withheld_outputs(manifest.model, manifest.heavy_tailed, model, samples))
+    design = SamplingDesign.of(manifest.design, manifest.samples, manifest.normal)
     blocks = design.blocks(samples.index)
     with side_threads(1) as beside:
         in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion)
         reduced, failures = _reduce(folder, manifest, model, samples)
         comparison = compare_reduced(model, reduced, criterion, design)
-        filtered = filter_evidence(folder, manifest, comparison.failed)
-        smoothed = smoother_evidence(folder, manifest, comparison.failed)
+        filtered = filter_evidence(folder, manifest, comparison.failed, model.floor)
+        smoothed = smoother_evidence(folder, manifest, comparison.failed, model.floor)
     histories, smoothed_histories = (
-        error_histories(folder, manifest, design, smoothed)
+        error_histories(folder, manifest, manifest.sampling_design, smoothed)
         if unfinished is None and any(each.epochs and bool(each.of) == smoothed for each in requirements) else None
         for smoothed in (False, True)
     )  # fmt: skip
@@ -136,7 +146,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         comparison=comparison,
         budget=error_budget(model.partials, model.covariance, list(model.processes.values())),
         causes=split_difference(model, reduced.successful.covariance, comparison, predicted),
-        convergence=convergence(reduced.moments, comparison, design),
+        convergence=convergence(reduced.moments, comparison, manifest.sampling_design),
         tails=in_tails.result(),
         left_out=failure_bias(model, reduced),
         requirements=tuple(map(judge.result, requirements)),
@@ -209,7 +219,9 @@ class _Judge:
         return result
 
 
-def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> FilterEvidence | None:
+def filter_evidence(
+    folder: RunFolder, manifest: Manifest, failed: int, floor: Array | None = None
+) -> FilterEvidence | None:
     """Collect what is known of the filter of a run, of whose samples so many failed; none without a filter.
 
     Raises `RunFolderError` when a chunk's sums are damaged.
@@ -218,18 +230,20 @@ def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> Filte
     if record is None:
         return None
     totals = _filter_totals(folder, manifest, record)
-    linear = linear_filter(manifest.model, record, manifest.model.development)
-    return _evidence(manifest, record, totals.filter_sums, totals.power_sums, linear, failed)
+    linear = linear_filter(manifest.model, record, manifest.model.development, floor)
+    return _evidence(manifest, record, totals.filter_sums, totals.power_sums, linear, failed, floor)
 
 
-def smoother_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> FilterEvidence | None:
+def smoother_evidence(
+    folder: RunFolder, manifest: Manifest, failed: int, floor: Array | None = None
+) -> FilterEvidence | None:
     """Collect what is known of the smoother of a run, as `filter_evidence` does; none without a smoother."""
     record, filtered = manifest.model.smoother, manifest.model.filter
     if record is None or filtered is None:
         return None
     totals = _filter_totals(folder, manifest, filtered)
-    linear = linear_filter(manifest.model, record.claims, record.errors)
-    found = _evidence(manifest, record.claims, totals.smoother_sums, totals.smoothed_sums, linear, failed)
+    linear = linear_filter(manifest.model, record.claims, record.errors, floor)
+    found = _evidence(manifest, record.claims, totals.smoother_sums, totals.smoothed_sums, linear, failed, floor)
     return replace(found, subject="smoother")
 
 
@@ -250,7 +264,7 @@ def _filter_totals(folder: RunFolder, manifest: Manifest, record: FilterRecord) 
 
 def _evidence(
     manifest: Manifest, record: FilterRecord, sums: FilterSums | None, true: PowerSums | None,
-    linear: LinearFilter | None, failed: int,
+    linear: LinearFilter | None, failed: int, floor: Array | None,
 ) -> FilterEvidence:  # fmt: skip
     """Put together what is known of a filter, or of a smoother."""
     outputs, schema = manifest.model.outputs, record.columns
@@ -264,6 +278,7 @@ def _evidence(
         design=manifest.design,
         sampling=manifest.sampling_design,
         linear=linear,
+        floor=floor,
     )
 
 
@@ -296,7 +311,9 @@ def same_times(one: Array, other: Array) -> bool:
     return one.shape == other.shape and bool(np.allclose(one, other, rtol=1e-9))
 
 
-def linear_filter(model: ModelRecord, record: FilterRecord, development: PartialsRecord | None) -> LinearFilter | None:
+def linear_filter(
+    model: ModelRecord, record: FilterRecord, development: PartialsRecord | None, floor: Array | None = None
+) -> LinearFilter | None:
     """Return what linear analysis says of a filter and of the errors; none where a manifest has nothing of it."""
     known = record.prediction
     if known is None:
@@ -317,8 +334,9 @@ def linear_filter(model: ModelRecord, record: FilterRecord, development: Partial
             squared_means[NOMINAL] = development.nominal * mean
     believed = {NOMINAL: 0.0} | dict(known.believed)
     return LinearFilter(
-        known.covariance, known.state_variance, true, known.state_true, contributions, believed, squared_means
-    )
+        known.covariance, known.state_variance, true, known.state_true, contributions, believed, squared_means,
+        tuple(output.unit for output in model.outputs), floor,
+    )  # fmt: skip
 
 
 def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True) -> Summary:
@@ -361,4 +379,5 @@ def linear_model(record: ModelRecord) -> Model:
         record.start_covariance,
         processes,
         components_of(record.outputs),
+        limits_of(output.limit for output in record.outputs),
     )

@@ -37,6 +37,7 @@ from mcnav.systems.timeouts import stopped_by
 from mcnav.workflow.analyse import analyse, linear_model, summary_frame, write_results
 from mcnav.workflow.corrections import compute_corrections
 from mcnav.workflow.exceedance import estimate_exceedances
+from mcnav.workflow.heavy_tails import with_tail_outputs
 from mcnav.workflow.linear_extremes import range_note
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from mcnav.workflow.stopping import Execution
@@ -159,6 +160,7 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
         campaign.scenario, draws, engine_name, campaign.tolerance, campaign.sample_timeout, campaign.file, force,
         together,
     )  # fmt: skip
+    system = with_tail_outputs(system, linear_model(system.model))
     if fresh:
         folder.clear([Path(file.path) for file in inputs])
     manifest = _first_manifest(campaign, system, identity, inputs, processors)
