@@ -213,7 +213,7 @@ class SummaryMoments:
         return yy, yy - zz
 
     def combined(self, weights: Array) -> Array:
-        return np.einsum("bij,i,j->b", self.centred[0], weights, weights)
+        return np.asarray(np.einsum("bij,i,j->b", self.centred[0], weights, weights))
 
     def powers(self, i: int) -> Array:
         scale = self.scale[i]

@@ -42,7 +42,8 @@ from mcnav.analysis.filter_judgement import (
     undecidable,
 )
 from mcnav.analysis.filter_remarks import remarks_on
-from mcnav.analysis.floor import filter_floor
+from mcnav.analysis.floor import filter_floor, negligible
+from mcnav.analysis.linear_range import limits_of
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE
 from mcnav.statistics.filter_sums import FilterMeans, Means
 from mcnav.statistics.mean_square import mean_square_bounds, share_bounds, share_intervals
@@ -215,7 +216,11 @@ def _groups(
         picked = [i for i in outputs_of(name, names) if i in means.schema.known]
         members = [*(() if name == "sensors" else (outputs[i] for i in picked if outputs))]
         members += states if name in NOT_NAVIGATION else ()
-        unknown = np.any([each.disbelieved for each in members], axis=0) if members else np.zeros(epochs, dtype=bool)
+        unknown = (
+            np.any([each.disbelieved | each.negligible for each in members], axis=0)
+            if members
+            else np.zeros(epochs, dtype=bool)
+        )
         if len(picked) > 1:
             unknown |= _singular(means.covariances[:epochs][:, np.array(picked)[:, None], picked], unknown)
         rates = basis.deciding if name in deciding else aside
@@ -279,11 +284,12 @@ def _linear_ratio(linear: LinearFilter | None, outputs: tuple[int, ...], size: i
 
 def _ratio(basis: _Basis, squares: Means, variances: Means, rates: Rates, floor: float) -> Band:
     """Return the roots of mean squares over mean variances; their errors add up, whatever their correlation."""
-    known = (variances.value > floor**2) & np.isfinite(variances.standard_error)
+    small = negligible(_root(squares.value), _root(variances.value), floor) | (variances.value <= floor**2)
+    known = ~small & np.isfinite(variances.standard_error)
     relative = np.where(known, variances.standard_error / np.where(known, variances.value, 1.0), 0.0)
     error = basis.error(squares.standard_error + squares.value * relative)
     count = basis.count(squares.count)
-    expected = np.where(variances.value > floor**2, variances.value, 0.0)
+    expected = np.where(small, 0.0, variances.value)
     return root_ratio(mean_square_band(squares.value, error, count, count, rates), expected)
 
 
@@ -296,7 +302,11 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
     independent = means.samples * evidence.weight
     bounds_1, bounds_3 = (share_bounds(each, independent, halves.together) for each in WITHIN.values())
     floors = filter_floor(
-        _root(true.value), _root(variances.value[:epochs]), [output.unit for output in evidence.outputs], evidence.floor
+        _root(true.value),
+        _root(variances.value[:epochs]),
+        [output.unit for output in evidence.outputs],
+        evidence.floor,
+        limits_of(output.limit for output in evidence.outputs),
     )
     consistencies = []
     for i, output in enumerate(evidence.outputs):

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
+from mcnav.analysis.floor import negligible
 from mcnav.analysis.linear_covariance import NOMINAL
 
 MEAN: Final = "mean_of_"
@@ -186,13 +187,13 @@ class SigmaConsistency:
 
     @property
     def negligible(self) -> NDArray[np.bool_]:
-        """Return where neither the error nor the filter's sigma is above the floor, shape (m,)."""
-        return np.asarray(self.disbelieved & (self.true <= self.floor))
+        """Return where the floor hides the error or the filter's sigma, shape (m,)."""
+        return negligible(self.true, self.filter, self.floor)
 
     @property
     def overlooked(self) -> NDArray[np.bool_]:
         """Return where the filter believes in no error and there is one, shape (m,)."""
-        return np.asarray(self.disbelieved & (self.true > self.floor))
+        return np.asarray(self.disbelieved & ~self.negligible)
 
     @property
     def claims(self) -> bool:

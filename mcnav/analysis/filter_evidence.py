@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
-from mcnav.analysis.floor import filter_floor
+from mcnav.analysis.floor import filter_floor, negligible
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
 from mcnav.sampling.designs import SamplingDesign
@@ -77,6 +77,8 @@ class LinearFilter:
         SI units of the outputs, of which those of one unit share a covariance.
     floor : ndarray, shape (outputs,), optional
         That of the outputs for samples (`mcnav.analysis.floor`).
+    scales : ndarray, shape (outputs,), optional
+        `Output.limit` of each, infinite without one.
     """
 
     covariance: Array
@@ -88,18 +90,20 @@ class LinearFilter:
     squared_means: Mapping[str, Array] = field(default_factory=dict)
     units: tuple[str, ...] = ()
     floor: Array | None = None
+    scales: Array | None = None
 
     @property
     def sigmas(self) -> tuple[Array, Array]:
-        """True sigmas and those that the filter computes, shape (m, outputs); those up to the floor are zero."""
+        """True sigmas and those that the filter computes, shape (m, outputs); zero where the floor hides them."""
         true, own, floor = self._with_floor
-        return np.where(true > floor, true, 0.0), np.where((own > floor) | np.isnan(own), own, 0.0)
+        small = negligible(true, own, floor)
+        return np.where(small, 0.0, true), np.where(small | (own <= floor), 0.0, own)
 
     @property
     def negligible(self) -> dict[int, float]:
         """Outputs of which neither sigma is above the floor at some epoch with an error, and their floors, SI."""
         true, own, floor = self._with_floor
-        small = ((true > 0.0) & (true <= floor) & (own <= floor)).any(axis=0)
+        small = (negligible(true, own, floor) & (true > 0.0)).any(axis=0)
         return {int(number): float(floor[number]) for number in np.flatnonzero(small)}
 
     @property
@@ -110,7 +114,7 @@ class LinearFilter:
             np.sqrt(np.maximum(np.diagonal(each, axis1=1, axis2=2), 0.0)) for each in (self.true, self.covariance)
         )
         units = self.units or tuple(str(number) for number in range(true.shape[1]))
-        return true, own, filter_floor(true, own, units, self.floor)
+        return true, own, filter_floor(true, own, units, self.floor, self.scales)
 
 
 @dataclass(frozen=True)

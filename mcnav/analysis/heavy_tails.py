@@ -47,6 +47,6 @@ def _correlated(one: Array, other: Array) -> bool:
     """Return whether two samples of sizes are correlated in rank."""
     if len(one) < FEWEST:
         return False
-    ranks = [np.argsort(np.argsort(each, kind="stable"), kind="stable").astype(float) for each in (one, other)]
-    correlation = np.corrcoef(*ranks)[0, 1]
+    order = np.stack([np.argsort(np.argsort(each, kind="stable"), kind="stable") for each in (one, other)])
+    correlation = np.corrcoef(order.astype(float))[0, 1]
     return bool(abs(correlation) * np.sqrt(len(one) - 1.0) > UNCORRELATED)

@@ -84,6 +84,7 @@ class LinearVerdict:
 def judge_filter(
     covariances: Sequence[LinearCovariance], outputs: Sequence[str], groups: Sequence[str], sources: Sequence[str],
     covariance: Array, tolerance: float, units: Sequence[str] = (), floor: Array | None = None,
+    scales: Array | None = None,
 ) -> LinearVerdict | None:  # fmt: skip
     """Judge a filter by linear covariances over time; none without a filter.
 
@@ -97,7 +98,7 @@ def judge_filter(
         Names, in the order of the columns of the partials.
     covariance : ndarray, shape (sources, sources)
         Of the sources.
-    units, floor
+    units, floor, scales
         As those of `LinearFilter`.
     """
     verdict = [_evidence(each, sources, covariance) for each in covariances if each.readings.own is not None]
@@ -105,7 +106,9 @@ def judge_filter(
     if not verdict:
         return None
     times = np.concatenate([each.readings.times for each in covariances if each.readings.own is not None])
-    evidence = replace(_joined(verdict, np.argsort(times, kind="stable")), units=tuple(units), floor=floor)
+    evidence = replace(
+        _joined(verdict, np.argsort(times, kind="stable")), units=tuple(units), floor=floor, scales=scales
+    )
     ratios = output_ratios(evidence)
     stated = np.asarray(np.isfinite(np.diagonal(evidence.covariance, axis1=1, axis2=2)).all(axis=0))
     together = {

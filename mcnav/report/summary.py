@@ -186,10 +186,11 @@ def _sigmas(comparison: Comparison) -> Keys:
 def _apart(comparison: Comparison, model: Model, names: Sequence[str]) -> Keys:
     """Return which outputs agree within their floor, have no verdict, or are not judged together."""
     negligible = [output.floor if output.paired.negligible else None for output in comparison.outputs]
-    entries: Keys = {} if not any(negligible) else {"floors": negligible}
-    if model.withheld:
-        entries["withheld"] = [names[i] for i in model.withheld]
-    return entries | ({"not_joint": [names[i] for i in comparison.apart]} if comparison.apart else {})
+    return {
+        **({"floors": negligible} if any(negligible) else {}),
+        "withheld": [names[i] for i in model.withheld],
+        **({"not_joint": [names[i] for i in comparison.apart]} if comparison.apart else {}),
+    }
 
 
 def _ellipsoid(ellipsoid: Ellipsoid | None, names: Sequence[str]) -> Keys:

@@ -179,6 +179,7 @@ def _judge_filter(
         campaign.tolerance,
         [output.unit for output in answer.outputs],
         answer.model.floor,
+        answer.model.scales,
     )
 
 

@@ -271,7 +271,7 @@ def _evidence(
     return FilterEvidence(
         label=record.label,
         times=record.times,
-        outputs=tuple(Output(each.name, each.unit, each.shown_in) for each in outputs),
+        outputs=tuple(Output(each.name, each.unit, each.shown_in, each.limit) for each in outputs),
         means=FilterMeans.of(schema, sums) if sums is not None and sums.samples else None,
         true=MeanSquares.of(true) if true is not None and true.count else None,
         failed=failed,
@@ -335,7 +335,7 @@ def linear_filter(
     believed = {NOMINAL: 0.0} | dict(known.believed)
     return LinearFilter(
         known.covariance, known.state_variance, true, known.state_true, contributions, believed, squared_means,
-        tuple(output.unit for output in model.outputs), floor,
+        tuple(output.unit for output in model.outputs), floor, limits_of(output.limit for output in model.outputs),
     )  # fmt: skip
 
 

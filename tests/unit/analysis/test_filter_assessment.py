@@ -249,7 +249,7 @@ def test_variances_of_zero_are_told_in_words() -> None:
     assert (found.verdict, found.overlooked) == (Honesty.OPTIMISTIC, "position")
     rounding = np.where(np.arange(4) == 0, 1e-12, 1.0) * np.random.default_rng(6).standard_normal((10_000, 4))
     started = assessed(scalar(rounding, np.tile([1e-40, 1.0, 1.0, 1.0], (10_000, 1))))
-    said = ("Errors up to 1e-07 m count as none: position.", "The filter was never updated.")
+    said = ("Errors up to 2e-07 m count as none: position.", "The filter was never updated.")
     assert (started.verdict, started.remarks[:2]) == (Honesty.CONSISTENT, said)
     assert np.isnan(started.groups[0].ratio.value[0])
     many = np.random.default_rng(4).standard_normal((10_000, 2))
