@@ -216,11 +216,9 @@ def _groups(
         picked = [i for i in outputs_of(name, names) if i in means.schema.known]
         members = [*(() if name == "sensors" else (outputs[i] for i in picked if outputs))]
         members += states if name in NOT_NAVIGATION else ()
-        unknown = (
-            np.any([each.disbelieved | each.negligible for each in members], axis=0)
-            if members
-            else np.zeros(epochs, dtype=bool)
-        )
+        unknown = np.zeros(epochs, dtype=bool)
+        for each in members:
+            unknown = unknown | each.disbelieved | each.negligible
         if len(picked) > 1:
             unknown |= _singular(means.covariances[:epochs][:, np.array(picked)[:, None], picked], unknown)
         rates = basis.deciding if name in deciding else aside
