@@ -387,7 +387,8 @@ def _judge_box(requirement: Requirement, mean: Array, covariance: Array, nominal
     value = normal_box_probability(mean, covariance, limits)
     if nominal.any():
         return LinearRequirement(requirement, value, _box_margin_about(nominal, mean, covariance, limits, wanted))
-    widest = float(((np.abs(mean) + 40.0 * np.sqrt(np.diag(covariance))) / limits).max())
+    # beyond what is fixed, by a little: a value at its limit is not within
+    widest = (1.0 + 1e-9) * float(((np.abs(mean) + 40.0 * np.sqrt(np.diag(covariance))) / limits).max())
     if widest == 0.0:
         return LinearRequirement(requirement, value, math.inf)
     least = smallest_reaching(

@@ -154,6 +154,6 @@ def test_runs_of_earlier_versions_have_no_verdict_at_all(tmp_path: Path) -> None
     manifest = folder.finished_manifest()
     model, samples = linear_model(manifest.model), folder.samples(manifest)
     assert withheld_outputs(manifest.model, manifest.heavy_tailed, model, samples) == (0, 3, 4)
-    earlier = manifest.model.completed({"tail_outputs": None})
+    earlier = manifest.model.model_copy(update={"tail_outputs": None})
     assert withheld_outputs(earlier, manifest.heavy_tailed, model, samples) == (0, 1, 2, 3, 4)
     assert withheld_outputs(earlier, (), model, samples) == ()
