@@ -56,6 +56,8 @@ class Model:
         Covariance Q_j that each process of noise adds, by name.
     sizes : mapping of int to tuple of int
         Outputs that are the root sum of squares of others.
+    origin : ndarray, shape (outputs,), optional
+        What the outputs are measured from; see `mcnav.contract.linear.LinearSystem`.
     """
 
     partials: Array
@@ -64,6 +66,7 @@ class Model:
     covariance: Array
     processes: Mapping[str, Array] = field(default_factory=dict)
     sizes: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    origin: Array | None = None
 
     @property
     def outcome_mean(self) -> Array:

@@ -18,13 +18,14 @@ RADII: Final = {"cep": 0.5, "r95": 0.95, "sep": 0.5}
 def read_requirements(table: AcceptTable, scenario: Scenario, context: FileContext) -> list[RequirementRecord]:
     """Read all requirements; mistakes are added to the context."""
     units = {output.name: output.unit for output in scenario.outputs}
+    departing = {output.name for output in scenario.outputs if output.departs}
     records: list[RequirementRecord] = []
     filtered = context.content.get("filter")
     smoothed = isinstance(filtered, Mapping) and "smoother" in filtered
 
     def require(
         kind: str, names: Sequence[str], limits: list[float], probability: float | None,
-        epochs: RequirementEpochs | None = None, of: str | None = None, key: str = "",
+        epochs: RequirementEpochs | None = None, of: str | None = None, key: str = "", about: str | None = None,
     ) -> None:  # fmt: skip
         record = RequirementRecord(kind=kind, outputs=tuple(names), limits=tuple(limits), probability=probability)
         if epochs is not None:
@@ -34,6 +35,10 @@ def read_requirements(table: AcceptTable, scenario: Scenario, context: FileConte
             record = record.completed({"of": of, "when": when})
             if not smoothed:
                 context.problem(f"{key}.of", f'got {of!r}; it needs smoother = "fixed-interval" in [filter]')
+        if about is not None:
+            record = record.completed({"about": about})
+            for name in (each for each in names if each not in departing):
+                context.problem(f"{key}.about", f"got {about!r}; {name} is no departure from the nominal flight")
         records.append(record)
 
     def limit(written: object, name: str, key: str) -> float:
@@ -52,21 +57,21 @@ def read_requirements(table: AcceptTable, scenario: Scenario, context: FileConte
         if known([entry.output], f"{key}.output"):
             largest = limit(entry.below, entry.output, f"{key}.below")
             epochs = read_epochs(entry, scenario, key, context)
-            require("quantile", [entry.output], [largest], entry.probability, epochs, entry.of, key)
+            require("quantile", [entry.output], [largest], entry.probability, epochs, entry.of, key, entry.about)
     for kind, probability in RADII.items():
         for number, radius in enumerate(getattr(table, kind), start=1):
             key = f"accept.{kind} #{number}"
             if known(radius.outputs, f"{key}.outputs") and _alike(radius.outputs, units, f"{key}.outputs", context):
                 largest = limit(radius.below, radius.outputs[0], f"{key}.below")
                 epochs = read_epochs(radius, scenario, key, context)
-                require(kind, radius.outputs, [largest], probability, epochs, radius.of, key)
+                require(kind, radius.outputs, [largest], probability, epochs, radius.of, key, radius.about)
     for number, box in enumerate(table.box, start=1):
         key = f"accept.box #{number}"
         if not box.within:
             context.problem(f"{key}.within", "is empty; expected a limit for at least one output")
         elif known(list(box.within), f"{key}.within"):
             limits = [limit(written, name, f"{key}.within.{name}") for name, written in box.within.items()]
-            require("box", list(box.within), limits, box.probability)
+            require("box", list(box.within), limits, box.probability, key=key, about=box.about)
     return records
 
 
