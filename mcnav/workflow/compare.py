@@ -122,7 +122,8 @@ def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
         at = (names[0].index(name), names[later].index(name))
         before, after = sample_sets[0], sample_sets[later]
         enough = min(len(before.index), len(after.index)) >= 2
-        about_zero = at[0] in large[0] or at[1] in large[later]
+        spread = first.summary.sigma_linear[at[0]] > 0.0 or runs[later].summary.sigma_linear[at[1]] > 0.0
+        about_zero = bool(spread) and (at[0] in large[0] or at[1] in large[later])
         common = same_draws(first, runs[later])
         comparison = change(before, after, at, common, each, about_zero) if enough else None
         shown_in = first.manifest.model.outputs[at[0]].shown_in
