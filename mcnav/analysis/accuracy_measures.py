@@ -1,6 +1,7 @@
 """Measures of accuracy of linear errors: sigmas, and radii of outputs together, at the end or at other times.
 
-A measure is written as the name of an output, for its sigma, or as
+A measure is written as the name of an output, for its root mean square error, which is its sigma unless it has a mean
+error (`mcnav.analysis.mean_errors`), or as
 
 - ``drms(position_north, position_east)``: root mean square distance from zero, in two or three outputs;
 - ``cep``, ``r95`` (two outputs), ``sep`` (three): radius about zero of half or 95 % of normal errors.
@@ -29,7 +30,7 @@ from mcnav.analysis.requirements import (
 from mcnav.analysis.requirements_over_time import largest_quantile
 from mcnav.analysis.vector_sizes import components_of
 from mcnav.contract.linear import CovarianceReadings
-from mcnav.contract.quantities import Output
+from mcnav.contract.quantities import Of, Output
 from mcnav.errors import suggestion
 from mcnav.statistics.normal_box import normal_box_probability, probability_beyond_box
 from mcnav.statistics.normal_size import NormalSize, size_quantile
@@ -82,6 +83,10 @@ class Measure:
         Number of the campaign's requirement that it is.
     members : tuple of int
         Outputs whose root sum of squares the only one of its outputs is.
+    about : str
+        As that of `mcnav.analysis.requirements.Requirement`; sigmas and DRMS are about the nominal.
+    of : str
+        What the only output of a sigma is of.
     """
 
     name: str
@@ -94,6 +99,8 @@ class Measure:
     limits: tuple[float, ...] = ()
     requirement: int | None = None
     members: tuple[int, ...] = ()
+    about: str = ""
+    of: Of = "navigation"
 
     @property
     def bound(self) -> float | None:
@@ -113,13 +120,22 @@ class Measure:
 
     def value(self, readings: CovarianceReadings) -> float:
         """Compute it for the true errors, SI."""
-        return self._value(readings.mean, readings.covariance)
+        return self._value(self._counted(readings), readings.covariance)
 
     def own_value(self, readings: CovarianceReadings) -> float:
         """Compute it for errors as the filter states them, SI; NaN without a filter, and of a correction's size."""
         if readings.own is None or self.members:
             return float("nan")
         return self._value(np.zeros_like(readings.mean), readings.own)
+
+    def _counted(self, readings: CovarianceReadings) -> Array:
+        """Return the means of what is measured: of states of the truth those of their departures, or of themselves."""
+        if self.kind == SIGMA and self.of != "navigation":
+            nominal = 0.0 if readings.nominal is None else readings.nominal
+            return np.asarray(readings.mean - nominal) if self.of == "truth" else np.zeros_like(readings.mean)
+        if readings.origin is None or self.about or self.kind in (SIGMA, DRMS):
+            return readings.mean
+        return np.asarray(readings.mean + readings.origin)
 
     def beyond(self, readings: CovarianceReadings) -> float:
         """Compute the probability that true errors lie beyond the limits of a requirement, over time the largest.
@@ -129,20 +145,28 @@ class Measure:
         if self.requirement is None or not is_rare(self.probability):
             return float("nan")
         picked, limits = np.array(self.members or self.outputs), np.array(self.limits)
+        means = self._counted(readings)
 
         def at(reading: int) -> float:
-            mean, covariance = readings.mean[reading, picked], readings.covariance[reading][np.ix_(picked, picked)]
+            mean, covariance = means[reading, picked], readings.covariance[reading][np.ix_(picked, picked)]
             if self.kind == BOX:
                 return probability_beyond_box(mean, covariance, limits)
             return NormalSize.of(mean, covariance).beyond(float(limits[0]))
 
         return max(map(at, self.readings))
 
+    def mean_error(self, readings: CovarianceReadings) -> float:
+        """Return the mean error of a sigma's output where it is largest, SI; zero of other measures."""
+        if self.kind != SIGMA:
+            return 0.0
+        errors = self._counted(readings)[np.array(self.readings), self.outputs[0]]
+        return float(errors[np.argmax(np.abs(errors))])
+
     def _value(self, means: Array, covariances: Array) -> float:
         at, picked = np.array(self.readings), np.array(self.members or self.outputs)
         mean, covariance = means[np.ix_(at, picked)], covariances[np.ix_(at, picked, picked)]
         if self.kind == SIGMA:
-            return float(np.sqrt(max(covariance[:, 0, 0].max(), 0.0)))
+            return float(np.sqrt(max((covariance[:, 0, 0] + mean[:, 0] ** 2).max(), 0.0)))
         if self.kind == DRMS:
             return float(np.sqrt((np.trace(covariance, axis1=1, axis2=2) + (mean**2).sum(axis=1)).max()))
         if self.kind == BOX:
@@ -212,7 +236,8 @@ def _together(names: Sequence[str]) -> dict[str, tuple[int, ...]]:
 
 
 def _of(name: str, kind: str, picked: tuple[int, ...], outputs: Sequence[Output]) -> Measure:
-    return Measure(name, kind, picked, outputs[picked[0]].unit, outputs[picked[0]].shown_in)
+    first = outputs[picked[0]]
+    return Measure(name, kind, picked, first.unit, first.shown_in, of=first.of)
 
 
 def usual_measures(outputs: Sequence[Output]) -> list[Measure]:
@@ -240,7 +265,7 @@ def requirement_measures(requirements: Sequence[Requirement], outputs: Sequence[
         unit, shown_in = ("1", "%") if each.kind == BOX else (of.unit, of.shown_in)
         members, probability = size_members(each.outputs, sizes), size_probability(each)
         measure = Measure(name, each.kind, each.outputs, unit, shown_in, probability, each.epochs, each.limits, number)
-        measures.append(replace(measure, members=members))
+        measures.append(replace(measure, members=members, about=each.about))
     return measures
 
 
@@ -248,7 +273,8 @@ def _requirement_name(requirement: Requirement, outputs: Sequence[Output]) -> st
     """Return the measure that a requirement limits, in words."""
     names = ", ".join(outputs[place].name for place in requirement.outputs)
     shown = "" if requirement.kind in RADII else f", {size_probability(requirement):g}"
-    return f"{requirement.kind}({names}{shown})" + (f" {requirement.when}" if requirement.when else "")
+    about = " about nominal" if requirement.about else ""
+    return f"{requirement.kind}({names}{shown}){about}" + (f" {requirement.when}" if requirement.when else "")
 
 
 def _limits(requirement: Requirement, outputs: Sequence[Output]) -> str:

@@ -60,6 +60,8 @@ class Model:
         Smallest limit that requirements set to each output; infinite without one.
     withheld : tuple of int
         Outputs without a verdict, since they depend on a source with heavy tails.
+    origin : ndarray, shape (outputs,), optional
+        What the outputs are measured from; see `mcnav.contract.linear.LinearSystem`.
     """
 
     partials: Array
@@ -71,6 +73,7 @@ class Model:
     scales: Array | None = None
     limits: Array | None = None
     withheld: tuple[int, ...] = ()
+    origin: Array | None = None
 
     @property
     def outcome_mean(self) -> Array:

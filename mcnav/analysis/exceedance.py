@@ -33,15 +33,27 @@ LIKELY: Final = 0.2
 
 @dataclass(frozen=True)
 class Event:
-    """Region beyond a requirement: outputs by number, and their limits; over time at any of its epochs, by number."""
+    """Region beyond a requirement: outputs by number, and their limits; over time at any of its epochs, by number.
+
+    ``origin``, shape (m, outputs), is what the outputs are measured from at these epochs, or at the end, m = 1.
+    """
 
     outputs: tuple[int, ...]
     limit: Limit
     epochs: tuple[int, ...] = ()
+    origin: Array | None = None
 
     @classmethod
-    def of(cls, requirement: Requirement, sizes: Mapping[int, tuple[int, ...]]) -> Event:
-        """Return that of a quantile, a radius or a box; ``sizes`` are those of `mcnav.analysis.comparison.Model`."""
+    def of(cls, requirement: Requirement, sizes: Mapping[int, tuple[int, ...]], origin: Array | None = None) -> Event:
+        """Return that of a quantile, a radius or a box.
+
+        Parameters
+        ----------
+        sizes : mapping of int to tuple of int
+            As those of `mcnav.analysis.comparison.Model`.
+        origin : ndarray, shape (outputs,) or, over time, (epochs, outputs), optional
+            What all outputs are measured from.
+        """
         outputs = requirement.outputs
         limit: Sides | Distance
         members = size_members(outputs, sizes) if requirement.kind != "box" else ()
@@ -52,13 +64,17 @@ class Event:
             outputs = members or outputs
             limit = Distance(requirement.limits[0], len(outputs))
         epochs = requirement.epochs
-        return cls(outputs, AnyEpoch(limit, len(epochs)) if epochs else limit, epochs)
+        if origin is not None:
+            at = origin[np.array(epochs)] if epochs else origin[None]
+            origin = None if requirement.about else at[:, outputs]
+        return cls(outputs, AnyEpoch(limit, len(epochs)) if epochs else limit, epochs, origin)
 
     def picked(self, values: Array) -> Array:
         """Return what is limited of all outputs, shape (n, outputs), or over time (n, m, outputs), as (n, limited)."""
-        if not self.epochs:
-            return values[:, self.outputs]
-        return values[:, self.epochs][:, :, self.outputs].reshape(len(values), len(self.epochs) * len(self.outputs))
+        chosen = values[:, self.epochs][:, :, self.outputs] if self.epochs else values[:, None, self.outputs]
+        if self.origin is not None:
+            chosen = chosen + self.origin
+        return np.asarray(chosen.reshape(len(values), -1))
 
     def worst_epoch(self, limited: Array) -> int:
         """Return the place, among the event's epochs, of the farthest beyond the limit; ``limited`` is of `picked`."""

@@ -98,7 +98,7 @@ def _share(covariance: ScaledCovariance, limited: LimitedErrors, values: Array, 
     members, required = limited.members, limited.requirement
     places = [[covariance.entries.index((min(i, j), max(i, j))) for j in members] for i in members]
     readings = np.array(limited.readings)
-    matrices, centres = values[readings][:, places], means[readings][:, list(members)]
+    matrices, centres = values[readings][:, places], means[readings][:, list(members)] + limited.origin
     squares = np.trace(matrices, axis1=1, axis2=2) + (centres**2).sum(axis=1)
     probability, largest = size_probability(required), known * required.limits[0]
     axes = np.arange(1, len(members) + 1)

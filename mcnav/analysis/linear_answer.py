@@ -20,9 +20,11 @@ from mcnav.analysis.gates import GateAnswer
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of, picked, readings_beyond
+from mcnav.analysis.mean_errors import departures
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import (
     Requirement,
+    counted,
     is_rare,
     size_members,
     size_probability,
@@ -221,15 +223,24 @@ class LinearAnswer:
         """List the causes of the errors that a requirement limits, at the instant at which it is tightest."""
         judged = self.requirements[number]
         if judged.time is None or self.history is None:
-            return causes_of_requirement(
-                judged.requirement, self.final_variances, self.means, self.covariance, self.mean
-            )
+            mean, means = self._departures(self.mean, self.model.nominal, self.means)
+            return causes_of_requirement(judged.requirement, self.final_variances, means, self.covariance, mean)
         history = self.smoothed if judged.requirement.of and self.smoothed is not None else self.history
         at = int(history.settled[np.argmin(np.abs(history.readings.times[history.settled] - judged.time))])
         variances, means = (
             {name: values[at] for name, values in parts.items()} for parts in (history.variances, history.means)
         )
-        return causes_of_requirement(judged.requirement, variances, means, history.covariance[at], history.mean[at])
+        nominal = history.readings.nominal
+        mean, means = self._departures(history.mean[at], None if nominal is None else nominal[at], means)
+        return causes_of_requirement(judged.requirement, variances, means, history.covariance[at], mean)
+
+    def _departures(
+        self, mean: Array, nominal: Array | None, means: Mapping[str, Array]
+    ) -> tuple[Array, Mapping[str, Array]]:
+        """Return a mean and its parts by cause without the nominal values of outputs that are no errors."""
+        if NOMINAL in means:
+            means = {**means, NOMINAL: departures(self.outputs, means[NOMINAL], nominal)}
+        return departures(self.outputs, mean, nominal), means
 
 
 def causes_at(covariance: LinearCovariance, reading: int, output: int) -> tuple[Cause, ...]:
@@ -270,6 +281,7 @@ def judge_within_range(
     history: Moments | None,
     sizes: Mapping[int, tuple[int, ...]] | None = None,
     nominal: Array | None = None,
+    origin: Array | None = None,
 ) -> tuple[LinearRequirement, ...]:
     """Judge requirements for normal errors, and none that holds where errors are beyond the limits of the outputs.
 
@@ -277,7 +289,7 @@ def judge_within_range(
     ----------
     limits : ndarray, shape (outputs,)
         See `mcnav.analysis.linear_range.limits_of`.
-    mean, covariance, history, sizes, nominal
+    mean, covariance, history, sizes, nominal, origin
         As for `judge_linearly`.
     """
     over_time = None
@@ -285,13 +297,13 @@ def judge_within_range(
         variances = np.diagonal(history.covariance, axis1=1, axis2=2)
         over_time = history.times, history.mean, np.sqrt(np.maximum(variances, 0.0))
     beyond = find_beyond(limits, mean, np.sqrt(np.maximum(np.diag(covariance), 0.0)), over_time)
-    judged = judge_linearly(requirements, mean, covariance, history, sizes, nominal)
+    judged = judge_linearly(requirements, mean, covariance, history, sizes, nominal, origin)
     return within_range(judged, beyond, None if history is None else history.times)
 
 
 def judge_linearly(
     requirements: Sequence[Requirement], mean: Array, covariance: Array, history: Moments | None,
-    sizes: Mapping[int, tuple[int, ...]] | None = None, nominal: Array | None = None,
+    sizes: Mapping[int, tuple[int, ...]] | None = None, nominal: Array | None = None, origin: Array | None = None,
 ) -> tuple[LinearRequirement, ...]:  # fmt: skip
     """Judge requirements for normal errors.
 
@@ -305,9 +317,14 @@ def judge_linearly(
         Outputs that are the root sum of squares of others.
     nominal : ndarray, shape (outputs,), optional
         Part of the mean that a flight without errors has; by default none.
+    origin : ndarray, shape (outputs,), optional
+        What the outputs are measured from; see `mcnav.analysis.requirements.counted`.
     """
     fixed = np.zeros_like(mean) if nominal is None else nominal
-    return tuple(_judge(each, mean, covariance, history, sizes or {}, fixed) for each in requirements)
+    return tuple(
+        _judge(each, counted(each, mean, origin), covariance, history, sizes or {}, counted(each, fixed, origin))
+        for each in requirements
+    )
 
 
 def _judge(
@@ -330,10 +347,12 @@ def _judge(
     probability, time = size_probability(requirement), None
     if requirement.epochs and history is not None:
         at = np.array(requirement.epochs)
-        means, covariances = history.mean[np.ix_(at, picked)], history.covariance[np.ix_(at, picked, picked)]
+        means = counted(requirement, history.mean, history.origin)[np.ix_(at, picked)]
+        covariances = history.covariance[np.ix_(at, picked, picked)]
         value, worst = largest_quantile(means, covariances, probability)
         time, mean, covariance = float(history.times[at[worst]]), means[worst], covariances[worst]
-        nominal = np.zeros(len(picked)) if history.nominal is None else history.nominal[at[worst], picked]
+        known = np.zeros_like(history.mean) if history.nominal is None else history.nominal
+        nominal = counted(requirement, known, history.origin)[at[worst], picked]
     else:
         value = quantile(mean, covariance)
     if nominal.any():
@@ -372,7 +391,8 @@ def _margin_about(
 def sizes_over_time(requirement: Requirement, history: Moments, sizes: Mapping[int, tuple[int, ...]]) -> Array:
     """Compute the quantile or radius of a requirement at every time, shape (m,), SI."""
     picked = np.array(size_members(requirement.outputs, sizes) or requirement.outputs)
-    laws = zip(history.mean[:, picked], history.covariance[:, picked[:, None], picked], strict=True)
+    mean = counted(requirement, history.mean, history.origin)
+    laws = zip(mean[:, picked], history.covariance[:, picked[:, None], picked], strict=True)
     return np.array([size_quantile(*law, size_probability(requirement)) for law in laws])
 
 

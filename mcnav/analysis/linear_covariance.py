@@ -28,12 +28,15 @@ class Moments:
         SI.
     nominal : ndarray, shape (m, outputs), optional
         Part of the mean that a flight without errors has; none where there is none.
+    origin : ndarray, shape (m, outputs), optional
+        See `mcnav.contract.linear.LinearSystem`.
     """
 
     times: Array
     mean: Array
     covariance: Array
     nominal: Array | None = None
+    origin: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -75,8 +78,8 @@ class LinearCovariance:
     def moments(self) -> Moments:
         """Moments after the updates of each time."""
         at = self.settled
-        nominal = None if self.readings.nominal is None else self.readings.nominal[at]
-        return Moments(self.readings.times[at], self.mean[at], self.covariance[at], nominal)
+        nominal, origin = (None if each is None else each[at] for each in (self.readings.nominal, self.readings.origin))
+        return Moments(self.readings.times[at], self.mean[at], self.covariance[at], nominal, origin)
 
 
 def covariance_over_time(

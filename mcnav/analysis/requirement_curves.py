@@ -12,7 +12,6 @@ from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.requirements import (
     Requirement,
-    error_sizes,
     independent_samples,
     size_members,
     size_probability,
@@ -52,11 +51,11 @@ class RequirementCurve:
 
 def requirement_curve(requirement: Requirement, histories: ErrorHistories, confidence: float) -> RequirementCurve:
     """Compute the curve of a requirement on the size of errors at epochs."""
-    probability, outputs = size_probability(requirement), requirement.outputs
+    probability = size_probability(requirement)
     epochs = drawn_epochs(requirement, len(histories.times))
     independent, remark = independent_samples(histories.blocks)
-    errors = histories.errors[independent]
-    ranked = [RankedSizes.of(error_sizes(errors[:, epoch], outputs)) for epoch in epochs]
+    sizes = [histories.counted_sizes(requirement, epoch) for epoch in epochs.tolist()]
+    ranked = [RankedSizes.of(each[independent]) for each in sizes]
     bounds = [(0.0, math.inf) if remark else each.bounds(probability, confidence) for each in ranked]
     return RequirementCurve(
         times=histories.times[epochs],
@@ -75,10 +74,11 @@ def drawn_epochs(requirement: Requirement, count: int) -> IndexArray:
 
 
 def _linear(requirement: Requirement, histories: ErrorHistories, epochs: IndexArray, probability: float) -> Array:
-    if histories.mean is None or histories.covariance is None:
+    mean = histories.counted_mean(requirement)
+    if mean is None or histories.covariance is None:
         return np.full(len(epochs), np.nan)
     picked = np.array(size_members(requirement.outputs, histories.sizes) or requirement.outputs)
-    means = histories.mean[np.ix_(epochs, picked)]
+    means = mean[np.ix_(epochs, picked)]
     covariances = histories.covariance[np.ix_(epochs, picked, picked)]
     laws = zip(means, covariances, strict=True)
     return np.array([size_quantile(mean, covariance, probability) for mean, covariance in laws])

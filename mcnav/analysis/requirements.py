@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from enum import StrEnum
 from typing import Any, Final
 
@@ -54,7 +54,8 @@ class Requirement:
     with a probability.
 
     ``epochs`` are those at each of which it holds, by number; ``when`` has them in words. Without any it is on the
-    final errors. ``of`` is "smoother" where it is on the errors behind one.
+    final errors. ``of`` is "smoother" where it is on the errors behind one. It limits a state of the truth itself, the
+    nominal included, unless ``about`` is "nominal": then it limits the departure from the nominal (`counted`).
     """
 
     kind: str
@@ -64,6 +65,7 @@ class Requirement:
     when: str = ""
     epochs: tuple[int, ...] = ()
     of: str = ""
+    about: str = ""
 
 
 def requirements_from(
@@ -74,7 +76,8 @@ def requirements_from(
     return tuple(
         Requirement(entry["kind"], tuple(at[name] for name in entry["outputs"]),
                     tuple(map(float, entry["limits"])), entry["probability"],
-                    entry.get("when") or "", tuple(entry.get("epochs") or ()), entry.get("of") or "")
+                    entry.get("when") or "", tuple(entry.get("epochs") or ()), entry.get("of") or "",
+                    entry.get("about") or "")
         for entry in entries
     )  # fmt: skip
 
@@ -89,6 +92,23 @@ def smallest_limits(requirements: Sequence[Requirement], outputs: int) -> Array:
         for output, limit in zip(requirement.outputs, sides, strict=True):
             limits[output] = min(limit, limits[output])
     return limits
+
+
+def counted(requirement: Requirement, values: Array, origin: Array | None) -> Array:
+    """Return outputs, or their means, as a requirement limits them: with what they are measured from.
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., outputs)
+    origin : ndarray, shape (..., outputs), or None
+        See `mcnav.contract.linear.LinearSystem`.
+    """
+    return values if origin is None or requirement.about else values + origin
+
+
+def counted_model(requirement: Requirement, model: Model) -> Model:
+    """Return the linear model of the outputs as a requirement limits them."""
+    return replace(model, nominal=counted(requirement, model.nominal, model.origin), origin=None)
 
 
 RARE: Final = 1e-3
@@ -184,7 +204,8 @@ def judge_requirement(
     if requirement.kind == "sigma_ratio":
         return _judge_ratios(requirement, comparison)
     independent, remark = independent_samples(blocks)
-    outcomes = outcomes[independent]
+    outcomes = counted(requirement, outcomes[independent], model.origin)
+    model = counted_model(requirement, model)
     reason = f"a run that stores a summary has {most:,} samples to count, however many it simulates" if most else ""
     counting = Counting(len(blocks), len(outcomes), most, reason)
     if not np.isfinite(outcomes).any():

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from mcnav.analysis.requirements import (
     Finding,
     Requirement,
     RequirementResult,
+    counted,
     error_sizes,
     finding_on_size,
     independent_samples,
@@ -52,6 +53,8 @@ class ErrorHistories:
         Samples whose histories are stored at most.
     sizes : mapping of int to tuple of int
         Outputs that are the root sum of squares of others.
+    origin : ndarray, shape (m, outputs), optional
+        What the outputs are measured from; see `mcnav.contract.linear.LinearSystem`.
     """
 
     times: Array
@@ -61,6 +64,16 @@ class ErrorHistories:
     covariance: Array | None
     most: int
     sizes: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    origin: Array | None = None
+
+    def counted_sizes(self, requirement: Requirement, epoch: int) -> Array:
+        """Return what a requirement limits at an epoch, for each sample, shape (n,)."""
+        origin = None if self.origin is None else self.origin[epoch]
+        return error_sizes(counted(requirement, self.errors[:, epoch], origin), requirement.outputs)
+
+    def counted_mean(self, requirement: Requirement) -> Array | None:
+        """Return the linear mean of the outputs as a requirement limits them, shape (m, outputs)."""
+        return None if self.mean is None else counted(requirement, self.mean, self.origin)
 
 
 def judge_over_time(requirement: Requirement, histories: ErrorHistories | None, confidence: float) -> RequirementResult:
@@ -72,10 +85,10 @@ def judge_over_time(requirement: Requirement, histories: ErrorHistories | None, 
             remark="this run has no histories of errors",
         )  # fmt: skip
     independent, remark = independent_samples(histories.blocks)
-    errors = histories.errors[independent]
-    if not np.isfinite(errors).any():
+    if not np.isfinite(histories.errors[independent]).any():
         remark = "every sample failed"
-    ranked = [RankedSizes.of(error_sizes(errors[:, epoch], requirement.outputs)) for epoch in epochs]
+    sizes = [histories.counted_sizes(requirement, epoch)[independent] for epoch in epochs]
+    ranked = [RankedSizes.of(each) for each in sizes]
     estimates = np.array([each.estimate(probability) for each in ranked])
     worst = int(np.argmax(np.nan_to_num(estimates, nan=-1.0)))
     shared = confidence_of_each(confidence, len(epochs))
@@ -84,13 +97,14 @@ def judge_over_time(requirement: Requirement, histories: ErrorHistories | None, 
     interval = (0.0, math.inf) if remark else (low, high)
     finding = finding_on_size(interval, limit)
     needed = None
-    if finding == Finding.UNDECIDED and not remark and len(errors):
-        sizes = [error_sizes(errors[:, epoch], requirement.outputs) for epoch in epochs]
+    count = int(np.count_nonzero(independent))
+    if finding == Finding.UNDECIDED and not remark and count:
         shares = [float(np.mean(~(each < limit))) for each in sizes], [float(np.mean(each >= limit)) for each in sizes]
         reason = f"errors over time are stored of the first {histories.most:,} samples alone"
-        counting = Counting(len(histories.errors), len(errors), histories.most, reason)
+        counting = Counting(len(histories.errors), count, histories.most, reason)
         needed, remark = samples_needed(*shares, 1.0 - probability, (confidence, shared), counting)
-    linear = largest_linear_quantile(histories, requirement.outputs, epochs, probability)
+    known = replace(histories, mean=histories.counted_mean(requirement))
+    linear = largest_linear_quantile(known, requirement.outputs, epochs, probability)
     return RequirementResult(
         requirement,
         finding,
@@ -101,7 +115,7 @@ def judge_over_time(requirement: Requirement, histories: ErrorHistories | None, 
         needed,
         remark=remark,
         time=float(histories.times[epochs[worst]]),
-        samples=len(errors),
+        samples=count,
     )
 
 

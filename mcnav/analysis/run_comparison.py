@@ -1,5 +1,7 @@
 """Change of each output's dispersion and mean from one campaign to another.
 
+Where a mean error exceeds one sigma, root mean squares are compared in place of sigmas.
+
 The paired estimates are compared, sigma^2 = (P S P^T)_ii + mean(q) with q the square of a simulated less that of the
 linear error. With q / sigma^2 of both runs, the logarithm of the sigma ratio has the error of half the difference
 of their means. Where both runs drew the same samples, by seed and index, the difference is formed sample by sample, and
@@ -17,6 +19,7 @@ from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.decision_rule import LARGEST_EXPONENT
+from mcnav.analysis.mean_errors import Quantity, departures
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate, blocked_mean, paired_squares
 
@@ -26,6 +29,7 @@ class SampleSet:
     """Successful samples of one run: index, shape (n,), errors, shape (n, sources), and outputs, shape (n, outputs).
 
     Samples with noise have linear outcomes of their own, shape (n, outputs); those of others follow from their errors.
+    ``quantities`` say what the outputs are of.
     """
 
     model: Model
@@ -34,6 +38,7 @@ class SampleSet:
     outputs: Array
     design: SamplingDesign
     linear: Array | None = None
+    quantities: tuple[Quantity, ...] = ()
 
     @property
     def blocks(self) -> IndexArray:
@@ -46,7 +51,7 @@ class Change:
     """Change of one output from a run to a later one, SI, with common draws or without.
 
     The paired sigmas before and after have a ratio, NaN where either is zero; ``mean`` is the later mean less the
-    earlier one.
+    earlier one. Where ``about_zero``, they are root mean squares of the errors.
     """
 
     before: float
@@ -55,6 +60,7 @@ class Change:
     interval: tuple[float, float]
     mean: Estimate
     common: bool
+    about_zero: bool = False
 
     @property
     def certain(self) -> bool:
@@ -62,11 +68,17 @@ class Change:
         return not self.interval[0] <= 1.0 <= self.interval[1]
 
 
-def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common: bool, confidence: float) -> Change:
-    """Estimate the change of one output, given by its index in each run; samples of one index may be common draws."""
+def change(
+    before: SampleSet, after: SampleSet, outputs: tuple[int, int], common: bool, confidence: float,
+    about_zero: bool = False,
+) -> Change:  # fmt: skip
+    """Estimate the change of one output, given by its index in each run; samples of one index may be common draws.
+
+    ``about_zero`` compares root mean squares of the errors in place of sigmas.
+    """
     squares, deviations, sigmas, means = [], [], [], []
     for samples, i in ((before, outputs[0]), (after, outputs[1])):
-        square, deviation, linear, centre = _controlled(samples, i)
+        square, deviation, linear, centre = _controlled(samples, i, about_zero)
         variance = linear + float(np.mean(square))
         variance = variance if variance > samples.model.floor[i] ** 2 else 0.0
         sigmas.append(float(np.sqrt(variance)) if variance > 0.0 else 0.0)
@@ -77,21 +89,29 @@ def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common
     mean = _difference(before, after, deviations, common)
     shifted = Estimate(means[1] - means[0] + mean.value, mean.standard_error, mean.degrees_of_freedom)
     if not all(sigmas):
-        return Change(sigmas[0], sigmas[1], float("nan"), (float("nan"), float("nan")), shifted, common)
+        unknown = float("nan"), float("nan")
+        return Change(sigmas[0], sigmas[1], float("nan"), unknown, shifted, common, about_zero)
     ratio, (low, high) = sigmas[1] / sigmas[0], spread.interval(confidence)
     down, up = 0.5 * (spread.value - low), 0.5 * (high - spread.value)
     interval = (ratio * float(np.exp(-down)), ratio * float(np.exp(min(up, LARGEST_EXPONENT))))
-    return Change(sigmas[0], sigmas[1], ratio, interval, shifted, common)
+    return Change(sigmas[0], sigmas[1], ratio, interval, shifted, common, about_zero)
 
 
-def _controlled(samples: SampleSet, i: int) -> tuple[Array, Array, float, float]:
-    """Return squares and deviations of simulated less linear errors, and the variance and mean that they correct."""
+def _controlled(samples: SampleSet, i: int, about_zero: bool) -> tuple[Array, Array, float, float]:
+    """Return squares and deviations of simulated less linear errors, and the variance and mean that they correct.
+
+    Squares ``about_zero`` correct the mean square: with z the linear error, ``E[y^2] = E[z^2] + mean(y^2 - z^2)``.
+    """
     model, simulated = samples.model, samples.outputs[:, i]
     if samples.linear is not None:
         linear = samples.linear[:, i]
     else:
         linear = model.nominal[i] + samples.errors @ model.partials[i]
     variance, mean = float(model.outcome_covariance[i, i]), float(model.outcome_mean[i])
+    if about_zero:
+        moved = float(departures([samples.quantities[i]], np.zeros(1), model.nominal[[i]])[0])
+        squares = (simulated + moved) ** 2 - (linear + moved) ** 2
+        return squares, simulated - linear, variance + (mean + moved) ** 2, mean
     return paired_squares(simulated, linear), simulated - linear, variance, mean
 
 

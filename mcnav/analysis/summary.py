@@ -256,6 +256,7 @@ class RequirementEntry(_Entry):
     limits: Sequence[float]
     probability: float | None = None
     when: str = ""
+    about: str = ""
     epochs: Sequence[int] = ()
     finding: str
     estimate: float | None
@@ -490,6 +491,10 @@ class Summary(_Entry):
     mean_sample: Vector
     bias: Numbers = ()
     bias_standard_error: Numbers = ()
+    nominal: Gaps = ()
+    mean_error: Gaps = ()
+    mean_error_interval: Sequence[Ends | None] = ()
+    mean_rounding: Numbers = ()
     covariance_linear: Matrix
     covariance_sample: Matrix
     covariance_paired: Matrix

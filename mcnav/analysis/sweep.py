@@ -10,6 +10,7 @@ import numpy as np
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure
+from mcnav.analysis.mean_errors import UNDISTURBED
 from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import Output
 
@@ -150,6 +151,8 @@ class Sweep:
     exceedances : ndarray, shape (n, [m,] measures), or None
         Linear probability beyond the limits of requirements that allow little, NaN of other measures; see
         `mcnav.analysis.accuracy_measures.Measure.beyond`.
+    means : ndarray, shape (n, [m,] measures), or None
+        Mean errors in the values of sigmas, which are root mean squares; SI.
     """
 
     campaign: str
@@ -166,6 +169,26 @@ class Sweep:
     confirmations: tuple[Confirmation, ...] = ()
     added: tuple[tuple[Point, Array], ...] = ()
     exceedances: Array | None = None
+    means: Array | None = None
+
+    @property
+    def mean_shares(self) -> Array:
+        """Mean errors over the sigmas beside them, shape (n, [m,] measures); zero where there is none but rounding."""
+        if self.means is None:
+            return np.zeros_like(self.values)
+        means = np.abs(np.nan_to_num(self.means))
+        for index, measure in enumerate(self.measures):
+            alike = [k for k, other in enumerate(self.measures) if other.unit == measure.unit]
+            values = self.values[..., alike]
+            largest = np.max(values, where=np.isfinite(values), initial=0.0)
+            means[..., index] *= means[..., index] > UNDISTURBED * largest
+        sigmas = np.sqrt(np.maximum(np.nan_to_num(self.values, posinf=0.0) ** 2 - means**2, 0.0))
+        ratios = np.divide(means, sigmas, out=np.zeros_like(means), where=sigmas > 0.0)
+        return np.where((sigmas == 0.0) & (means > 0.0), np.inf, ratios)
+
+    def has_mean(self, measure: int) -> bool:
+        """Return whether the mean error of a measure exceeds one sigma at some point."""
+        return bool((self.mean_shares[..., measure] > 1.0).any())
 
     def rare(self, measure: int) -> bool:
         """Return whether the probability beyond the limits of a measure is known at a point."""

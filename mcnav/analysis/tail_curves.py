@@ -11,7 +11,14 @@ import numpy as np
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
-from mcnav.analysis.requirements import Requirement, error_sizes, independent_samples, size_members
+from mcnav.analysis.requirements import (
+    Requirement,
+    counted,
+    counted_model,
+    error_sizes,
+    independent_samples,
+    size_members,
+)
 from mcnav.statistics.normal_box import probability_beyond_box
 from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.proportions import probability_interval
@@ -54,10 +61,11 @@ class Curvature:
             return math.nan
         if requirement.kind == "quantile" and len(requirement.outputs) > 1:
             return math.nan
+        centre = counted(requirement, self.centre, model.origin)
         noise = sum((np.diag(each) for each in model.processes.values()), np.zeros(len(self.centre)))
         return sum(
             QuadraticForm(
-                float(self.centre[i]), self.slopes[i], self.curvatures[i], float(np.sqrt(max(noise[i], 0.0)))
+                float(centre[i]), self.slopes[i], self.curvatures[i], float(np.sqrt(max(noise[i], 0.0)))
             ).beyond(multiple * limit)
             for i, limit in zip(requirement.outputs, requirement.limits, strict=True)
         )  # fmt: skip
@@ -65,6 +73,7 @@ class Curvature:
 
 def linear_beyond(requirement: Requirement, model: Model, multiple: float = 1.0) -> float:
     """Compute the probability beyond multiples of the limits for linear normal errors; NaN where it is not known."""
+    model = counted_model(requirement, model)
     members = size_members(requirement.outputs, model.sizes)
     chosen = np.array(members or requirement.outputs)
     mean, covariance = model.outcome_mean[chosen], model.outcome_covariance[np.ix_(chosen, chosen)]
@@ -136,6 +145,7 @@ def tail_curve(
 
 def limits_reached(requirement: Requirement, model: Model, outcomes: Array) -> Array:
     """Return the multiple of the limits that each outcome reaches, shape (n,); NaN of a sample that failed."""
+    outcomes = counted(requirement, outcomes, model.origin)
     if requirement.kind == "box":
         return np.asarray(np.max(np.abs(outcomes[:, requirement.outputs]) / np.array(requirement.limits), axis=1))
     members = size_members(requirement.outputs, model.sizes)

@@ -232,11 +232,15 @@ def grouped_terms(system: SizedSystem, groups: Sequence[Sequence[int]]) -> list[
 
 @dataclass(frozen=True)
 class LimitedErrors:
-    """Errors that a requirement limits: outputs, or those whose size one output is, at some readings."""
+    """Errors that a requirement limits: outputs, or those whose size one output is, at some readings.
+
+    ``origin``, shape (readings, members), is what it counts besides: the nominal of states of the truth.
+    """
 
     requirement: Requirement
     members: tuple[int, ...]
     readings: tuple[int, ...]
+    origin: Array
 
 
 @dataclass(frozen=True)

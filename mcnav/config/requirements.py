@@ -20,13 +20,14 @@ RADII: Final = {"cep": 0.5, "r95": 0.95, "sep": 0.5}
 def read_requirements(table: AcceptTable, scenario: Scenario, context: FileContext) -> list[RequirementRecord]:
     """Read all requirements; mistakes but those that `check_requirements` finds are added to the context."""
     units = {output.name: output.unit for output in scenario.outputs}
+    departing = {output.name for output in scenario.outputs if output.departs}
     records: list[RequirementRecord] = []
     filtered = context.content.get("filter")
     smoothed = isinstance(filtered, Mapping) and "smoother" in filtered
 
     def require(
         kind: str, names: Sequence[str], limits: list[float], probability: float | None,
-        epochs: RequirementEpochs | None = None, of: str | None = None, key: str = "",
+        epochs: RequirementEpochs | None = None, of: str | None = None, key: str = "", about: str | None = None,
     ) -> None:  # fmt: skip
         record = RequirementRecord(kind=kind, outputs=tuple(names), limits=tuple(limits), probability=probability)
         if epochs is not None:
@@ -36,6 +37,10 @@ def read_requirements(table: AcceptTable, scenario: Scenario, context: FileConte
             record = record.completed({"of": of, "when": when})
             if not smoothed:
                 context.problem(f"{key}.of", f'got {of!r}; it needs smoother = "fixed-interval" in [filter]')
+        if about is not None:
+            record = record.completed({"about": about})
+            for name in (each for each in names if each not in departing):
+                context.problem(f"{key}.about", f"got {about!r}; {name} is no departure from the nominal flight")
         records.append(record)
 
     def known(names: Sequence[str]) -> bool:
@@ -54,18 +59,18 @@ def read_requirements(table: AcceptTable, scenario: Scenario, context: FileConte
         if known([entry.output]):
             largest = limit(entry.below, entry.output)
             epochs = read_epochs(entry, scenario, key, context)
-            require("quantile", [entry.output], [largest], entry.probability, epochs, entry.of, key)
+            require("quantile", [entry.output], [largest], entry.probability, epochs, entry.of, key, entry.about)
     for kind, probability in RADII.items():
         for number, radius in enumerate(getattr(table, kind), start=1):
             key = f"accept.{kind} #{number}"
             if known(radius.outputs):
                 largest = limit(radius.below, radius.outputs[0])
                 epochs = read_epochs(radius, scenario, key, context)
-                require(kind, radius.outputs, [largest], probability, epochs, radius.of, key)
+                require(kind, radius.outputs, [largest], probability, epochs, radius.of, key, radius.about)
     for number, box in enumerate(table.box, start=1):
         if known(list(box.within)):
             limits = [limit(written, name) for name, written in box.within.items()]
-            require("box", list(box.within), limits, box.probability, key=f"accept.box #{number}")
+            require("box", list(box.within), limits, box.probability, key=f"accept.box #{number}", about=box.about)
     return records
 
 

@@ -51,6 +51,12 @@ Of = Annotated[
 ]
 
 
+About = Annotated[
+    Literal["nominal"] | None,
+    Field(description="Limits departures from the nominal flight, in place of a state of the truth itself."),
+]
+
+
 class CorrelationTable(Table):
     """An entry of ``[[correlations]]``."""
 
@@ -106,6 +112,7 @@ class QuantileTable(Table):
     during: During = None
     at: At = None
     of: Of = None
+    about: About = None
 
 
 class CircularTable(Table):
@@ -117,6 +124,7 @@ class CircularTable(Table):
     during: During = None
     at: At = None
     of: Of = None
+    about: About = None
 
 
 class SphericalTable(CircularTable):
@@ -130,6 +138,7 @@ class BoxTable(Table):
 
     within: Annotated[dict[OutputName, Written], Field(description="Limit of each output, in its unit.")]
     probability: Annotated[Probability, Field(description="Probability with which all lie within their limits.")]
+    about: About = None
 
 
 class AcceptTable(Table):

@@ -54,6 +54,9 @@ class LinearSystem:
         What the times are, as ``name [unit]``.
     believed : mapping of str to float
         As in `FilterPrediction`.
+    origin : ndarray, shape (r, outputs), optional
+        What outputs are measured from: values on the nominal flight of those that are departures from it, zero of
+        others; none where all are zero. A state of the truth is its origin plus its output.
     """
 
     times: Array
@@ -65,6 +68,7 @@ class LinearSystem:
     own_outputs: tuple[int, ...] = ()
     label: str = "time [s]"
     believed: Mapping[str, float] = field(default_factory=dict)
+    origin: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.updates:
@@ -87,7 +91,7 @@ class LinearSystem:
         """The system at the end."""
         last = {name: each[-1] for name, each in self.processes.items()}
         nominal = np.zeros(self.partials.shape[1]) if self.nominal is None else self.nominal[-1]
-        return LinearModel(self.partials[-1], nominal, last)
+        return LinearModel(self.partials[-1], nominal, last, None if self.origin is None else self.origin[-1])
 
     def at(self, readings: NDArray[np.bool_]) -> LinearSystem:
         """Return the same at some of the readings, shape (r,)."""
@@ -97,6 +101,7 @@ class LinearSystem:
             times=self.times[readings],
             partials=self.partials[readings],
             nominal=None if self.nominal is None else self.nominal[readings],
+            origin=None if self.origin is None else self.origin[readings],
             processes={name: added[readings] for name, added in self.processes.items()},
             updates=updates,
             own=None if self.own is None else self.own[readings],
@@ -115,6 +120,7 @@ class LinearModel:
     partials: Array
     nominal: Array
     processes: Mapping[str, Array] = field(default_factory=dict)
+    origin: Array | None = None
 
 
 @dataclass
@@ -136,9 +142,13 @@ class CovarianceReadings:
     covariance : ndarray, shape (r, outputs, outputs)
     own : ndarray, shape (r, outputs, outputs), optional
         As the navigator's filter states it.
+    nominal, origin : ndarray, shape (r, outputs), optional
+        As those of a `LinearSystem`.
     """
 
     times: Array
     mean: Array
     covariance: Array
     own: Array | None = None
+    nominal: Array | None = None
+    origin: Array | None = None

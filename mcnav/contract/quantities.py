@@ -72,6 +72,9 @@ class Output:
         What it is of; see `Of`. A filter states the covariance of navigation errors alone.
     size_of : tuple of str
         Outputs in its unit whose root sum of squares it is: it is not normal, and not linear where they are zero.
+    departs : bool
+        True of the departure of a state from the nominal flight. The state itself is the output and what it is measured
+        from, `mcnav.contract.linear.LinearSystem.origin`; requirements limit the state unless they say otherwise.
     """
 
     name: str
@@ -80,6 +83,7 @@ class Output:
     limit: float | None = None
     of: Of = "navigation"
     size_of: tuple[str, ...] = ()
+    departs: bool = False
 
 
 class _OfKind(Protocol):

@@ -79,6 +79,9 @@ SHARED_LINES: Final = 160
 LINEAR: Final = 0.25
 """Share of the lines of the estimate that half-spaces that share their points have by the linear model alone."""
 
+LEAST_SHARE: Final = 1e-3
+"""Share of the lines of such a half-space that is expected to have none: the side opposite to all ways to fail."""
+
 BEFORE: Final = "flights fail before the limit is reached along their line as well: it is crossed more than once"
 
 
@@ -348,7 +351,9 @@ class _Plan:
         if not facets.shared:
             return np.asarray(shares)
         linear, _ = facets.expected_masses(points, 0.0)
-        return np.asarray((1.0 - LINEAR) * shares + LINEAR * linear / linear.sum())
+        shares = (1.0 - LINEAR) * shares + LINEAR * linear / linear.sum()
+        shares[shares == 0.0] = LEAST_SHARE
+        return np.asarray(shares / shares.sum())
 
     def nearest(self, pilot: _Lines) -> float:
         """Return the distance of a half-space as probable as the event is by the pilot."""

@@ -152,7 +152,9 @@ class Facets:
             reach = projected - projected[:, j : j + 1] * cosine  # alpha_k . w
             entered = cosine[: max(self.foreseen, 1)] > TURNED_AWAY
             ways = np.flatnonzero(entered)
-            first = np.min((self.distances - reach)[:, ways] / cosine[ways], axis=1, initial=np.inf)
+            if not len(ways):  # the linear model has no entry on the side opposite to all of its ways to fail
+                continue
+            first = np.min((self.distances - reach)[:, ways] / cosine[ways], axis=1)
             at = np.maximum(first + shift, 0.0)[:, None]
             depths = steep * (reach + at * cosine - self.distances)
             share = 1.0 / np.sum(np.exp(np.minimum(depths - depths[:, j : j + 1], 700.0)), axis=1)

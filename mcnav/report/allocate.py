@@ -30,6 +30,7 @@ from mcnav.report.figures import allocate as drawn
 from mcnav.report.figures.lincov import short_name
 from mcnav.report.format import number
 from mcnav.report.lincov import headline, requirement_rows, shown_limit, shown_value, units_shown
+from mcnav.report.lincov_words import large_mean_words
 from mcnav.report.requirements import TONES
 
 EXPLANATION: Final = (
@@ -276,12 +277,17 @@ def grade_table(allocation: Allocation, search: GradeSearch) -> Table[GradeRow]:
 
 def terminal(allocation: Allocation) -> list[Part]:
     """List what the terminal shows."""
-    parts: list[Part] = [Verdict(*standing(allocation))]
+    parts: list[Part] = [*_mean_errors(allocation), Verdict(*standing(allocation))]
     for goal in allocation.goals:
         parts += [goal_table(allocation, goal), *map(Note, goal_notes(goal))]
     if allocation.grades is not None:
         parts.append(grade_table(allocation, allocation.grades))
     return parts
+
+
+def _mean_errors(allocation: Allocation) -> list[Part]:
+    """Say first which mean errors exceed one sigma."""
+    return [Sentence(f"{words}.", tone) for words, tone in large_mean_words(allocation.answer)]
 
 
 def table(allocation: Allocation) -> Mapping[str, object]:
@@ -315,7 +321,8 @@ def page(allocation: Allocation) -> Page:
         parts: list[Part] = [Sentence(grade_words(allocation.grades)), *([table] if table.rows else [])]
         sections.append(Section("grades", "By one grade of the catalogue", parts))
     return Page(
-        f"{name}: allocation", "Allocation of errors", name, [Verdict(words, tone, [EXPLANATION]), asked], sections,
+        f"{name}: allocation", "Allocation of errors", name,
+        [*_mean_errors(allocation), Verdict(words, tone, [EXPLANATION]), asked], sections,
         [Note(f"{allocation.computed:,} linear answers were computed.")],
     )  # fmt: skip
 

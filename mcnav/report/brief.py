@@ -26,6 +26,7 @@ from mcnav.report.requirements import RequirementRow, listed, requirement_rows
 from mcnav.report.tiles import headline, tiles, worst_requirement
 
 WORST_CASE: Final = {
+    "Mean errors": ("envelopes", "histograms"),
     "Requirements": ("requirements_over_time", "tails", "histograms"),
     "Filter": ("sigma_history", "nees_history"),
     "Smoother": ("sigma_history",),

@@ -66,13 +66,17 @@ MOST_INPUTS: Final = 1_000
 
 @dataclass(frozen=True)
 class Row:
-    """One output of a later run, counted from 1, compared with the first run; no change with too few samples."""
+    """One output of a later run, counted from 1, compared with the first run; no change with too few samples.
+
+    ``nominal`` are its values on the nominal flights, none of a navigation error.
+    """
 
     run: int
     output: str
     unit: str
     shown_in: str
     change: Change | None
+    nominal: tuple[float | None, float | None] = (None, None)
 
     @property
     def words(self) -> str:
@@ -85,6 +89,22 @@ class Row:
         if not self.change.certain:
             return "no change seen"
         return "larger" if self.change.ratio > 1.0 else "smaller"
+
+    @property
+    def title(self) -> str:
+        """The output for people, and that root mean squares are compared, where they are."""
+        return f"{humanize(self.output)}{', root mean square' if self.known.about_zero else ''}"
+
+    @property
+    def nominals(self) -> tuple[float | None, float | None]:
+        """The nominal values in the unit shown."""
+        before, after = (None if value is None else value * self.scale for value in self.nominal)
+        return before, after
+
+    @property
+    def nominal_cells(self) -> dict[str, float | None]:
+        """The nominal values by heading."""
+        return dict(zip(("nominal before", "nominal after"), self.nominals, strict=True))
 
     @property
     def known(self) -> Change:
@@ -104,6 +124,8 @@ class Row:
             "sigma before": known.before * scale, "sigma after": known.after * scale, "ratio": known.ratio,
             "from": known.interval[0], "to": known.interval[1], "mean after less before": known.mean.value * scale,
             "standard error": known.mean.standard_error * scale, "common draws": known.common, "change": self.words,
+            **({"compared": "root mean square"} if known.about_zero else {}),
+            **{name: value for name, value in self.nominal_cells.items() if value is not None},
         }  # fmt: skip
 
 
@@ -227,7 +249,7 @@ def _verdict_table(titles: Sequence[str], summaries: Sequence[Summary]) -> Table
     filters = any(filter_verdict.verdict(summary) for summary in summaries)
 
     def on_linear(summary: Summary) -> str:
-        return sentences.headline(summary, ("linear", "requirements"))
+        return sentences.headline(summary, ("means", "linear", "requirements"))
 
     def of_filter(row: tuple[str, Summary]) -> Cell:
         words = filter_verdict.verdict(row[1])
@@ -240,7 +262,7 @@ def _verdict_table(titles: Sequence[str], summaries: Sequence[Summary]) -> Table
         lambda row: Cell(
             sentences.tone(row[1]),
             tone=sentences.standing(row[1]),
-            behind=sentences.headline(row[1], ("linear", "requirements")),
+            behind=on_linear(row[1]),
         ),
         kind="words",
     )
@@ -299,9 +321,13 @@ def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float, 
         known = row.known.mean
         return with_error(known.value * row.scale, known.standard_error * row.scale)
 
+    def nominal(when: str, place: int) -> Column[Row]:
+        return Column(f"Nominal {when}", lambda row: row.nominals[place], f"nominal {when}", form=five_digits)
+
     columns: list[Column[Row]] = [
-        Column("Output", lambda row: Cell(humanize(row.output), row.shown_in), words.heading, "label"),
+        Column("Output", lambda row: Cell(row.title, row.shown_in), words.heading, "label"),
         Column("Run", lambda row: titles[row.run], "run", "label"),
+        *([nominal("before", 0), nominal("after", 1)] if any(row.nominal != (None, None) for row in rows) else []),
         Column("Paired σ before", lambda row: row.known.before * row.scale, "paired σ before", form=five_digits),
         Column("Paired σ after", lambda row: row.known.after * row.scale, "after", form=five_digits),
         Column("Paired ratio", ratio, "ratio"),
@@ -314,6 +340,8 @@ def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float, 
         f"{words.title} of each run compared with {titles[0]}: Monte Carlo sigmas (paired estimates), their ratio, and "
         f"the change of the mean ± one standard error. All intervals hold jointly at {100.0 * confidence:g} %."
     )
+    if any(row.known.about_zero for row in rows):
+        caption += " Where a mean error exceeds one sigma in a run, root mean squares are compared in place of sigmas."
     return Table(caption, columns, rows, f"Change from {titles[0]}", keys=2)
 
 

@@ -10,11 +10,12 @@ import numpy as np
 import pandas as pd
 
 from mcnav.analysis.filter_kinds import HEADING, HORIZONTAL, KindComparison, KindResult
-from mcnav.report.document import Cell, Column, Facts, Note, Page, Part, Section, Table, Verdict, Verdicts
+from mcnav.report.document import Cell, Column, Facts, Note, Page, Part, Section, Sentence, Table, Verdict, Verdicts
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.marks import Axis, Line, Panel, Rule, Series, numbered
 from mcnav.report.filter_verdict import TONES, WORSE
 from mcnav.report.format import number
+from mcnav.report.mean_words import mean_sentence
 from mcnav.report.names import humanize
 from mcnav.report.sweep_words import shown
 
@@ -31,7 +32,7 @@ NOTE: Final = (
 
 def terminal(comparison: KindComparison) -> list[Part]:
     """List what the terminal shows."""
-    return [_verdict(comparison), kind_table(comparison)]
+    return [*_mean_errors(comparison), _verdict(comparison), kind_table(comparison)]
 
 
 def page(comparison: KindComparison) -> Page:
@@ -44,8 +45,14 @@ def page(comparison: KindComparison) -> Page:
     sections = [Section("kinds", "Kinds of filters", parts)]
     if comparison.variable is not None and not comparison.variable.words:
         sections.append(Section("values", f"Over {comparison.variable.path}", [figure(comparison)]))
-    head: list[Part] = [Verdicts([_verdict(comparison)]), facts]
+    head: list[Part] = [*_mean_errors(comparison), Verdicts([_verdict(comparison)]), facts]
     return Page(f"{comparison.campaign}: filters", "Kinds of filters", comparison.campaign, head, sections)
+
+
+def _mean_errors(comparison: KindComparison) -> list[Part]:
+    """Say first in which runs mean errors exceed one sigma."""
+    said = [(each, mean_sentence(each.summary)) for each in comparison.results]
+    return [Sentence(f"{each.kind} ({each.folder}): {words}", "partly") for each, words in said if words]
 
 
 def _verdict(comparison: KindComparison) -> Verdict:

@@ -13,6 +13,7 @@ from mcnav._dataclasses import dataclass
 from mcnav.analysis.answer_times import as_read
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, causes_at
+from mcnav.analysis.mean_errors import nominal_values
 from mcnav.contract.quantities import KINDS, Output, end_words, kinds_of
 from mcnav.report.figures.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels
@@ -21,6 +22,8 @@ from mcnav.report.lincov_words import (
     cause_words,
     filter_words,
     final_means,
+    final_nominal,
+    large_mean_words,
     mean_words,
     range_words,
     size_words,
@@ -74,12 +77,13 @@ def headline(answer: LinearAnswer) -> tuple[str, str]:
 
 
 def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
-    """List what linear analysis says, in sentences with their tones, the worst first."""
+    """List what linear analysis says, in sentences with their tones: mean errors above one sigma, then the worst."""
     answer = as_read(answer)
+    large = list(large_mean_words(answer))
     said = [*range_words(answer), *filter_words(answer)]
     if answer.beyond is None or any(each.judged for each in answer.requirements):
         said.append(headline(answer))
-    return worst_first([*said, *mean_words(answer), *size_words(answer)])
+    return [*large, *worst_first([*said, *([] if large else mean_words(answer)), *size_words(answer)])]
 
 
 def largest_causes(answer: LinearAnswer) -> list[str]:
@@ -128,6 +132,7 @@ class SizeRow:
     sigma_filter: float | None
     causes: list[tuple[str, float]]
     time: float | None = None
+    nominal: float | None = None
 
 
 @dataclass(frozen=True)
@@ -142,6 +147,7 @@ class ReadingRow:
     sigma_filter: float | None
     mean: float
     beyond_range: bool
+    nominal: float | None = None
 
 
 @dataclass(frozen=True)
@@ -164,7 +170,9 @@ def requirement_rows(answer: LinearAnswer) -> list[RequirementRow]:
     for place, each in enumerate(answer.requirements):
         required = each.requirement
         limited = [names[i] for i in required.outputs]
-        entry = NamedRequirement(required.kind, limited, required.limits, required.probability, required.when)
+        entry = NamedRequirement(
+            required.kind, limited, required.limits, required.probability, required.when, required.about
+        )
         rows.append(RequirementRow(
             requirement=stated(entry, units),
             finding=finding(each),
@@ -197,18 +205,24 @@ def shown_limit(row: LinearRequirement, scale: float, unit: str) -> str:
 def final_rows(answer: LinearAnswer) -> list[SizeRow]:
     """List the outputs at the end."""
     scale, own = scale_of(answer.outputs), None if answer.history is None else answer.history.sigma_filter
-    means, meaningful = final_means(answer), answer.beyond is None
+    means, nominal, meaningful = final_means(answer) * scale, final_nominal(answer) * scale, answer.beyond is None
     return [
         SizeRow(
             output.name,
             output.shown_in,
-            float(means[i] * scale[i]) if meaningful else None,
+            known(means[i]) if meaningful else None,
             float(answer.sigma[i] * scale[i]) if meaningful else None,
             float(own[-1, i] * scale[i]) if meaningful and own is not None else None,
             cause_words(answer, answer.final_causes(i)) if meaningful else [],
+            nominal=known(nominal[i]),
         )
         for i, output in enumerate(answer.outputs)
     ]
+
+
+def known(value: float) -> float | None:
+    """Return a number; none where there is none."""
+    return None if math.isnan(value) else float(value)
 
 
 def largest_rows(answer: LinearAnswer) -> list[SizeRow]:
@@ -254,19 +268,22 @@ def reading_rows(answer: LinearAnswer) -> list[ReadingRow]:
     """
     scale, history = scale_of(answer.outputs), answer.asked or answer.history
     if history is None:
+        nominal = final_nominal(answer) * scale
         return [
             ReadingRow(
                 None, "", output.name, output.shown_in, float(answer.sigma[i] * scale[i]), None,
-                float(answer.mean[i] * scale[i]), answer.beyond is not None,
+                float(answer.mean[i] * scale[i]), answer.beyond is not None, known(nominal[i]),
             )
             for i, output in enumerate(answer.outputs)
         ]  # fmt: skip
-    beyond, own = answer.readings_beyond(history), history.sigma_filter
+    beyond, own, readings = answer.readings_beyond(history), history.sigma_filter, history.readings
+    values = nominal_values(answer.outputs, readings.nominal, readings.origin, history.sigma) * scale
+    nominal = np.broadcast_to(values, history.mean.shape)
     return [
         ReadingRow(
             float(time), history.readings.updates[at] or "", output.name, output.shown_in,
             float(history.sigma[at, i] * scale[i]), None if own is None else float(own[at, i] * scale[i]),
-            float(history.mean[at, i] * scale[i]), bool(beyond[at]),
+            float(history.mean[at, i] * scale[i]), bool(beyond[at]), known(nominal[at, i]),
         )
         for at, time in enumerate(history.readings.times)
         for i, output in enumerate(answer.outputs)

@@ -222,9 +222,12 @@ def _by_kind(answer: LinearAnswer, table: Table[SizeRow]) -> Table[SizeRow]:
 def final_table(answer: LinearAnswer) -> Table[SizeRow]:
     """Tabulate the final means and sigmas with the causes of the variances."""
     rows = final_rows(answer)
-    mean: Column[SizeRow] = Column("Mean", lambda row: row.mean, "mean", form=_size, size="value")
+    heading = "Mean error" if any(kinds_of(answer.outputs)) else "Mean"
+    mean: Column[SizeRow] = Column(heading, lambda row: row.mean, heading.lower(), form=_size, size="value")
+    nominal: Column[SizeRow] = Column("Nominal", lambda row: row.nominal, "nominal", form=five_digits, size="value")
     columns: list[Column[SizeRow]] = [
         Column("Output", _output, "output", "label"),
+        *([nominal] if any(row.nominal is not None for row in rows) else []),
         *([mean] if any(row.mean for row in rows) else []),
         Column("At the end", lambda row: row.sigma, "σ", form=_size, size="sigma"),
         *_filtered(answer),

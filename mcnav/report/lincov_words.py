@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.filter_causes import NEARLY
@@ -16,20 +17,19 @@ from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_filter import LinearVerdict
+from mcnav.analysis.mean_errors import departures, large_means, mean_errors, nominal_values, rounding_of_means
 from mcnav.analysis.vector_sizes import linear_sizes
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.filter_verdict import LEAST
 from mcnav.report.filter_verdict import TONES as FILTER_TONES
 from mcnav.report.format import number, signed
+from mcnav.report.mean_words import sentence_on
 from mcnav.report.names import humanize, scale_of
 from mcnav.report.requirements import NAMED, listed
 from mcnav.report.vector_sizes import size_sentence
 
 WORSE: Final = 1e-6
 """Share by which a smoothed sigma exceeds that of its filter where it is worse, and not rounded."""
-
-ROUNDING: Final = 1e-9
-"""Share of an output's sigma and of what errors of usual size cause, below which its mean is rounding."""
 
 ORDER: Final = ("differs", "partly", "undecided", "", "agrees")
 """Tones of sentences, the worst first."""
@@ -55,7 +55,7 @@ def label_of(answer: LinearAnswer, cause: str) -> str:
     labels = dict(zip(answer.causes, cause_labels(answer), strict=True))
     name = cause.removeprefix(MEAN)
     if name == NOMINAL:
-        return "faults of sensors" if answer.kind == "ins" else "nominal value"
+        return "faults of sensors" if answer.kind == "ins" else "the nominal flight itself"
     return f"{'mean of ' if cause != name else ''}{labels.get(name, humanize(name))}"
 
 
@@ -165,56 +165,107 @@ def _departure(answer: LinearAnswer, judged: LinearVerdict) -> str:
     return f"{words}, because of {listed([(label_of(answer, cause.name), cause.share) for cause in named])}"
 
 
-def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
-    """Say where a mean error is largest against its sigma, and what causes it; nothing where all means are zero.
+@dataclass(frozen=True)
+class _Means:
+    """Mean errors and sigmas at the readings of a linear answer, shape (r, outputs), SI, and their parts by cause.
 
-    Commands, corrections and times are no errors; of what is of the truth, means count by which errors move it.
+    ``times`` is none where the end alone is known.
     """
-    history = answer.meaningful
-    if history is not None and not np.any(_without_rounding(answer, answer.model.nominal)):
-        means, sigmas, parts = history.mean, history.sigma, dict(history.means)
+
+    errors: Array
+    sigmas: Array
+    parts: Mapping[str, Array]
+    times: Array | None
+
+    def when(self, at: int, answer: LinearAnswer) -> str:
+        """Say when a reading is."""
+        return "at the end" if self.times is None else f"at {_reading(self.times[at], answer)}"
+
+
+def _mean_errors(answer: LinearAnswer) -> _Means | None:
+    """Return the mean errors over time where they are known, else at the end; none beyond the linear range.
+
+    What is rounding is zero, and so are commands, sizes and times, which are no errors.
+    """
+    history, model = answer.meaningful, answer.model
+    of_errors = np.array([output.of == "navigation" for output in answer.outputs])
+    known = history is not None and history.readings.nominal is not None
+    if history is not None and (known or not np.any(np.where(of_errors, model.nominal, 0.0))):
+        means, sigmas, parts, times = history.mean, history.sigma, dict(history.means), history.readings.times
+        nominal = history.readings.nominal
     elif answer.beyond is None:
-        means, sigmas = answer.mean[None], answer.sigma[None]
+        means, sigmas, times, nominal = answer.mean[None], answer.sigma[None], None, model.nominal
         parts = {name: values[None] for name, values in answer.means.items()}
     else:
-        return
+        return None
     if NOMINAL in parts:  # a time or an effort that a flight without errors has is no error
-        of_errors = np.array([output.of == "navigation" for output in answer.outputs])
-        means = means - np.where(of_errors, 0.0, parts[NOMINAL])
         parts[NOMINAL] = np.where(of_errors, parts[NOMINAL], 0.0)
-    are_errors = np.array([output.of in ("navigation", "truth") for output in answer.outputs])
-    sizes = np.abs(_without_rounding(answer, means)) * are_errors
-    if not sizes.any():
+    errors = np.nan_to_num(mean_errors(answer.outputs, means, nominal))
+    return _Means(np.where(np.abs(errors) > _rounding(answer), errors, 0.0), sigmas, parts, times)
+
+
+def large_mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
+    """Say which mean errors exceed one sigma at the end, and where one exceeds it by more; nothing without any."""
+    known = _mean_errors(answer)
+    if known is None:
         return
-    ratios = _ratios(sizes, sigmas)
+    floor, scale = np.zeros(len(answer.outputs)), scale_of(answer.outputs)
+    named = [
+        (output.name, output.of, float(factor), output.shown_in)
+        for output, factor in zip(answer.outputs, scale, strict=True)
+    ]
+    largest = _ratios(np.abs(known.errors), known.sigmas).max(axis=1)
+    last, worst = len(largest) - 1, int(np.argmax(largest))
+    for at in (last, worst) if largest[worst] > largest[last] / NEARLY else (last,):
+        if large := large_means(known.errors[at], known.sigmas[at], floor):
+            causes = _causes_of_mean(answer, known, at, large[0].output)
+            words = sentence_on(large, named).removesuffix(".")
+            yield f"{words} ({known.when(at, answer)}, because of {causes})", "partly"
+
+
+def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
+    """Say where a mean error is largest against its sigma, and what causes it; nothing where all means are zero."""
+    known = _mean_errors(answer)
+    if known is None or not known.errors.any():
+        return
+    ratios = _ratios(np.abs(known.errors), known.sigmas)
     largest = ratios.max(axis=1)
     at = int(np.flatnonzero(largest >= NEARLY * largest.max())[-1])
     output = int(np.argmax(ratios[at]))
     described, scale = answer.outputs[output], scale_of(answer.outputs)[output]
-    mean, ratio = float(means[at, output]), float(ratios[at, output])
-    when = "at the end" if history is None or len(means) == 1 else f"at {_reading(history.readings.times[at], answer)}"
+    mean, ratio = float(known.errors[at, output]), float(ratios[at, output])
+    when, causes = known.when(at, answer), _causes_of_mean(answer, known, at, output)
+    filtered = "; the filter knows of no mean" if answer.filter is not None else ""
     against = "where its sigma is zero" if math.isinf(ratio) else f"{ratio:.3g} times its sigma"
-    causes = causes_of({}, {name: values[at, [output]] for name, values in parts.items()}, mean**2)
-    words = listed([(label_of(answer, cause.name), cause.share) for cause in causes[:NAMED]])
-    name = humanize(described.name)
-    known = "; the filter knows of no mean" if answer.filter is not None else ""
     yield (
-        f"Mean errors are not zero: that of {name} is {signed(mean * scale)} {described.shown_in} {when}, {against}, "
-        f"because of {words}{known}",
+        f"Mean errors are not zero: that of {humanize(described.name)} is {signed(mean * scale)} {described.shown_in} "
+        f"{when}, {against}, because of {causes}{filtered}",
         "",
     )
 
 
+def _causes_of_mean(answer: LinearAnswer, known: _Means, at: int, output: int) -> str:
+    """Name the largest causes of a mean error, with their shares."""
+    parts = {name: values[at, [output]] for name, values in known.parts.items()}
+    causes = causes_of({}, parts, float(known.errors[at, output]) ** 2)
+    return listed([(label_of(answer, cause.name), cause.share) for cause in causes[:NAMED]])
+
+
 def final_means(answer: LinearAnswer) -> Array:
-    """Return the mean of the final errors, shape (outputs,), SI; what is rounding is zero."""
-    return _without_rounding(answer, answer.mean)
+    """Return the mean of the final errors, and of others off the nominal, shape (outputs,), SI; rounding is zero."""
+    means = departures(answer.outputs, answer.mean, answer.model.nominal)
+    return np.where(np.abs(means) > _rounding(answer), means, 0.0)
 
 
-def _without_rounding(answer: LinearAnswer, means: Array) -> Array:
-    """Set means that are rounding to zero; shape (..., outputs)."""
-    usual = np.abs(answer.model.partials) @ [abs(source.nominal) for source in answer.sources]
+def final_nominal(answer: LinearAnswer) -> Array:
+    """Return the values on the nominal flight, shape (outputs,), SI; NaN of navigation errors."""
+    return nominal_values(answer.outputs, answer.model.nominal, answer.model.origin, answer.sigma)
+
+
+def _rounding(answer: LinearAnswer) -> Array:
+    """Return below which size a mean is rounding, shape (outputs,), SI."""
     largest = answer.sigma if answer.history is None else answer.history.sigma.max(axis=0, initial=0.0)
-    return np.where(np.abs(means) > ROUNDING * (usual + largest), means, 0.0)
+    return rounding_of_means(answer.outputs, answer.sources, answer.model.partials, answer.mean, largest)
 
 
 def _reading(time: float, answer: LinearAnswer) -> str:

@@ -11,8 +11,8 @@ from mcnav._dataclasses import dataclass
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.summary import Summary
 from mcnav.report.document import LivePart, Note, Page, Section
-from mcnav.report.format import number
-from mcnav.report.lincov import final_rows, requirement_rows, statements
+from mcnav.report.format import number, signed
+from mcnav.report.lincov import SizeRow, final_rows, requirement_rows, statements
 from mcnav.report.names import humanize
 from mcnav.report.sentences import statements as statements_on
 from mcnav.report.tiles import NAMES, status
@@ -110,12 +110,20 @@ def _column(setting: Setting) -> dict[str, object]:
             for row in requirement_rows(answer)
         ],
         "sigmas": [
-            {"words": humanize(row.output), "unit": row.unit, "shown": "–" if row.sigma is None else number(row.sigma),
+            {"words": humanize(row.output), "unit": row.unit, "shown": _shown(row),
              "claimed": "" if row.sigma_filter is None else number(row.sigma_filter)}
             for row in final_rows(answer)
         ],
         "run": None if confirmation is None else vars(confirmation),
     }  # fmt: skip
+
+
+def _shown(row: SizeRow) -> str:
+    """Write the sigma of an output at the end, about its value on the nominal flight, and its mean error."""
+    if row.sigma is None:
+        return "–"
+    about = "" if row.nominal is None else f"{number(row.nominal)} ± "
+    return f"{about}{number(row.sigma)}{f', mean error {signed(row.mean)}' if row.mean else ''}"
 
 
 def live_page(page: Page, state: Mapping[str, object]) -> Page:

@@ -14,6 +14,7 @@ from mcnav.contract.quantities import AT_END, FINAL_ERRORS, KINDS, end_words, ki
 from mcnav.report import sentences
 from mcnav.report.document import Cell, Column, Table, five_digits
 from mcnav.report.format import interval, number, with_error
+from mcnav.report.mean_words import large_means_of
 from mcnav.report.names import humanize
 from mcnav.report.result_table import ResultColumn, ResultTable, Row, Units, in_units, row_of
 
@@ -70,6 +71,16 @@ class OutputEntry:
         return needed[self.place] if self.place < len(needed) else None
 
     @property
+    def nominal(self) -> float | None:
+        """Value on the nominal flight; none of a navigation error."""
+        return _known(self.scaled(self.summary.nominal))
+
+    @property
+    def mean_error(self) -> float | None:
+        """Mean error, of a state of the truth off the nominal; none of a command or a time."""
+        return _known(self.scaled(self.summary.mean_error or self.summary.mean_linear))
+
+    @property
     def sigma_linear(self) -> float | None:
         """Linear sigma."""
         return self.compared(self.summary.sigma_linear, self.scale)
@@ -102,6 +113,10 @@ class OutputEntry:
         return None if variance is None else math.sqrt(max(variance, 0.0)) * self.scale
 
 
+def _known(value: float | None) -> float | None:
+    return None if value is None or math.isnan(value) else value
+
+
 Value = Callable[[OutputEntry], float | None]
 
 
@@ -109,6 +124,12 @@ def _sigma(name: str, kind: str, value: Value, spare: int = 0) -> ResultColumn[O
     """Return a column of sigmas, to five digits."""
     page = Column(f"{kind.capitalize()} σ", value, form=five_digits, place="page", size="sigma")
     return ResultColumn(name, value, (page, Column("", value, f"{kind} σ", form=_five, place="terminal", spare=spare)))
+
+
+def _value(name: str, heading: str, value: Value) -> ResultColumn[OutputEntry]:
+    """Return a column of values in the unit of the output, to five digits."""
+    page = Column(heading, value, form=five_digits, place="page", size="value")
+    return ResultColumn(name, value, (page, Column("", value, heading.lower(), form=_five, place="terminal")))
 
 
 def _ratio(
@@ -184,13 +205,25 @@ NUMBERS: Final[tuple[ResultColumn[OutputEntry], ...]] = (
     ResultColumn("excess_kurtosis", lambda each: each.at(each.summary.excess_kurtosis)),
 )  # fmt: skip
 
+NOMINAL: Final = _value("nominal", "Nominal", lambda each: each.nominal)
+"""Values on the nominal flight, of runs with outputs other than navigation errors."""
+
+MEAN_ERROR: Final = _value("mean_error", "Mean error", lambda each: each.mean_error)
+"""Mean errors, where some exceed one sigma."""
+
 FILTERED: Final = ResultColumn[OutputEntry]("sigma_filter", lambda each: each.scaled(each.summary.sigma_filter))
 
 
 def outputs_table(summary: Summary, units: Units = "shown", caption: str = "") -> ResultTable:
     """Tabulate the outputs of a run."""
-    columns = (OUTPUT, *NUMBERS, *((FILTERED,) if summary.filter else ()))
+    columns = (*_leading([summary]), *NUMBERS, *((FILTERED,) if summary.filter else ()))
     return ResultTable.of_entries("outputs", _title(summary), 1, columns, entries_of({"": summary}, units), caption)
+
+
+def _leading(summaries: Sequence[Summary]) -> tuple[ResultColumn[OutputEntry], ...]:
+    """Return the columns of the output, of its nominal value, and of its mean error, where runs have them."""
+    nominal = (NOMINAL,) if any(summary.nominal for summary in summaries) else ()
+    return OUTPUT, *nominal, *((MEAN_ERROR,) if any(map(large_means_of, summaries)) else ())
 
 
 def _title(summary: Summary) -> str:
@@ -201,12 +234,15 @@ def outputs_frame(summary: Summary) -> pd.DataFrame:
     """Return the columns that people read, with the unit, for pandas; the index are the outputs."""
     columns = [column for column in NUMBERS if column.shown or column.name == "unit"]
     rows = entries_of({"": summary}, "shown")
-    return ResultTable.of_entries("outputs", _title(summary), 1, (OUTPUT, *columns), rows).frame(indexed=True)
+    leading = _leading([summary])
+    return ResultTable.of_entries("outputs", _title(summary), 1, (*leading, *columns), rows).frame(indexed=True)
 
 
 def outputs_of_runs(runs: Mapping[str, Summary], title: str, elsewhere: str) -> Table[OutputEntry]:
     """Tabulate the outputs of runs by name for people, with a column of the names where there are several."""
-    columns = [each for column in (OUTPUT, *((RUN,) if len(runs) > 1 else ()), *NUMBERS) for each in column.shown]
+    output, *others = _leading([*runs.values()])
+    run = (RUN,) if len(runs) > 1 else ()
+    columns = [each for column in (output, *run, *others, *NUMBERS) for each in column.shown]
     entries = grouped(entries_of(runs, "shown"))
     if any(entry.kind for entry in entries):
         columns[0] = replace(columns[0], brief=AT_END.heading)
@@ -221,7 +257,8 @@ def grouped(entries: Sequence[OutputEntry]) -> list[OutputEntry]:
 
 def output_rows(runs: Mapping[str, Summary], units: Units = "shown") -> list[Row]:
     """List the outputs of runs by name, a row for each output of each run, in data."""
-    return [row_of((RUN, OUTPUT, *NUMBERS), entry) for entry in entries_of(runs, units)]
+    columns = (RUN, *_leading([*runs.values()]), *NUMBERS)
+    return [row_of(columns, entry) for entry in entries_of(runs, units)]
 
 
 def entries_of(runs: Mapping[str, Summary], units: Units) -> list[OutputEntry]:

@@ -44,6 +44,7 @@ class NamedRequirement:
     limits: Sequence[float]
     probability: float | None
     when: str = ""
+    about: str = ""
 
 
 def stated(entry: NamedRequirement | RequirementEntry, shown_in: Mapping[str, tuple[float, str]]) -> str:
@@ -51,7 +52,7 @@ def stated(entry: NamedRequirement | RequirementEntry, shown_in: Mapping[str, tu
     names, limits = entry.outputs, entry.limits
     if entry.kind == "sigma_ratio":
         return f"every sigma within ±{100.0 * limits[0]:g} % of the linear one"
-    when = f", {entry.when}" if entry.when else ""
+    when = (", about the nominal" if entry.about else "") + (f", {entry.when}" if entry.when else "")
     if entry.kind in RADII:
         scale, unit = shown_in[names[0]]
         together = f"{', '.join(map(humanize, names[:-1]))} and {humanize(names[-1])}"

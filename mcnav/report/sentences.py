@@ -12,6 +12,7 @@ from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, NUMERICAL
 from mcnav.contract.failure import message_of
 from mcnav.report import apart_words, filter_verdict, joint_words
 from mcnav.report.format import percent
+from mcnav.report.mean_words import large_means_of, mean_sentence
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.vector_sizes import size_sentences
 from mcnav.statistics.power import sensible_step
@@ -31,10 +32,10 @@ BEYOND: Final = "beyond linear range"
 LEAST_ROOM, MOST_ROOM = 1.1, 30.0
 """Multiples of all errors below which, and above which, no number is told."""
 
-Subject = Literal["linear", "requirements", "filter", "smoother"]
+Subject = Literal["means", "linear", "requirements", "filter", "smoother"]
 """Subjects of verdicts."""
 
-SUBJECTS: Final[tuple[Subject, ...]] = ("linear", "requirements", "filter", "smoother")
+SUBJECTS: Final[tuple[Subject, ...]] = ("means", "linear", "requirements", "filter", "smoother")
 
 WORST: Final = ("differs", "partly", "undecided", "agrees")
 """Tones of verdicts, the worst first."""
@@ -76,7 +77,8 @@ class Statement:
 def statements(summary: Summary) -> list[Statement]:
     """State the verdicts on linear analysis, on the requirements, on the filter and on its smoother, the worst first.
 
-    Where linear analysis agrees and a requirement is not met, its tone is ``partly``: nothing is green.
+    Where linear analysis agrees and a requirement is not met, its tone is ``partly``: nothing is green. Mean errors
+    that exceed one sigma are said before all verdicts, which are on sigmas.
     """
     apart = () if summary.beyond_range else (apart_words.not_joint(summary), apart_words.negligible(summary))
     details = _known(
@@ -95,7 +97,8 @@ def statements(summary: Summary) -> list[Statement]:
     if summary.smoother:
         honesty = filter_verdict.TONES[summary.smoother.verdict]
         stated.append((honesty, Statement("smoother", summary.smoother_verdict, honesty)))
-    return [statement for _, statement in sorted(stated, key=lambda each: WORST.index(each[0]))]
+    means = [Statement("means", words, "partly")] if (words := mean_sentence(summary)) else []
+    return [*means, *(statement for _, statement in sorted(stated, key=lambda each: WORST.index(each[0])))]
 
 
 def noticed(remarks: Sequence[str]) -> tuple[str, ...]:
@@ -117,9 +120,13 @@ def headline(summary: Summary, subjects: Sequence[Subject] = SUBJECTS) -> str:
 
 
 def standing(summary: Summary) -> str:
-    """Combine the tone with the requirements: an agreeing run is ``partly`` unless all requirements are met."""
+    """Combine the tone with the requirements: an agreeing run is ``partly`` unless all requirements are met.
+
+    It is so, too, where a mean error exceeds one sigma.
+    """
     counts, result = summary.counts, tone(summary)
-    return "partly" if result == "agrees" and counts and counts.met < counts.of else result
+    open_ = (counts is not None and counts.met < counts.of) or bool(large_means_of(summary))
+    return "partly" if result == "agrees" and open_ else result
 
 
 def verdict_words(summary: Summary) -> list[str]:

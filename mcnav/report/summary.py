@@ -15,6 +15,7 @@ from mcnav.analysis.ellipsoid import Ellipsoid
 from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.linear_range import BeyondRange
+from mcnav.analysis.mean_errors import mean_errors, nominal_values
 from mcnav.analysis.multivariate import MultivariateTests
 from mcnav.analysis.requirements import METHOD, RequirementResult
 from mcnav.analysis.summary import Beyond, CombinationEntry, Joint, Summary, tally
@@ -66,6 +67,7 @@ def summarise(
         **_linear(record, model),
         **_sigmas(comparison),
         **_apart(comparison, model, names),
+        **_means(record, model, comparison),
         **_ellipsoid(comparison.ellipsoid, names),
         "nees_mean_expected": comparison.joint.nees_expected if comparison.joint else None,
         **_joint(comparison.joint, len(names)),
@@ -193,6 +195,28 @@ def _apart(comparison: Comparison, model: Model, names: Sequence[str]) -> Keys:
     }
 
 
+def _means(record: ModelRecord, model: Model, comparison: Comparison) -> Keys:
+    """Return the nominal values of the outputs, and the paired estimates of their mean errors.
+
+    Null is the nominal value of a navigation error, and the mean error of a command, a size or a time.
+    """
+    outputs, linear_sigma = record.outputs, np.sqrt(np.diag(model.outcome_covariance))
+    entries: dict[str, Any] = {}
+    if record.origin is not None:
+        entries["nominal"] = nominal_values(outputs, model.nominal, record.origin, linear_sigma).tolist()
+    if record.mean_rounding is None or not comparison.outputs:
+        return entries
+    linear = mean_errors(outputs, model.outcome_mean, model.nominal)
+    biases = [output.bias for output in comparison.outputs]
+    ends = np.array([bias.interval(comparison.confidence_each) for bias in biases])
+    return {
+        **entries,
+        "mean_error": (linear + [bias.value for bias in biases]).tolist(),
+        "mean_error_interval": (linear[:, None] + ends).tolist(),
+        "mean_rounding": record.mean_rounding.tolist(),
+    }
+
+
 def _ellipsoid(ellipsoid: Ellipsoid | None, names: Sequence[str]) -> Keys:
     """Return NEES and principal directions of all outputs together; null or empty where there is no dispersion."""
     if ellipsoid is None:
@@ -270,7 +294,7 @@ def _requirement(judged: RequirementResult, names: Sequence[str]) -> Keys:
         exceedance["from"], exceedance["to"] = exceedance.pop("low"), exceedance.pop("high")
         entry["exceedance"] = {**exceedance, "method": METHOD}
     at_the_end = () if judged.requirement.epochs else ("epochs", "time", "samples")
-    unsaid = () if judged.requirement.when else ("when",)
+    unsaid = [key for key in ("when", "about") if not getattr(judged.requirement, key)]
     return {key: value for key, value in entry.items() if key not in (*at_the_end, *unsaid)}
 
 

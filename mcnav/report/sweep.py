@@ -35,6 +35,9 @@ def frame(sweep: Sweep) -> pd.DataFrame:
             if not suffix or np.isfinite(result).any():
                 name = f"{measure.name}{suffix} [{measure.shown_in}]"
                 columns[name], units[name] = result, measure.shown_in
+        if sweep.means is not None and sweep.has_mean(index):
+            name = f"{measure.name}, mean error [{measure.shown_in}]"
+            columns[name], units[name] = sweep.means[..., index].reshape(-1) * scale, measure.shown_in
         if np.isfinite(sweep.margins[..., index]).any():
             columns[f"{measure.name}, met"] = (sweep.margins[..., index] <= 0.0).reshape(-1)
         if sweep.exceedances is not None and sweep.rare(index):
@@ -104,6 +107,7 @@ def table(sweep: Sweep) -> Mapping[str, object]:
             for each, time, present in zip(sweep.measures, sweep.times, sweep.present.tolist(), strict=True)
         ],
         "values": sweep.values,
+        **({"means": sweep.means} if any(map(sweep.has_mean, range(len(sweep.measures)))) else {}),
         "filter": sweep.own if np.isfinite(sweep.own).any() else None,
         **({"exceedance": sweep.exceedances} if any(map(sweep.rare, range(len(sweep.measures)))) else {}),
         "added": [{"point": _plain_point(sweep, point), "values": values} for point, values in sweep.added],

@@ -41,6 +41,7 @@ from mcnav.report.sweep_words import (
     confirmed_words,
     disagreements,
     headline,
+    mean_words,
     met_words,
     point_words,
     remarks,
@@ -58,7 +59,7 @@ MOST_LINES: Final = 12
 
 def terminal(sweep: Sweep) -> list[Part]:
     """List what the terminal shows: headline, limits, some points of the grid, Monte Carlo."""
-    parts: list[Part] = [Verdict(*headline(sweep)), *map(Note, remarks(sweep))]
+    parts: list[Part] = [*_mean_errors(sweep), Verdict(*headline(sweep)), *map(Note, remarks(sweep))]
     if sweep.just_met:
         parts.append(limit_table(sweep))
     parts += [point_table(sweep), *map(Note, _not_shown(sweep))]
@@ -85,8 +86,13 @@ def page(sweep: Sweep) -> Page:
         sections.append(Section("limits", "Where limits are just met", [limit_table(sweep)]))
     if sweep.confirmations:
         sections.append(Section("monte-carlo", "Monte Carlo", _checks(sweep)))
-    head = [stated, *others, *map(Note, remarks(sweep)), facts]
+    head = [*_mean_errors(sweep), stated, *others, *map(Note, remarks(sweep)), facts]
     return Page(f"{sweep.campaign}: sweep", "Sweep by linear analysis", sweep.campaign, head, sections)
+
+
+def _mean_errors(sweep: Sweep) -> list[Part]:
+    """Say first where a mean error exceeds its sigma."""
+    return [Sentence(words, "partly")] if (words := mean_words(sweep)) else []
 
 
 def _accuracy(sweep: Sweep) -> list[Part]:

@@ -12,6 +12,7 @@ from mcnav.analysis.accuracy_measures import BOX, DRMS, SIGMA, Measure
 from mcnav.analysis.curve_refinement import MOST_ADDED
 from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
 from mcnav.report.figures import sweep as drawn
+from mcnav.report.format import number, signed
 from mcnav.report.names import humanize
 from mcnav.report.output_columns import output_rows
 from mcnav.report.result_table import Row
@@ -29,7 +30,7 @@ def title_of(measure: Measure, sweep: Sweep, long: bool = False) -> str:
     when = sweep.times[sweep.measures.index(measure)]
     written = measure.name.partition(" <")[0].partition(" at ")[0].partition("(")[0]
     if measure.kind == SIGMA:
-        title = f"{together}, 1σ"
+        title = f"{together}, {'root mean square' if sweep.has_mean(sweep.measures.index(measure)) else '1σ'}"
     elif measure.kind == DRMS:
         title = f"{humanize(written)}, DRMS" if written != DRMS else f"DRMS of {together}"
     elif measure.kind in KINDS:
@@ -140,6 +141,25 @@ def common_spans(sweep: Sweep) -> tuple[Span, ...] | None:
 
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
+
+
+def mean_words(sweep: Sweep) -> str:
+    """Say where a mean error exceeds its sigma the most; empty where none does."""
+    ratios = sweep.mean_shares
+    if sweep.means is None or not (ratios > 1.0).any():
+        return ""
+    *place, index = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+    measure, (scale,) = sweep.measures[int(index)], drawn.scales_of([sweep.measures[int(index)]])
+    values = [variable.values[number] for variable, number in zip(sweep.variables, place, strict=True)]
+    at = ", ".join(f"{v.path} = {shown(v, value)}" for v, value in zip(sweep.variables, values, strict=True))
+    mean, ratio = float(sweep.means[(*place, index)]) * scale, float(ratios[(*place, index)])
+    points = int((ratios > 1.0).any(axis=-1).sum())
+    against = "its sigma is zero" if math.isinf(ratio) else f"{number(ratio, 3)} times its sigma"
+    name = humanize(sweep.outputs[measure.outputs[0]].name)
+    return (
+        f"At {points} of {ratios[..., 0].size} points a mean error exceeds its sigma: that of {name} is "
+        f"{signed(mean)} {measure.shown_in} at {at}, {against}. Root mean squares are compared, not sigmas."
+    )
 
 
 def remarks(sweep: Sweep) -> list[str]:

@@ -12,8 +12,9 @@ from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.summary import Ends, FilterSummary, Summary
 from mcnav.report import sentences
 from mcnav.report.document import Tile
-from mcnav.report.format import number, rounded
+from mcnav.report.format import number, rounded, signed
 from mcnav.report.joint_words import BRIEFLY, combination_words
+from mcnav.report.mean_words import against, large_means_of
 from mcnav.report.names import humanize, shown_units
 from mcnav.report.requirements import RADII, RequirementRow, requirement_rows
 from mcnav.report.sentences import WORST, Statement, Subject
@@ -23,17 +24,20 @@ DIGITS: Final = 3
 """Significant digits of a tile's numbers."""
 
 NAMES: Final[dict[Subject, str]] = {
+    "means": "Mean errors",
     "requirements": "Requirements", "filter": "Filter", "smoother": "Smoother", "linear": "Linear analysis",
 }  # fmt: skip
 """Subjects for people, in the order of tiles of one tone."""
 
 SECTIONS: Final[dict[Subject, tuple[str, ...]]] = {
+    "means": ("throughout", "dispersion"),
     "requirements": ("requirements",), "filter": ("filter",), "smoother": ("smoother",),
     "linear": ("combination", "linear", "joint", "truth", "provenance"),
 }  # fmt: skip
 """Sections on each subject, the foremost first: that on the combination of outputs is only where they differ."""
 
 FURTHER: Final[dict[Subject, tuple[tuple[str, str], ...]]] = {
+    "means": (),
     "requirements": (("Causes", "budget"), ("What to improve", "improve"), ("What would change it", "what-if")),
     "filter": (("What would change it", "what-if"),), "smoother": (),
     "linear": (("Causes of the errors", "budget"), ("What to improve", "improve")),
@@ -65,6 +69,8 @@ def tiles(
 ) -> list[Tile]:
     """Return a tile for each of some statements, the worst first; each links to one of the page's sections.
 
+    Mean errors that exceed one sigma come before all.
+
     ``consistent`` is the interval of a consistent filter's ratio at its epoch alone, on which that verdict rests.
     """
     if summary.filter and summary.filter.verdict == Honesty.CONSISTENT:
@@ -72,12 +78,15 @@ def tiles(
         summary = summary.model_copy(update={"filter": judged})
     made = [_tile(summary, each, sections, time_unit) for each in stated]
     order = [*NAMES.values()]
-    return sorted(made, key=lambda each: (WORST.index(each.tone), order.index(each.subject)))
+    foremost = NAMES["means"]
+    return sorted(made, key=lambda each: (each.subject != foremost, WORST.index(each.tone), order.index(each.subject)))
 
 
 def _tile(summary: Summary, statement: Statement, sections: Container[str], time_unit: str) -> Tile:
     subject = statement.subject
-    found = {"requirements": _requirement, "filter": _filter, "smoother": _smoother, "linear": _linear}
+    found = {
+        "means": _mean, "requirements": _requirement, "filter": _filter, "smoother": _smoother, "linear": _linear,
+    }  # fmt: skip
     worst = found[subject](summary, time_unit)
     link = next((name for name in SECTIONS[subject] if name in sections), "")
     return Tile(
@@ -97,6 +106,8 @@ def _tile(summary: Summary, statement: Statement, sections: Container[str], time
 
 def status(summary: Summary, subject: Subject) -> str:
     """Return the verdict on a subject in a word or two."""
+    if subject == "means":
+        return "above one sigma"
     if subject == "filter":
         return summary.filter.verdict if summary.filter else ""
     if subject == "smoother":
@@ -145,6 +156,17 @@ def _used(row: RequirementRow) -> float:
         return estimate / limit if limit else math.inf
     allowed = 1.0 - (entry.probability or 0.0)
     return (1.0 - estimate) / allowed if allowed else math.inf
+
+
+def _mean(summary: Summary, _: str) -> Worst:
+    """Return the mean error that is the largest in sigmas."""
+    large = large_means_of(summary)
+    if not large:
+        return NOTHING
+    name = summary.names[large[0].output]
+    scale, unit = shown_units(summary)[name]
+    return Worst(f"{signed(large[0].mean * scale, DIGITS)} {unit}".strip(),
+                 f"mean error of {humanize(name)}, {against(large[0], scale, unit)}")  # fmt: skip
 
 
 def _requirement(summary: Summary, time_unit: str) -> Worst:

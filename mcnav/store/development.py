@@ -1,7 +1,7 @@
 """Partial derivatives over time as a file of the run folder: ``development.parquet``, whose digest the manifest has.
 
 A row for each time and output, in this order. Columns: the time; ``output``; ``partial SOURCE`` of every error source;
-and where the record has them ``nominal``, ``noise PROCESS`` (the variance that a process has added) and
+and where the record has them ``nominal``, ``origin``, ``noise PROCESS`` (the variance that a process has added) and
 ``covariance OUTPUT``; SI. Covariances between the pairs of outputs that requirements limit together, few, are metadata.
 """
 
@@ -22,6 +22,8 @@ from mcnav.store.manifest import ModelRecord, PartialsRecord
 
 OUTPUT: Final = "output"
 MARK: Final = "mcnav.development"
+NOMINAL: Final = ("nominal", "origin")
+"""Columns of the flight without errors."""
 
 
 def development_table(model: ModelRecord, known: PartialsRecord) -> bytes:
@@ -30,7 +32,7 @@ def development_table(model: ModelRecord, known: PartialsRecord) -> bytes:
     outputs, count = len(names), len(known.times)
     columns = {known.label: arrow_array(np.repeat(known.times, outputs)), OUTPUT: arrow_texts(names * count)}
     blocks = {f"partial {source.name}": known.partials[:, :, k] for k, source in enumerate(model.sources)}
-    blocks |= {} if known.nominal is None else {"nominal": known.nominal}
+    blocks |= {name: values for name in NOMINAL if (values := getattr(known, name)) is not None}
     blocks |= {f"noise {name}": variances for name, variances in known.processes.items()}
     if known.covariance is not None:
         blocks |= {f"covariance {name}": known.covariance[:, :, j] for j, name in enumerate(names)}
@@ -57,8 +59,7 @@ def development_in(content: bytes, model: ModelRecord) -> PartialsRecord:
     label, times = next(iter(columns.items()))
     fields: Json = {"label": label, "times": times[:, 0]}
     fields["partials"] = np.stack([columns[f"partial {source.name}"] for source in model.sources], axis=2)
-    if "nominal" in columns:
-        fields["nominal"] = columns["nominal"]
+    fields |= {name: columns[name] for name in NOMINAL if name in columns}
     if noise := _block(columns, "noise "):
         fields["processes"] = noise
     if _block(columns, "covariance "):

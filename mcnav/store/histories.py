@@ -32,6 +32,9 @@ FIRST_SMOOTHED_MARK: Final = "mcnav.first_smoothed"
 PERCENTILES: Final = (1.0, 5.0, 50.0, 95.0, 99.0)
 """Percentiles of the samples whose histories are stored."""
 
+ORIGIN: Final = "origin "
+"""Beginning of the names of columns of what outputs are measured from."""
+
 STORED: Final = 2_000
 """Samples whose histories are stored in full: the first of the campaign."""
 
@@ -99,11 +102,13 @@ def epochs_table(
     linear: tuple[Array, Array],
     histories: Array,
     further: Mapping[str, Array] | None = None,
+    origin: Array | None = None,
 ) -> bytes:
     """Tabulate moments of all samples, linear moments and percentiles of the stored histories at every epoch.
 
     Columns, for each output: ``mean``, ``sigma``, ``third``, ``fourth`` (central moments), ``linear mean``, ``linear
-    sigma`` and percentiles; for each pair ``covariance``. Units are in the names.
+    sigma`` and percentiles, and ``origin`` where it is measured from the nominal flight; for each pair ``covariance``.
+    Units are in the names.
 
     Parameters
     ----------
@@ -112,6 +117,8 @@ def epochs_table(
     histories : ndarray, shape (n, m, outputs)
     further : mapping of str to ndarray, shape (m,), optional
         Further columns.
+    origin : ndarray, shape (m, outputs), optional
+        See `mcnav.contract.linear.LinearSystem`.
     """
     covariance, third, fourth = sums.covariance, sums.third, sums.fourth
     complete = histories[np.isfinite(histories).all(axis=(1, 2))]
@@ -129,6 +136,8 @@ def epochs_table(
         columns[f"linear sigma {name} [{unit}]"] = np.sqrt(np.maximum(linear[1][:, i, i], 0.0))
         for level, values in zip(PERCENTILES, ranked, strict=True):
             columns[f"percentile {level:g} {name} [{unit}]"] = values[:, i]
+        if origin is not None and origin[:, i].any():
+            columns[f"{ORIGIN}{name} [{unit}]"] = origin[:, i]
     for i, one in enumerate(outputs):
         for j, other in enumerate(outputs[:i]):
             unit = f"({other.unit})({one.unit})"
@@ -136,6 +145,20 @@ def epochs_table(
     columns |= further or {}
     described = {"events": dict(epochs.events), "samples": sums.count, "stored": len(complete)}
     return parquet_bytes(arrow_table(columns).replace_schema_metadata({"mcnav.epochs": json.dumps(described)}))
+
+
+def origin_in(columns: Mapping[str, Array], names: Sequence[str]) -> Array | None:
+    """Return what outputs are measured from, shape (m, outputs), by the columns of a table of epochs; none: zero.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the outputs, as ``name [unit]``.
+    """
+    if not any(f"{ORIGIN}{name}" in columns for name in names):
+        return None
+    nothing = np.zeros(len(next(iter(columns.values()))))
+    return np.column_stack([columns.get(f"{ORIGIN}{name}", nothing) for name in names])
 
 
 def first_histories(

@@ -58,13 +58,14 @@ class PartialsRecord(Record):
     whole linear covariance, where it is not that of the sources alone, shape (n, outputs, outputs). ``nominal`` are the
     errors of a system without errors, shape (n, outputs), where it has some. ``process_pairs`` are the covariances that
     each process has added between the ``pairs`` of outputs that requirements over time limit together, shape
-    (n, pairs).
+    (n, pairs). ``origin``, shape (n, outputs), is there where some output is measured from the nominal flight.
     """
 
     label: Words
     times: Vector
     partials: Matrices
     nominal: Matrix | None = None
+    origin: Matrix | None = None
     processes: Mapping[Name, Matrix] = {}
     covariance: Matrices | None = None
     pairs: tuple[tuple[Count, Count], ...] = ()
@@ -179,7 +180,9 @@ class ModelRecord(Record):
     none in a scenario without a filter, ``smoother`` where none follows it. ``faults`` are those of its sensors.
     ``tail_outputs`` are the outputs that depend on sources with heavy tails; none where that was not examined.
     ``development`` is in a file of its own (`mcnav.store.development`), whose digest the manifest has; in the manifest
-    itself where an earlier version wrote it.
+    itself where an earlier version wrote it. ``origin`` is that of `mcnav.contract.linear.LinearSystem`; none where all
+    outputs are navigation errors, and in runs of earlier versions, whose requirements limit departures. Means up to
+    ``mean_rounding`` are rounding.
     """
 
     sources: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
@@ -188,6 +191,8 @@ class ModelRecord(Record):
     nominal: Vector
     start_mean: Vector
     start_covariance: Matrix
+    origin: Vector | None = None
+    mean_rounding: Vector | None = None
     processes: Mapping[Name, Matrix] | None = None
     filter: FilterRecord | None = None
     smoother: SmootherRecord | None = None
@@ -209,6 +214,9 @@ class ModelRecord(Record):
         for name, shape in zip(("partials", "nominal", "start_mean", "start_covariance"), shapes, strict=True):
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name}: is not of the shape that {rows} outputs and {columns} sources ask for")
+        for name, vector in (("origin", self.origin), ("mean_rounding", self.mean_rounding)):
+            if vector is not None and vector.shape != (rows,):
+                raise ValueError(f"{name}: is not of the shape that {rows} outputs ask for")
         names = {output.name for output in self.outputs}
         if not all(names.issuperset(output.size_of) for output in self.outputs):
             raise ValueError("outputs: size_of names an output that there is not")
@@ -232,7 +240,8 @@ class RequirementRecord(Record):
     """See `mcnav.analysis.requirements.Requirement`; outputs by name.
 
     ``epochs`` are those at each of which it holds, by number from zero, the start, and ``when`` has them in words; a
-    requirement without them holds at the end. ``of`` is "smoother" where it is on the errors behind one.
+    requirement without them holds at the end. ``of`` is "smoother" where it is on the errors behind one, ``about`` is
+    "nominal" where it is on departures from the nominal flight.
     """
 
     kind: Words
@@ -242,6 +251,7 @@ class RequirementRecord(Record):
     when: Words | None = None
     epochs: Annotated[tuple[Count, ...], Field(min_length=1)] | None = None
     of: Words | None = None
+    about: Words | None = None
 
 
 class CodeRecord(Record):

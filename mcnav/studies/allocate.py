@@ -178,7 +178,7 @@ class _Scaled:
         moments = None if history is None else history.moments
         return judge_within_range(
             self._requirements, self._limits, scaled.outcome_mean, scaled.outcome_covariance, moments,
-            model.sizes, model.nominal,
+            model.sizes, model.nominal, model.origin,
         )  # fmt: skip
 
 

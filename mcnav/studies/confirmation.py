@@ -92,5 +92,8 @@ def _value(measure: Measure, summary: Summary) -> float:
         return float("nan")
     picked = list(measure.outputs)
     variance = summary.covariance_paired[np.ix_(picked, picked)].trace()
-    mean = summary.mean_linear[picked] if measure.kind == DRMS else np.zeros(1)
+    mean = summary.mean_linear[picked]
+    if measure.kind == SIGMA:
+        mean_error = summary.mean_error[picked[0]] if summary.mean_error else None
+        mean = np.nan_to_num(np.array([mean_error or 0.0]))
     return float(np.sqrt(variance + (mean**2).sum()))

@@ -49,6 +49,7 @@ from mcnav.report.document import Page
 from mcnav.report.gates import gate_rows
 from mcnav.report.html import page_html
 from mcnav.report.lincov_page import card, page
+from mcnav.report.lincov_words import final_nominal
 from mcnav.studies.curved_tails import with_curvature
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.user.scenario import is_users
@@ -123,6 +124,7 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         model = Model(
             linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes,
             components_of(scenario.outputs), limits_of(output.limit for output in scenario.outputs),
+            origin=linear.origin,
         )  # fmt: skip
         moments = errors.mean, errors.covariance
         history = None if readings is None else covariance_over_time(readings, names, *moments)
@@ -136,7 +138,7 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         judged = tuple(
             judge_linearly(
                 [each], model.outcome_mean, model.outcome_covariance, None if known is None else known.moments,
-                model.sizes, model.nominal,
+                model.sizes, model.nominal, model.origin,
             )[0]
             for each in required
             for known in [smoothed if each.of else history]
@@ -300,6 +302,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         "outputs": names,
         "units": [output.unit for output in answer.outputs],
         **({"kinds": kinds} if any(kinds) else {}),
+        **({"nominal": final_nominal(answer)} if any(kinds) else {}),
         "mean": answer.mean,
         "sigma": answer.sigma,
         "covariance": answer.covariance,
@@ -312,6 +315,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
                 "limits": each.requirement.limits,
                 "probability": each.requirement.probability,
                 "when": each.requirement.when,
+                **({"about": each.requirement.about} if each.requirement.about else {}),
                 "value": each.value,
                 "met": each.met if each.judged else None,
                 "margin": each.margin,

@@ -140,13 +140,14 @@ class _Study:
         shape = (*self.shape, len(self.measures))
         arrays = {
             name: np.array([getattr(answer, name) for answer in answers]).reshape(shape)
-            for name in ("values", "own", "bounds", "margins", "exceedances")
+            for name in ("values", "own", "bounds", "margins", "exceedances", "means")
         }
         just_met = self._just_met(arrays["margins"])
         return Sweep(
             self._varied.campaign.name, self.outputs, self.variables, self.measures, self.times,
             arrays["values"], arrays["own"], arrays["bounds"], arrays["margins"], self.points.present.values, just_met,
             added=tuple(self.points.beside(self.points.grid())), exceedances=arrays["exceedances"],
+            means=arrays["means"],
         )  # fmt: skip
 
     def _check_corners(self) -> None:

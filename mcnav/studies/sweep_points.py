@@ -50,6 +50,8 @@ class PointAnswer:
         Logarithm of the value over its bound, of a box the other way round: above zero where the limit is exceeded.
     exceedances : ndarray, shape (measures,)
         See `mcnav.analysis.accuracy_measures.Measure.beyond`.
+    means : ndarray, shape (measures,)
+        Mean errors in the values; see `mcnav.analysis.accuracy_measures.Measure.mean_error`.
     """
 
     values: Array
@@ -57,6 +59,7 @@ class PointAnswer:
     bounds: Array
     margins: Array
     exceedances: Array
+    means: Array
 
 
 class LinearPoints:
@@ -127,7 +130,7 @@ class LinearPoints:
         own = campaign_requirements(campaign)
         required = {each.requirement: each for each in requirement_measures(own, campaign.scenario.outputs)}
         since = _beyond_since(campaign, answer)
-        values, stated, bounds, margins, exceedances = np.full((5, len(self._measures)), np.nan)
+        values, stated, bounds, margins, exceedances, means = np.full((6, len(self._measures)), np.nan)
         for number, (measure, time) in enumerate(zip(self._measures, self._at, strict=True)):
             held = measure if measure.requirement is None else required[measure.requirement]
             held = held.at_reading(end if time is None else int(np.argmin(np.abs(answer.times - time))))
@@ -136,10 +139,11 @@ class LinearPoints:
                 values[number], margins[number] = np.inf, np.nan if held.bound is None else np.inf
                 continue
             values[number], stated[number] = held.value(answer), held.own_value(answer)
+            means[number] = held.mean_error(answer)
             exceedances[number] = held.beyond(answer)
             if held.bound is not None:
                 margins[number] = _margin(held, float(values[number]))
-        return PointAnswer(values, stated, bounds, margins, exceedances)
+        return PointAnswer(values, stated, bounds, margins, exceedances, means)
 
 
 def _beyond_since(campaign: Campaign, answer: CovarianceReadings) -> float:
@@ -215,12 +219,16 @@ def _readings(campaign: Campaign, at: Sequence[float], shared: SharedTables) -> 
         prediction = scenario.filter_prediction() if can_have_filter(scenario) else None
         own = None if prediction is None else prediction.covariance
         covariance = system.covariance(errors.covariance)
-        return len(mean) - 1, CovarianceReadings(scenario.reading_times, mean, covariance, own)
+        return len(mean) - 1, CovarianceReadings(
+            scenario.reading_times, mean, covariance, own, system.nominal, system.origin
+        )
     linear = _linear_model(campaign, shared)
     model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes)
     prediction = scenario.filter_prediction() if can_have_filter(scenario) else None
     own = None if prediction is None else prediction.covariance[-1:]
-    return 0, CovarianceReadings(np.zeros(1), model.outcome_mean[None], model.outcome_covariance[None], own)
+    mean, covariance = model.outcome_mean[None], model.outcome_covariance[None]
+    origin = None if linear.origin is None else linear.origin[None]
+    return 0, CovarianceReadings(np.zeros(1), mean, covariance, own, linear.nominal[None], origin)
 
 
 def _linear_model(campaign: Campaign, shared: SharedTables) -> LinearModel:

@@ -46,7 +46,7 @@ from mcnav.report.model import RunAnalysis
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.store.chunk_files import Samples
-from mcnav.store.histories import STORED
+from mcnav.store.histories import STORED, origin_in
 from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord, PartialsRecord
 from mcnav.store.run_files import HISTORIES, MANIFEST, REPORT, SMOOTHED
 from mcnav.store.run_files import SUMMARY as SUMMARY_FILE
@@ -214,7 +214,10 @@ class _Judge:
                 exceedance = Exceedance(
                     record.estimate, record.low, record.high, record.flights, record.refusal, record.way, record.sides
                 )
-                event, confidence = Event.of(requirement, self.model.sizes), self.criterion.confidence
+                origin = self.model.origin
+                if requirement.epochs:
+                    origin = None if self.histories is None else self.histories.origin
+                event, confidence = Event.of(requirement, self.model.sizes, origin), self.criterion.confidence
                 return weigh(result, exceedance, event, outcomes, blocks, confidence)
         return result
 
@@ -302,8 +305,10 @@ def error_histories(
     if development is not None and development.processes and development.covariance is None:
         known = False  # an earlier manifest, without the covariance that noise adds
     mean, covariance = linear_moments(model, development) if development is not None and known else (None, None)
-    sizes = components_of(model.outputs)
-    return ErrorHistories(times, errors, design.blocks(np.arange(len(errors))), mean, covariance, STORED, sizes)
+    sizes, blocks = components_of(model.outputs), design.blocks(np.arange(len(errors)))
+    moments = folder.epochs()
+    origin = None if moments is None else origin_in(moments[0], names)
+    return ErrorHistories(times, errors, blocks, mean, covariance, STORED, sizes, origin)
 
 
 def same_times(one: Array, other: Array) -> bool:
@@ -380,4 +385,5 @@ def linear_model(record: ModelRecord) -> Model:
         processes,
         components_of(record.outputs),
         limits_of(output.limit for output in record.outputs),
+        origin=record.origin,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ from mcnav.errors import reading_file
 from mcnav.report.comparison import Row, change_table, input_table, inputs, outputs
 from mcnav.report.comparison import page as comparison_page
 from mcnav.report.html import page_html, parts_html
+from mcnav.report.mean_words import large_means_of
 from mcnav.report.model import RunAnalysis
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import RunFolder
@@ -114,15 +116,28 @@ def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
         (later, name) for later in range(1, len(runs)) for name in names[0] if name in names[later]
     ]  # an output is the same where name and unit are
     each = 1.0 - (1.0 - confidence) / max(len(pairs), 1)
+    large = [{mean.output for mean in large_means_of(run.summary)} for run in runs]
     rows = []
     for later, name in pairs:
         at = (names[0].index(name), names[later].index(name))
         before, after = sample_sets[0], sample_sets[later]
         enough = min(len(before.index), len(after.index)) >= 2
-        comparison = change(before, after, at, same_draws(first, runs[later]), each) if enough else None
-        rows.append(Row(later, *name, first.manifest.model.outputs[at[0]].shown_in, comparison))
+        spread = first.summary.sigma_linear[at[0]] > 0.0 or runs[later].summary.sigma_linear[at[1]] > 0.0
+        about_zero = bool(spread) and (at[0] in large[0] or at[1] in large[later])
+        common = same_draws(first, runs[later])
+        comparison = change(before, after, at, common, each, about_zero) if enough else None
+        shown_in = first.manifest.model.outputs[at[0]].shown_in
+        nominal = _nominal(first, at[0]), _nominal(runs[later], at[1])
+        rows.append(Row(later, *name, shown_in, comparison, nominal))
     manifests, known = tuple(run.manifest for run in runs), tuple(run.envelopes for run in runs)
     return RunComparison(titles(paths), summaries, manifests, tuple(rows), confidence, known)
+
+
+def _nominal(run: RunAnalysis, output: int) -> float | None:
+    """Return the value of an output on the nominal flight; none of a navigation error."""
+    values = run.summary.nominal
+    value = values[output] if values else None
+    return None if value is None or math.isnan(value) else value
 
 
 def titles(paths: Sequence[str | Path]) -> tuple[str, ...]:
@@ -158,4 +173,5 @@ def _sample_set(run: RunAnalysis) -> SampleSet:
     succeeded = np.isfinite(samples.outputs).all(axis=1)
     index, errors, outputs = samples.index[succeeded], samples.errors[succeeded], samples.outputs[succeeded]
     linear = samples.linear[succeeded] if run.model.processes else None
-    return SampleSet(run.model, index, errors, outputs, run.manifest.sampling_design, linear)
+    quantities = run.manifest.model.outputs
+    return SampleSet(run.model, index, errors, outputs, run.manifest.sampling_design, linear, quantities)

@@ -85,7 +85,10 @@ class _Law:
             partials, nominal = model.partials[None, chosen], model.nominal[None, chosen]
             processes = {name: each[None][:, chosen][:, :, chosen] for name, each in model.processes.items()}
         covariance = np.einsum("mis,st,mjt->mij", partials, errors.covariance, partials)
-        return cls(nominal + partials @ errors.mean, sum(processes.values(), covariance), processes)
+        mean = nominal + partials @ errors.mean
+        return cls(
+            mean if event.origin is None else mean + event.origin, sum(processes.values(), covariance), processes
+        )
 
     @property
     def of_noise(self) -> Array:
@@ -240,7 +243,7 @@ def estimate_exceedances(
             records += [_refused(number, reason)] if rare else []
             continue
         draws = system.draws
-        event = Event.of(requirement, model.sizes)
+        event = _event(requirement, model, throughout)
         if noisy:
             law = _Law.of(event, model, draws.errors, throughout)
             distances = event.distances(law.mean, law.covariance)
@@ -289,7 +292,7 @@ def linear_at_epochs(scenario: Scenario, engine: Engine) -> LinearHistory | None
     if not same_times(system.times, engine.epochs.times):
         return None
     nominal = np.zeros(system.partials.shape[:2]) if system.nominal is None else system.nominal
-    return LinearHistory(engine.epochs, system.partials, nominal, system.processes)
+    return LinearHistory(engine.epochs, system.partials, nominal, system.processes, system.origin)
 
 
 def _refused(number: int, reason: str) -> ExceedanceRecord:
@@ -409,12 +412,18 @@ def fly_way_to_fail(
     return FailingFlight(chosen, event.outputs, added, epoch, normals.simulate(found, number), reached)
 
 
+def _event(requirement: Requirement, model: Model, throughout: LinearHistory | None) -> Event:
+    """Return what is beyond a requirement, by the model at the end or throughout the flight."""
+    over_time = throughout if requirement.epochs else None
+    return Event.of(requirement, model.sizes, model.origin if over_time is None else over_time.origin)
+
+
 def _normals(
     engine: Engine, noisy: bool, errors: ErrorModel, seed: int, model: Model, requirement: Requirement, number: int,
     throughout: LinearHistory | None,
 ) -> tuple[_Normals, Event]:  # fmt: skip
     """Return flights as functions of standard normals for a requirement by number, and what failing is."""
-    event, noise = Event.of(requirement, model.sizes), None
+    event, noise = _event(requirement, model, throughout), None
     if noisy and conditions_noise(engine):
         noise = _Noise.of(engine, event, _Law.of(event, model, errors, throughout))
     over_time = throughout if event.epochs else None

@@ -306,6 +306,7 @@ def _verdicts(summary: Summary) -> Cell:
     """Mark the verdicts on linear analysis, requirements, filter and smoother as labels, the worst first."""
     counts = summary.counts
     words = {
+        "means": "means above one sigma",
         "linear": f"linear {sentences.tone(summary)}",
         "requirements": "" if counts is None else f"{counts.met} of {counts.of} met",
         "filter": f"filter {filter_verdict.verdict(summary)}",
@@ -323,9 +324,12 @@ def _sigmas(summary: Summary) -> Markup:
     """List the sigmas of the final errors, each with its unit on one line."""
     units, sigmas = shown_units(summary), summary.sigma_paired or summary.sigma_linear.tolist()
     listed = []
-    for name, sigma in zip(summary.names, sigmas, strict=True):
+    nominals = summary.nominal or (None,) * len(sigmas)
+    for name, sigma, nominal in zip(summary.names, sigmas, nominals, strict=True):
         scale, unit = units[name]
-        words = (humanize(name), number(sigma * scale, 4), UNIT(unit))
+        known = nominal is not None and math.isfinite(nominal)
+        about = [number(nominal * scale, 5), "±"] if known and nominal is not None else []
+        words = (humanize(name), *about, number(sigma * scale, 4), UNIT(unit))
         listed.append(Markup("\N{NO-BREAK SPACE}").join(words))
     some = Markup("1σ of {} output{}").format(len(listed), "" if len(listed) == 1 else "s")
     return Markup("<details><summary>{}</summary>{}</details>").format(some, Markup(", ").join(listed))

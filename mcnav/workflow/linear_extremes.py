@@ -10,7 +10,9 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.comparison import Model
+from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of
+from mcnav.analysis.mean_errors import departures
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import Requirement, RequirementResult
 from mcnav.report.sentences import beyond_range as range_words
@@ -73,12 +75,16 @@ def explain(
         if not np.isclose(development.times[at], result.time, rtol=1e-9):
             return result
         mean, covariance = (moments[at] for moments in linear_moments(record, development))
+        nominal = np.zeros_like(mean) if development.nominal is None else development.nominal[at]
         partials, added = development.partials[at], {name: part[at] for name, part in development.processes.items()}
     else:
         mean, covariance, partials = model.outcome_mean, model.outcome_covariance, model.partials
+        nominal = model.nominal
         added = {name: np.diag(part) for name, part in model.processes.items()}
     names = [source.name for source in record.sources]
     squares = error_budget(partials, model.covariance).contributions ** 2
     variances = {name: squares[:, k] for k, name in enumerate(names) if squares[:, k].any()} | added
     means = {name: partials[:, k] * model.mean[k] for k, name in enumerate(names) if model.mean[k]}
+    means[NOMINAL] = departures(record.outputs, nominal, nominal)
+    mean = departures(record.outputs, mean, nominal)
     return replace(result, causes=causes_of_requirement(result.requirement, variances, means, covariance, mean))

@@ -11,7 +11,9 @@ import numpy as np
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
+from mcnav.analysis.comparison import Model
 from mcnav.analysis.gates import predict_fault
+from mcnav.analysis.mean_errors import rounding_of_means
 from mcnav.analysis.what_if import entries_of, picked_entries
 from mcnav.contract.engine import Engine, has_histories, smoother_of
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
@@ -56,13 +58,14 @@ class LinearHistory:
     """Partial derivatives at the epochs of an engine, shape (m, outputs, sources), and the errors of a perfect system.
 
     ``nominal`` has shape (m, outputs); SI. ``processes`` are the covariances that each process of noise adds, shape
-    (m, outputs, outputs), where they were asked for.
+    (m, outputs, outputs), where they were asked for. ``origin`` is that of a linear system.
     """
 
     epochs: Epochs
     partials: Array
     nominal: Array
     processes: Mapping[str, Array] = field(default_factory=dict)
+    origin: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -185,8 +188,12 @@ def _linear(
         start_mean=errors.mean,
         start_covariance=errors.covariance,
     )
+    whole = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes)
+    moments = whole.outcome_mean, np.sqrt(np.diag(whole.outcome_covariance))
     return record.completed(
         {
+            "origin": _origin(scenario.outputs, linear.origin),
+            "mean_rounding": rounding_of_means(scenario.outputs, scenario.sources, linear.partials, *moments),
             "processes": dict(linear.processes) or None,
             "development": _development(scenario, errors, throughout, together),
             "filter": _filter_record(engine.filter, engine.epochs, scenario, errors),
@@ -219,8 +226,20 @@ def _partials_record(known: LinearSystem, errors: ErrorModel) -> PartialsRecord:
     record = PartialsRecord(label=known.label, times=known.times, partials=known.partials)
     variances = {name: np.diagonal(each, axis1=1, axis2=2) for name, each in known.processes.items()}
     covariance = known.covariance(errors.covariance) if variances else None
-    nominal = known.nominal if known.nominal is not None and np.any(known.nominal) else None
-    return record.completed({"processes": variances or None, "covariance": covariance, "nominal": nominal})
+    moved = {"nominal": _some(known.nominal), "origin": _some(known.origin)}
+    return record.completed({"processes": variances or None, "covariance": covariance, **moved})
+
+
+def _origin(outputs: Sequence[Output], origin: Array | None) -> Array | None:
+    """Return what outputs are measured from; none where all are navigation errors."""
+    if all(output.of == "navigation" for output in outputs):
+        return None
+    return np.zeros(len(outputs)) if origin is None else origin
+
+
+def _some(values: Array | None) -> Array | None:
+    """Return an array of which some are not zero; else none."""
+    return values if values is not None and np.any(values) else None
 
 
 def _smoother_record(engine: Engine, scenario: Scenario, errors: ErrorModel) -> SmootherRecord | None:

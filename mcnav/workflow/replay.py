@@ -166,6 +166,7 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
         requirement.limits,
         requirement.probability,
         requirement.when,
+        requirement.about,
     )
     return Replay(
         campaign=campaign.name,

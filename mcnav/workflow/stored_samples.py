@@ -118,5 +118,6 @@ def _tables_of_followed(
     if not is_linear_over_time(system.scenario):
         return tables
     known = system.scenario.linear_over_time(len(epochs.times))
-    linear = known.partials @ errors.mean, known.covariance(errors.covariance)
-    return {EPOCHS: epochs_table(epochs, outputs, sums, linear, histories, columns), **tables}
+    nominal = 0.0 if known.nominal is None else known.nominal
+    linear = nominal + known.partials @ errors.mean, known.covariance(errors.covariance)
+    return {EPOCHS: epochs_table(epochs, outputs, sums, linear, histories, columns, known.origin), **tables}

@@ -12,7 +12,7 @@ from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_answer import LinearAnswer
-from mcnav.analysis.requirements import Requirement, size_members
+from mcnav.analysis.requirements import Requirement, counted, size_members
 from mcnav.analysis.what_if import (
     Entries,
     LimitedErrors,
@@ -45,6 +45,7 @@ class _Throughout:
     own: Array | None
     settled: IndexArray
     believed: Mapping[str, float]
+    origin: Array | None
 
 
 def what_if_of_answer(answer: LinearAnswer, content: Mapping[str, Any], beside: str) -> WhatIf | None:
@@ -64,7 +65,7 @@ def what_if_of_answer(answer: LinearAnswer, content: Mapping[str, Any], beside: 
         added = {name: picked_entries(each, entries) for name, each in readings.processes.items()}
         throughout = _Throughout(
             readings.times, readings.label, readings.partials, readings.nominal, added, answer.history.sigma_filter,
-            answer.history.settled, readings.believed,
+            answer.history.settled, readings.believed, readings.origin,
         )  # fmt: skip
     return _what_if(content, answer.sources, answer.model, requirements, entries, throughout, beside)
 
@@ -112,7 +113,9 @@ def _throughout(content: RunAnalysis, entries: Entries) -> _Throughout | None:
         added[name] = by_entry
     epochs = known.times if content.histories is None else content.histories.times
     settled = _readings_at(known.times, epochs)
-    return _Throughout(known.times, known.label, known.partials, known.nominal, added, own, settled, believed)
+    return _Throughout(
+        known.times, known.label, known.partials, known.nominal, added, own, settled, believed, known.origin
+    )
 
 
 def _readings_at(times: Array, epochs: Array) -> IndexArray:
@@ -167,15 +170,30 @@ def _what_if(
             own = np.concatenate([own, own[-1:]])
         covariance = scaled_covariance(over_time, np.append(times, times[-1]), throughout.label, entries, own)
         kept = _kept(len(times), [int(settled[epoch]) for each in requirements for epoch in each.epochs])
+    origin = _origin(model, throughout)
     limited = tuple(
         LimitedErrors(
-            each, size_members(each.outputs, model.sizes) or each.outputs,
-            tuple(int(np.searchsorted(kept, settled[epoch])) for epoch in each.epochs) or (len(kept) - 1,),
+            each, chosen,
+            tuple(int(np.searchsorted(kept, reading)) for reading in readings) or (len(kept) - 1,),
+            counted(each, np.zeros_like(origin), origin)[np.ix_(readings or [-1], chosen)],
         )
         for each in requirements
+        for chosen in [size_members(each.outputs, model.sizes) or each.outputs]
+        for readings in [[int(settled[epoch]) for epoch in each.epochs]]
     )  # fmt: skip
     without = tuple(unsized_causes(campaign, sources, model.covariance))
     return WhatIf(campaign, _with_readings(covariance, kept), limited, without, beside)
+
+
+def _origin(model: Model, throughout: _Throughout | None) -> Array:
+    """Return what the outputs are measured from at all readings, the end after them, shape (r + 1, outputs)."""
+    readings = 0 if throughout is None else len(throughout.times)
+    origin = np.zeros((readings + 1, len(model.partials)))
+    if throughout is not None and throughout.origin is not None:
+        origin[:-1] = throughout.origin
+    if model.origin is not None:
+        origin[-1] = model.origin
+    return origin
 
 
 def _with_readings(covariance: ScaledCovariance, kept: IndexArray) -> ScaledCovariance:

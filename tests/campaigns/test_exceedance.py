@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -204,8 +205,8 @@ def test_a_closed_loop_with_noise_agrees_with_a_count() -> None:
     system = prepared(loop("Landing", samples=4_000), 101)
     assert system.engine.epochs is not None
     epochs = tuple(range(1, len(system.engine.epochs.times)))
-    asked = [Requirement("quantile", (3,), (1.0398865668462192,), 1.0 - 1e-7),
-             Requirement("quantile", (3,), (1.11141346,), 1.0 - 1e-7, "throughout", epochs)]  # fmt: skip
+    at_the_end = Requirement("quantile", (3,), (1.0398865668462192,), 1.0 - 1e-7, about="nominal")
+    asked = [at_the_end, replace(at_the_end, limits=(1.11141346,), when="throughout", epochs=epochs)]
     records = estimate_exceedances(system, linear_model(system.model), asked, 0.95)
     for record, counted in zip(records, (around(90, 1_228_800), around(80, 163_840)), strict=True):
         low, high = counted

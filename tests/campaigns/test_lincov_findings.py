@@ -120,7 +120,7 @@ def test_a_wrong_lever_arm_shows_as_a_mean_error(tmp_path: Path) -> None:
     true = np.hypot(row["sigma"][down], row["mean"][down])
     assert stored["filter"]["factor"] == pytest.approx(true / row["sigma_filter"][down], rel=0.01)
     for text in (shown(found), page.read_text()):
-        assert "Mean errors are not zero: that of position down is −1.00" in text
+        assert "The mean error of position down is −1.000 m, 4.94 times its sigma of 0.202 m" in text
         assert "because of mean of gnss lever arm z 100 %" in text
 
 

@@ -71,7 +71,7 @@ def test_a_sigma_that_the_filter_does_not_state_is_a_dash(tmp_path: Path) -> Non
     campaign = read_campaign(written(tmp_path))
     printed = invoke("lincov", "part.toml", "--out", "lin", cwd=tmp_path).stdout
     (end, *_) = [line.split() for line in printed.splitlines() if line.startswith("true x [m]")]
-    assert end[3:5] == ["5.0000", "–"]
+    assert end[3:6] == ["0", "5.0000", "–"]  # nominal, sigma, and that of the filter
     assert "nan" not in printed
     assert ">nan<" not in (tmp_path / "lin" / "lincov.html").read_text()
     rows = json.loads((tmp_path / "lin" / "lincov.json").read_text())["rows"]

@@ -15,6 +15,7 @@ from mcnav.report.document import Answers, Cell, Column, Table, five_digits, lab
 from mcnav.report.filter_tables import FilterAnswer, filter_answers
 from mcnav.report.format import rounded
 from mcnav.report.linear_causes import causes_at
+from mcnav.report.mean_words import large_means_of
 from mcnav.report.model import RunAnalysis
 from mcnav.report.output_columns import OutputEntry, entries_of, grouped
 from mcnav.report.sections.joint import EllipsoidWords, ellipsoid_words
@@ -73,6 +74,8 @@ class _Answer:
     unscented: str | float | None = ""
     higher_order: str | float | None = ""
     kind: str = ""
+    nominal: str | float | None = ""
+    mean: str | float | None = ""
 
 
 def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answer]:
@@ -83,8 +86,12 @@ def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answe
         rows.insert(at, replace(_jointly(joint), kind="All outputs together" if several else ""))
     unscented: Column[_Answer] = Column("Unscented", lambda row: row.unscented, form=five_digits, size="sigma")
     higher_order: Column[_Answer] = Column("Higher order", lambda row: row.higher_order, form=five_digits, size="sigma")
+    nominal: Column[_Answer] = Column("Nominal", lambda row: row.nominal, form=five_digits, size="value")
+    mean: Column[_Answer] = Column("Mean error", lambda row: row.mean, form=five_digits, size="value")
     columns: list[Column[_Answer]] = [
         Column("Output", lambda row: row.title, kind="label"),
+        *([nominal] if content.summary.nominal else []),
+        *([mean] if large_means_of(content.summary) else []),
         Column("Linear", lambda row: row.linear, form=five_digits, size="sigma"),
         Column("Monte Carlo", lambda row: row.flown, form=five_digits, beside="Monte Carlo", size="sigma"),
         Column("Ratio", lambda row: row.ratio, kind="label", beside="ratio"),
@@ -115,6 +122,8 @@ def _answer(content: RunAnalysis, entry: OutputEntry) -> _Answer:
         unscented=entry.sigma_unscented,
         higher_order=entry.sigma_higher_order,
         kind=entry.kind,
+        nominal=entry.nominal,
+        mean=entry.mean_error,
     )
 
 
@@ -133,8 +142,12 @@ def _filter_table(content: RunAnalysis, rows: Sequence[FilterAnswer]) -> Table[F
         worst = causes_at(content, row.worst.time, row.entry.place) if row.worst else []
         return Cell(listed(largest_causes(content, row.entry.place)[:1]) or "–", below=listed(worst[:1]))
 
+    nominal: Column[FilterAnswer] = Column("Nominal", lambda row: row.entry.nominal, form=five_digits, size="value")
+    mean: Column[FilterAnswer] = Column("Mean error", lambda row: row.entry.mean_error, form=five_digits, size="value")
     columns: list[Column[FilterAnswer]] = [
         Column("Output", lambda row: Cell(content.output_names[row.entry.place], row.entry.unit), kind="label"),
+        *([nominal] if content.summary.nominal else []),
+        *([mean] if large_means_of(content.summary) else []),
         Column("When", lambda row: Cell("end", below=row.when), kind="text", beside="when"),
         Column(
             "Monte Carlo", lambda row: row.sigmas(row.entry.sigma_paired, "flown"), beside="Monte Carlo", size="sigma"

@@ -127,12 +127,14 @@ def _requirement(
 ) -> dict[str, object]:
     required = limited.requirement
     names = [outputs[place].name for place in required.outputs]
-    named = NamedRequirement(required.kind, names, required.limits, required.probability, required.when)
+    named = NamedRequirement(required.kind, names, required.limits, required.probability, required.when,
+                             required.about)  # fmt: skip
     scale, unit = units[names[0]]
     return {
         "words": stated(named, units),
         "kind": required.kind,
         "members": limited.members,
+        "origin": limited.origin.tolist() if limited.origin.any() else None,
         "limits": required.limits,
         "probability": 0.5 if required.probability is None else required.probability,
         "readings": limited.readings,

@@ -143,8 +143,9 @@
     const variance = (m, r, i) => max(m.covariance[r * data.entries.length + entry(i, i)], 0);
     const sigma = (m, r, i) => Math.sqrt(variance(m, r, i));
     const rms = (m, r, i) => hypot(sigma(m, r, i), m.mean[r * width + i]);
-    const block = (m, r, members) => [members.map((i) => m.mean[r * width + i]),
-      members.map((i) => members.map((j) => m.covariance[r * data.entries.length + entry(i, j)])), members.map((i) => (nominal ? nominal[r * width + i] : 0))];
+    const block = (m, r, members, origin) => [members.map((i, k) => m.mean[r * width + i] + (origin ? origin[k] : 0)),
+      members.map((i) => members.map((j) => m.covariance[r * data.entries.length + entry(i, j)])),
+      members.map((i, k) => (nominal ? nominal[r * width + i] : 0) + (origin ? origin[k] : 0))];
     const beyond = (m) => {
       for (let r = 0; r < count; r += 1) if (outputs.some(({ limit }, i) => limit && !(rms(m, r, i) <= limit))) return r;
       return count;
@@ -159,10 +160,10 @@
     };
 
     // Requirements: value, margin, and whether each is met.
-    const judged = (m, meaningless) => requirements.map(({ kind, members, limits, probability, readings }) => {
+    const judged = (m, meaningless) => requirements.map(({ kind, members, origin, limits, probability, readings }) => {
       if (readings.some((r) => r >= meaningless) || members.length > 3) return null;
       if (kind === "box") {
-        const [mean, covariance, fixed] = block(m, last, members);
+        const [mean, covariance, fixed] = block(m, last, members, origin && origin[0]);
         const at = (k) => withinBox(limits, mean.map((v, n) => fixed[n] + k * (v - fixed[n])), covariance.map((row) => row.map((v) => k * k * v)));
         const value = at(1);
         let [low, high] = [0, 1e9];
@@ -173,7 +174,7 @@
         return { value, margin: low > 9e8 ? Infinity : low, met: value >= probability };
       }
       let [value, worst] = [0, null];
-      readings.map((r) => block(m, r, members)).sort((p, q) => scale(...q) - scale(...p)).forEach((each) => {
+      readings.map((r, n) => block(m, r, members, origin && origin[n])).sort((p, q) => scale(...q) - scale(...p)).forEach((each) => {
         const [mean, covariance] = each;
         if (worst && withinRadius(value, principal(mean, covariance)) >= probability) return;
         const quantile = quantileOf(mean, covariance, probability);

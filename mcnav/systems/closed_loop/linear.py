@@ -23,7 +23,8 @@ class LinearReadings:
     Attributes
     ----------
     partials : ndarray, shape (m, outputs, sources)
-    nominal : ndarray, shape (m, outputs)
+    nominal, origin : ndarray, shape (m, outputs)
+        As those of a `LinearSystem`.
     processes : mapping of str to ndarray, shape (m, outputs, outputs)
     updates : tuple of str or None
         As those of a `LinearSystem`.
@@ -34,6 +35,7 @@ class LinearReadings:
     times: Array
     partials: Array
     nominal: Array
+    origin: Array
     processes: Mapping[str, Array]
     updates: tuple[Update, ...] = ()
     seen: tuple[tuple[Array, Array], ...] = ()
@@ -160,12 +162,14 @@ def read_plan(
     floor = readout.floor(plan)
     steps = np.array([plan.steps[source.moves[0]] for source in maps.structure.sources])
     rows = [_without_rounding(row, true.start, floor, steps) for row in rows]
+    origins = [readout.origin(x, floor) for x, _ in seen]
     none = np.zeros((len(readout.outputs),) * 2)
     names = list(dict.fromkeys(name for row in reversed(rows) for name in row[3]))
     return LinearReadings(
         np.array([row[0] for row in rows]),
         np.array([row[1] for row in rows]),
         np.array([row[2] for row in rows]),
+        np.array(origins).reshape(len(rows), len(readout.outputs)),
         {name: np.array([row[3].get(name, none) for row in rows]) for name in names},
         tuple(labels),
         tuple(seen),

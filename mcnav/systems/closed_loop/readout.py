@@ -24,7 +24,7 @@ def standard_outputs(structure: Structure, guided: bool) -> tuple[Output, ...]:
     outputs: list[Output] = []
 
     def add(name: str, unit: str, of: Of, size_of: tuple[str, ...] = ()) -> None:
-        outputs.append(Output(name, unit, unit, of=of, size_of=size_of))
+        outputs.append(Output(name, unit, unit, of=of, size_of=size_of, departs=of == "truth"))
 
     for prefix, of, block in (("", "navigation", structure.estimate), ("true_", "truth", structure.truth),
                               ("navigated_", "truth", structure.estimate)):  # fmt: skip
@@ -100,6 +100,29 @@ class Readout:
     def read_nominal(self, nominal: Array, time: float) -> Array:
         """Read the outputs of the nominal, shape (outputs,)."""
         return self.read(nominal[:, None], nominal, np.array([time]))[:, 0]
+
+    def origin(self, nominal: Array, floor: Array) -> Array:
+        """Return what the outputs are measured from, shape (outputs,): states of the nominal X, shape (size,).
+
+        It is zero of errors, of what is read out as it is, of attitudes, whose departures are rotations, and of states
+        that are zero but for rounding.
+
+        Parameters
+        ----------
+        floor : ndarray, shape (outputs,)
+            Rounding of the outputs.
+        """
+        structure = self.structure
+        places, counterparts = structure.pairs
+        of_truth = counterparts < structure.truth.whole.stop
+        states = nominal.copy()
+        for place, _ in structure.truth.attitudes:
+            states[place] = 0.0
+        rows = [np.zeros(len(places)), states[structure.truth.whole], states[counterparts[of_truth]]]
+        values = np.zeros(len(self.outputs))
+        known = np.concatenate(rows)
+        values[: len(known)] = known
+        return np.where(np.abs(values) > floor, values, 0.0)
 
     def _rows(self, x: Array, rows: list[Array]) -> Array:
         """Add commands, corrections and times to the rows of errors and dispersions."""

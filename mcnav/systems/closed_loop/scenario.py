@@ -255,13 +255,18 @@ class ClosedLoopScenario:
         read, last = self.readings, len(self._chosen) - 1
         chosen = np.unique(np.linspace(0, last, min(count, last + 1)).round().astype(int))
         processes = {name: each[chosen] for name, each in read.processes.items()}
-        return LinearSystem(read.times[chosen], read.partials[chosen], read.nominal[chosen], processes, label=LABEL)
+        return LinearSystem(
+            read.times[chosen], read.partials[chosen], read.nominal[chosen], processes, label=LABEL,
+            origin=read.origin[chosen],
+        )  # fmt: skip
 
     def linear_around_updates(self) -> LinearSystem:
         """Return the linear system at all epochs, before and after updates, and around all corrections."""
         with np.errstate(all="ignore"):
             read = read_plan(self.plan, self.maps, self.sizes.true, self.readout, self._chosen, around=True)
-        system = LinearSystem(read.times, read.partials, read.nominal, read.processes, read.updates, label=LABEL)
+        system = LinearSystem(
+            read.times, read.partials, read.nominal, read.processes, read.updates, label=LABEL, origin=read.origin
+        )
         schema = self.filter_schema
         if schema is None:
             return system

@@ -42,9 +42,11 @@ def test_the_filter_has_values_of_its_own() -> None:
     assert np.isnan(measure.own_value(without))
 
 
-def test_means_count_in_distances_from_zero_and_not_in_sigmas() -> None:
+def test_mean_errors_count_in_root_mean_squares_and_distances() -> None:
+    shifted = CovarianceReadings(np.zeros(1), np.array([[3.0, 4.0, 5.0]]), np.diag([16.0, 0.0, 0.0])[None])
+    assert read_measure("range", PLANE).at_reading(0).value(shifted) == pytest.approx(5.0)
+    assert read_measure("range", PLANE).at_reading(0).mean_error(shifted) == 3.0
     shifted = CovarianceReadings(np.zeros(1), np.array([[3.0, 4.0, 5.0]]), np.zeros((1, 3, 3)))
-    assert read_measure("range", PLANE).at_reading(0).value(shifted) == 0.0
     assert read_measure("drms(range, cross_range)", PLANE).at_reading(0).value(shifted) == pytest.approx(5.0)
 
 

@@ -49,16 +49,16 @@ TRUTH_SOURCES: Final = (
 )
 """Sources of a guided reentry after those of every reentry, in the order of `GuidedError`."""
 
-TRUE_ALTITUDE: Final = Output("true_altitude", "m", "km", of="truth")
+TRUE_ALTITUDE: Final = Output("true_altitude", "m", "km", of="truth", departs=True)
 """Known beforehand where the true altitude ends the flight, and no output then."""
 
 LARGEST_LINEAR_RANGE: Final = 0.1 * EARTH_RADIUS
 """Dispersion of the range, m, from which on a flight through the atmosphere is another one."""
 
 TRUTH_OUTPUTS: Final = (
-    Output("true_range", "m", "km", limit=LARGEST_LINEAR_RANGE, of="truth"),
-    Output("true_altitude_rate", "m/s", "m/s", of="truth"),
-    Output("true_range_rate", "m/s", "m/s", of="truth"),
+    Output("true_range", "m", "km", limit=LARGEST_LINEAR_RANGE, of="truth", departs=True),
+    Output("true_altitude_rate", "m/s", "m/s", of="truth", departs=True),
+    Output("true_range_rate", "m/s", "m/s", of="truth", departs=True),
     Output("final_time", "s", "s", of="time"),
     Output("peak_deceleration", "m/s^2", "g", of="truth"),
 )

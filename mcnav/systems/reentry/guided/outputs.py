@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.quantities import Output
 from mcnav.systems.reentry.guided.description import TRUE_ALTITUDE, TRUTH_OUTPUTS, GuidedNavigation
 from mcnav.systems.reentry.guided.ensemble.kernel import Flights
@@ -37,6 +38,27 @@ def read_flights(navigation: GuidedNavigation, flights: Flights, nominal: Array)
     kept = dispersion if navigation.guidance.final == "indicated" else dispersion[..., 1:]
     times, peaks = _from_reentry(navigation, flights.times)[..., None], flights.peaks[..., None]
     return np.concatenate([errors, kept, times, peaks], axis=-1)
+
+
+def origin_of(navigation: GuidedNavigation, nominal: Array) -> Array:
+    """Return what the outputs are measured from, shape (m, outputs), SI: altitude and rates of the nominal flight.
+
+    The range is that from the place which the nominal flight reaches.
+
+    Parameters
+    ----------
+    nominal : ndarray, shape (m, 4)
+        Nominal polar states at the instants.
+    """
+    outputs, states = outputs_of(navigation), nominal * SCALE
+    origin = np.zeros((len(nominal), len(outputs)))
+    values = {
+        "true_altitude": states[:, 0] - EARTH_RADIUS, "true_altitude_rate": states[:, 2],
+        "true_range_rate": states[:, 3],
+    }  # fmt: skip
+    for place, output in enumerate(outputs):
+        origin[:, place] = values.get(output.name, 0.0)
+    return origin
 
 
 def read_linear(navigation: GuidedNavigation, reading: Reading, nominal: Array) -> tuple[Array, Array]:

@@ -25,7 +25,7 @@ from mcnav.systems.reentry.guided.description import TRUTH_SOURCES, Ending, Guid
 from mcnav.systems.reentry.guided.ensemble.kernel import SOURCES, simulate_flights, simulate_steps
 from mcnav.systems.reentry.guided.following import Following, NoMargin, follow
 from mcnav.systems.reentry.guided.linear import LinearFlight, NoLinearSystem, fly_linear
-from mcnav.systems.reentry.guided.outputs import outputs_of, read_flights, read_linear
+from mcnav.systems.reentry.guided.outputs import origin_of, outputs_of, read_flights, read_linear
 from mcnav.systems.reentry.guided.reference import GuidedReferenceEngine
 from mcnav.systems.reentry.guided.remarks import departures_of, doubtful_end, draw_flights, limited_lift, rival_maxima
 from mcnav.systems.reentry.guided.start_times import partials_before_reentry
@@ -173,6 +173,7 @@ class GuidedReentry:
             np.array([partials for partials, _ in read]),
             np.array([values for _, values in read]),
             label=HISTORY_TIME,
+            origin=origin_of(navigation, states),
         )
 
     def started_at(self, time: float, axes: str) -> GuidedReentry:
