@@ -17,6 +17,7 @@ from mcnav.contract.quantities import KINDS, Output, end_words, kinds_of
 from mcnav.report.figures.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.format import number
+from mcnav.report.gates import rejection_words
 from mcnav.report.lincov_words import (
     cause_words,
     filter_words,
@@ -76,7 +77,7 @@ def headline(answer: LinearAnswer) -> tuple[str, str]:
 def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
     """List what linear analysis says, in sentences with their tones, the worst first."""
     answer = as_read(answer)
-    said = [*range_words(answer), *filter_words(answer)]
+    said = [*range_words(answer), *rejection_words(answer), *filter_words(answer)]
     if answer.beyond is None or any(each.judged for each in answer.requirements):
         said.append(headline(answer))
     return worst_first([*said, *mean_words(answer), *size_words(answer)])

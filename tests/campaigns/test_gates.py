@@ -63,7 +63,7 @@ def test_what_linear_analysis_says_of_a_gate() -> None:
     # a measurement moves the position by its gain, P / R, as nothing else is measured then
     np.testing.assert_allclose(np.diag(law.responses)[:3], sigmas[:3] ** 2 / 9.0, rtol=1e-6)
     answer = linear_covariance(campaign)
-    rows: Any = lincov_table(answer)["gates"]
+    rows: Any = lincov_table(answer)["gates"]["stops"]
     assert [row["component"] for row in rows] == ["position_north", "position_east", "position_down"]
     limit = stats.chi2.ppf(0.99, 3)
     stopped = stats.ncx2.sf(limit, 3, rows[0]["spike"] ** 2 * np.linalg.inv(believed)[0, 0])
@@ -75,7 +75,9 @@ def test_what_linear_analysis_says_of_a_gate() -> None:
     assert not has_gates(other.scenario)
     assert "gates" not in lincov_table(linear_covariance(other))
     asked = {**content()["filter"], "stops": {"probability": 0.5, "ramp": "30 s"}}
-    half: Any = lincov_table(linear_covariance(parse_campaign(content(filter=asked), "mine.toml", "mine")))["gates"]
+    half: Any = lincov_table(linear_covariance(parse_campaign(content(filter=asked), "mine.toml", "mine")))["gates"][
+        "stops"
+    ]
     assert half[0]["spike"] < rows[0]["spike"]
     assert (half[0]["probability"], half[0]["duration"]) == (0.5, 30.0)
 

@@ -300,12 +300,19 @@ def _left_of_states(loop: ClosedLoop, readings: IndexArray, name: str, covarianc
 
 def own_covariances(loop: ClosedLoop, readings: IndexArray, after: Array) -> Array:
     """Compute the filter's covariance at readings, shape (m, 9 + q, 9 + q)."""
-    tables = loop.filter
+    tables, (steps, updates) = loop.filter, filter_system(loop)
     return run_covariance(
-        *_filter_steps(loop.transition, tables), _filter_updates(loop.first_updates, loop.measurements, tables),
-        tables.variances, loop.gains, tables.initial, ReadingTimes(readings, after.astype(np.bool_)),
+        *steps, updates, tables.variances, loop.gains, tables.initial, ReadingTimes(readings, after.astype(np.bool_)),
         len(tables.initial),
     )  # fmt: skip
+
+
+def filter_system(loop: ClosedLoop) -> tuple[tuple[Steps, StepNoise], Updates]:
+    """Return F and Q, and H, of the filter's own states."""
+    return (
+        _filter_steps(loop.transition, loop.filter),
+        _filter_updates(loop.first_updates, loop.measurements, loop.filter),
+    )
 
 
 def _filter_steps(transition: Array, tables: FilterTables) -> tuple[Steps, StepNoise]:
