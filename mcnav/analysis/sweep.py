@@ -150,6 +150,9 @@ class Sweep:
     exceedances : ndarray, shape (n, [m,] measures), or None
         Linear probability beyond the limits of requirements that allow little, NaN of other measures; see
         `mcnav.analysis.accuracy_measures.Measure.beyond`.
+    gates : str
+        What gates do by rejecting good measurements, in words, where linear analysis does not hold for that; then no
+        limit is judged.
     """
 
     campaign: str
@@ -166,6 +169,7 @@ class Sweep:
     confirmations: tuple[Confirmation, ...] = ()
     added: tuple[tuple[Point, Array], ...] = ()
     exceedances: Array | None = None
+    gates: str = ""
 
     def rare(self, measure: int) -> bool:
         """Return whether the probability beyond the limits of a measure is known at a point."""

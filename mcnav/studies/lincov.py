@@ -156,8 +156,7 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
             smoothed_asked = covariance_over_time(scenario.smoothed(np.unique(times)), names, *moments)
         epochs = None if history is None else history.moments.times
         known = [each for each in (history, asked) if each is not None]
-        laws = _rejection_laws(described)
-        rejections = None if laws is None else judge_rejections(laws, scenario.outputs, described.tolerance)
+        laws, rejections = rejections_of(described)
         filtered = _judge_filter(answer, known, scenario, described)
         smoother = None if smoothed is None else _judge_filter(answer, [smoothed], scenario, described)
         return replace(
@@ -173,15 +172,16 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         )
 
 
-def _rejection_laws(campaign: Campaign) -> RejectionLaws | None:
-    """Return the laws of good measurements that gates reject, at the end and at epochs; none without a gate."""
+def rejections_of(campaign: Campaign) -> tuple[RejectionLaws | None, RejectionAnswer | None]:
+    """Judge what good measurements that gates reject do, at the end and at epochs; none without a gate."""
     scenario, errors = campaign.scenario, campaign.errors
     if not has_gates(scenario):
-        return None
+        return None, None
     times = scenario.reading_times
     asked = sorted({epoch for record in campaign.requirements for epoch in record.epochs or ()})
     chosen = np.unique(np.concatenate([_some(range(len(times))), _some(asked)]))
-    return scenario.rejection_laws(errors.mean, errors.covariance, times[chosen])
+    laws = scenario.rejection_laws(errors.mean, errors.covariance, times[chosen])
+    return laws, None if laws is None else judge_rejections(laws, scenario.outputs, campaign.tolerance)
 
 
 def _some(numbers: Sequence[int]) -> IndexArray:
