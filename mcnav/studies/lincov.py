@@ -65,7 +65,7 @@ PAGE: Final = "lincov.html"
 OF_SIZES: Final = ("imu", "filter", "processes", "measurements")
 """Tables of a campaign file that a campaign has as they are in the file."""
 
-READINGS: Final = 8
+READINGS: Final = 5
 """Epochs at which rejections of good measurements are looked at, and as many of those of requirements."""
 
 HISTORY_POINTS: Final = 61

@@ -413,15 +413,22 @@ def propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) ->
     return seen[:, :NAVIGATION, :sources], seen[:, NAVIGATION:, :sources], faulted
 
 
-def propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[list[str], Array]:
+def propagate_processes(
+    loop: ClosedLoop, readings: IndexArray, after: Array, driving: Mapping[str, DrivingProcess] | None = None
+) -> tuple[list[str], Array]:
     """Compute the covariance of y, the estimates and a process's own b biases.
+
+    Parameters
+    ----------
+    driving : mapping of str to DrivingProcess, optional
+        What `driving_processes` has, where it is known.
 
     Returns
     -------
     names : list of str
     covariances : ndarray, shape (m, 9 + q + b, 9 + q + b, processes)
     """
-    processes, biases = driving_processes(loop), count_biases(loop)
+    processes, biases = driving_processes(loop) if driving is None else driving, count_biases(loop)
     true, times = true_loop(loop, biases), ReadingTimes(readings, after.astype(np.bool_))
     size = true.updates.rows.shape[2]
     covariances = np.zeros((len(readings), size, size, len(processes)))

@@ -71,14 +71,10 @@ def update_laws(loop: ClosedLoop, updates: IndexArray, mean: Array, sources: Arr
         Mean and covariance of the constant sources.
     """
     readings, places = np.unique(time_numbers(loop, updates), return_inverse=True)
-    before = np.zeros(len(readings))
+    before, driving = np.zeros(len(readings)), driving_processes(loop)
     y, estimates, faulted = propagate_constants(loop, readings, before)
-    _, covariances = propagate_processes(loop, readings, before)
-    disturbances, true, processes = (
-        constant_disturbances(loop)[1],
-        true_loop(loop),
-        list(driving_processes(loop).values()),
-    )
+    _, covariances = propagate_processes(loop, readings, before, driving)
+    disturbances, true, processes = constant_disturbances(loop)[1], true_loop(loop), list(driving.values())
     return [
         _law(
             loop, true, processes, int(u), int(readings[place]), np.concatenate([y[place], estimates[place]]),
