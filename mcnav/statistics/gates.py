@@ -141,8 +141,8 @@ def _weights(limit: float, size: int, count: int) -> Array:
         before = polynomials[j - 2] if j > 1 else 0.0
         polynomials[j] = ((2 * j - 1 + half - y) * polynomials[j - 1] - (j - 1 + half) * before) / j
     lead = np.exp(half * np.log(y) - y - special.gammaln(half))
-    integrals = np.append(1.0 - special.chdtrc(float(size), limit), lead * polynomials[:-1] / np.arange(1, count))
-    return np.asarray(integrals**2 / _moments(half, count))
+    coefficients = np.append(1.0 - special.chdtrc(float(size), limit), lead * polynomials[:-1] / np.arange(1, count))
+    return np.asarray(coefficients**2 / _moments(half, count))
 
 
 def run_acceptance(limit: float, means: Array, covariance: Array, usual: float = 1.0) -> float:
