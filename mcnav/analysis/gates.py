@@ -141,10 +141,10 @@ def _ramp(law: GateLaw, component: int, covariance: Array, probability: float) -
     if largest <= 0.0:
         return float("inf")
     # what is rejected of measurements without a fault does not count
-    usual = run_acceptance(limit, np.zeros_like(means), covariance)
+    usual = acceptance(limit, np.zeros(means.shape[1]), covariance)
 
     def accepted(size: float) -> float:
-        return run_acceptance(limit, means * (size / largest), covariance) / usual
+        return run_acceptance(limit, means * (size / largest), covariance, usual)
 
     return smallest_stopped(accepted, probability) / largest
 

@@ -21,6 +21,7 @@ from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of, picked, readings_beyond
 from mcnav.analysis.mean_errors import departures
+from mcnav.analysis.rejections import RejectionAnswer
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import (
     Requirement,
@@ -105,6 +106,8 @@ class LinearAnswer:
         Verdict on the smoother.
     gates : tuple of GateAnswer
         What the gates of sensors stop.
+    rejections : RejectionAnswer or None
+        What gates make of good measurements; none without a gate.
     kind : str
         Type of its scenario.
     remarks : tuple of str
@@ -125,6 +128,7 @@ class LinearAnswer:
     smoothed_asked: LinearCovariance | None = None
     smoother: LinearVerdict | None = None
     gates: tuple[GateAnswer, ...] = ()
+    rejections: RejectionAnswer | None = None
     kind: str = ""
     remarks: tuple[str, ...] = ()
     card: Callable[[LinearAnswer], str] | None = field(default=None, repr=False, compare=False)

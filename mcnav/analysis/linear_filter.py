@@ -31,7 +31,7 @@ class LinearVerdict:
     Attributes
     ----------
     verdict : Honesty
-        Never undecided.
+        Undecided where it would be consistent if gates did not reject good measurements.
     tolerance : float
         Of the ratio of true to stated sigma.
     label : str

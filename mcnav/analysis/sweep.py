@@ -153,6 +153,9 @@ class Sweep:
         `mcnav.analysis.accuracy_measures.Measure.beyond`.
     means : ndarray, shape (n, [m,] measures), or None
         Mean errors in the values of sigmas, which are root mean squares; SI.
+    gates : str
+        What gates do by rejecting good measurements, in words, where linear analysis does not hold for that; then no
+        limit is judged.
     """
 
     campaign: str
@@ -170,6 +173,7 @@ class Sweep:
     added: tuple[tuple[Point, Array], ...] = ()
     exceedances: Array | None = None
     means: Array | None = None
+    gates: str = ""
 
     @property
     def mean_shares(self) -> Array:

@@ -1,11 +1,11 @@
-"""Gates of a filter: laws of innovations, by which a scenario says what they stop of a fault."""
+"""Gates of a filter: laws of innovations, by which a scenario says what they stop, of faults and else."""
 
 from __future__ import annotations
 
 from typing import Final
 
 from mcnav._dataclasses import dataclass
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 
 
 @dataclass(frozen=True)
@@ -111,3 +111,76 @@ class FaultLaw:
     limit: float
     means: Array
     covariances: Array
+
+
+@dataclass(frozen=True)
+class RejectedErrors:
+    """Errors of s outputs at a reading, of flights in which the first of u measurements so far is rejected; SI.
+
+    After the innovation w, whitened by what the filter believes, the error is ``responses w`` plus one that is
+    independent of w. The filter's variance is ``variances + excess``, which is that of the error too if w is normal.
+
+    Attributes
+    ----------
+    excess : ndarray, shape (u, s)
+    responses : ndarray, shape (u, s, M)
+    """
+
+    excess: Array
+    responses: Array
+
+
+@dataclass(frozen=True)
+class RejectionReading:
+    """Errors at a reading with and without rejections.
+
+    Attributes
+    ----------
+    time : float
+        In the scenario's own time, s.
+    variances : ndarray, shape (s,)
+        Where all measurements are accepted.
+    once, never : RejectedErrors
+        Where measurement k is rejected and all later ones are accepted, and where no sensor with a gate is accepted
+        from k on.
+    """
+
+    time: float
+    variances: Array
+    once: RejectedErrors
+    never: RejectedErrors
+
+
+@dataclass(frozen=True)
+class RejectionLaws:
+    """Rejections of good measurements by gates, u measurements in the order in which the filter has them.
+
+    Attributes
+    ----------
+    doubt : str
+        Why the innovations are not independent with the covariance that the filter believes: ``faults``,
+        ``considers`` or ``inconsistent``; then all else is empty. Empty where they are.
+    sensors : tuple of str
+    times : ndarray, shape (u,)
+        In the scenario's own time, s.
+    probabilities : ndarray, shape (u,)
+        With which a good one is rejected: alpha.
+    limits : ndarray, shape (u,)
+        Normalized innovations squared up to which they are accepted.
+    sizes : ndarray of int, shape (u,)
+        Components of each.
+    correlations : ndarray, shape (u, M)
+        Canonical ones of the innovation with the next of the same sensor after a rejection; NaN where there is none,
+        and zero beyond the measurement's own components.
+    readings : tuple of RejectionReading
+        The end last.
+    """
+
+    doubt: str
+    sensors: tuple[str, ...]
+    times: Array
+    probabilities: Array
+    limits: Array
+    sizes: IndexArray
+    correlations: Array
+    readings: tuple[RejectionReading, ...]

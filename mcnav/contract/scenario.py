@@ -10,7 +10,7 @@ from mcnav._types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.errors import ScenarioError as ScenarioError
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
-from mcnav.contract.gates import FaultLaw, GateLaw, GateQuestion
+from mcnav.contract.gates import FaultLaw, GateLaw, GateQuestion, RejectionLaws
 from mcnav.contract.history import History, StartClock
 from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
@@ -174,6 +174,9 @@ class GatedScenario(EpochScenario, Protocol):
 
     def fault_laws(self, mean: Array, covariance: Array) -> tuple[FaultLaw, ...]:
         """Compute the laws of the faults for errors of this mean and covariance."""
+
+    def rejection_laws(self, mean: Array, covariance: Array, times: Array) -> RejectionLaws | None:
+        """Compute the laws of good measurements that are rejected, with errors at epochs, s; none without a gate."""
 
 
 class CovarianceScenario(LinearAtAnyTime, Protocol):

@@ -1,21 +1,84 @@
-"""Errors that gates stop by linear analysis, as a table."""
+"""Gates by linear analysis: errors that they stop, as a table, and what they make of good measurements."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Final
 
 from mcnav._dataclasses import dataclass
 from mcnav.analysis.gates import SIGMAS
 from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.rejections import OnLinear, RejectionAnswer
 from mcnav.report.document import Cell, Column, Table
 from mcnav.report.format import number, probability
 from mcnav.report.names import humanize
 from mcnav.report.result_table import in_units
 
+DOUBTS: Final = {
+    "faults": "Sensors have faults, and linear analysis accepts every measurement: run samples to see what the gates "
+    "reject",
+    "considers": "The filter considers errors without estimating them, so its innovations are not independent. Run "
+    "samples to see how many good measurements its gates reject, and what that does",
+    "inconsistent": "The filter is not consistent, so only samples show how many good measurements its gates reject, "
+    "and what that does",
+}
+"""Sentences of why linear analysis says nothing of rejections."""
+
+TONES: Final = {OnLinear.HOLDS: "", OnLinear.FAILS: "differs", OnLinear.REFUSED: "undecided"}
+"""Tones of the verdicts."""
+
+
+def rejection_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
+    """Say how many good measurements gates reject, and what that can do; nothing without a gate."""
+    if answer.rejections is not None:
+        names = [output.name for output in answer.outputs]
+        yield rejection_line(answer.rejections, names), TONES[answer.rejections.verdict]
+
+
+def rejection_line(rejections: RejectionAnswer, outputs: Sequence[str]) -> str:
+    """Put the verdict on rejections of good measurements in words."""
+    expected, without = rejections.expected_least, rejections.accepted_by_all
+    if expected is None or without is None:
+        return DOUBTS[rejections.doubt]
+    count = rejections.measurements
+    said = (
+        f"Gates reject about {number(expected, 2)} of {count:,} good measurement{'s' * (count != 1)} in each flight "
+        f"(probability of none: {number(without, 3)})"
+    )
+    name, ratio = humanize(outputs[rejections.output]), number(rejections.ratio, 3)
+    if rejections.verdict == OnLinear.HOLDS:
+        return f"{said}. Linear sigmas hold: rejections multiply no rms by more than {ratio}"
+    if rejections.verdict == OnLinear.FAILS:
+        return f"{said}. Linear sigmas do not hold: a single rejection already multiplies the rms of {name} by {ratio}"
+    again = rejections.largest_next
+    lockout = ""
+    if again is not None:
+        percent = number(100.0 * again, 2)
+        lockout = f". A rejection can start a lockout: the next measurement is rejected too with up to {percent} %"
+    return f"{said}{lockout}. Linear analysis cannot say what that does to {name}: run samples"
+
+
+def gates_entry(answer: LinearAnswer) -> Mapping[str, object]:
+    """Return what ``lincov.json`` has of gates: good measurements that they reject, and errors that they stop; SI."""
+    rejections = answer.rejections
+    assert rejections is not None
+    return {
+        "accepted_by_all": rejections.accepted_by_all,
+        "expected_rejections_least": rejections.expected_least,
+        "first": [asdict(each) for each in rejections.first],
+        "rms_one_rejection": rejections.rms_once,
+        "rms_never_again": rejections.rms_never,
+        "verdict": rejections.verdict.value,
+        "line": rejection_line(rejections, [output.name for output in answer.outputs]),
+        "stops": [asdict(row) for row in gate_rows(answer)],
+    }
+
 
 @dataclass(frozen=True)
 class GateRow:
-    """Errors of one component that the gate of a sensor stops, as CSV, JSON and ``lincov.json`` have it; SI.
+    """Errors of one component that the gate of a sensor stops, as ``lincov.json`` has it among ``gates``; SI.
 
     ``spike`` and ``ramp`` (a second) are the smallest that are stopped with ``probability``, none where the gate stops
     none; ``spike_error`` and ``ramp_error`` are what they add to ``output`` and to ``ramp_output`` where they pass.

@@ -120,6 +120,9 @@ def _verdict_words(answer: LinearAnswer, judged: LinearVerdict | None, name: str
             tone,
         )
         return
+    if judged.verdict == Honesty.UNDECIDED:
+        yield f"Whether the {name} is consistent is undecided: it is if its gates reject nothing", tone
+        return
     worst = instant(judged.worst, judged.label)
     departure = _departure(answer, judged)
     yield f"The {name} is {judged.verdict.value} {_period(judged)}: at worst, at {worst}, {departure}", tone

@@ -41,6 +41,7 @@ from mcnav.report.sweep_words import (
     confirmed_words,
     disagreements,
     headline,
+    linear_finding,
     mean_words,
     met_words,
     point_words,
@@ -258,7 +259,7 @@ def requirement_table(sweep: Sweep, confirmation: Confirmation) -> Table[_Requir
         rows.append(_Requirement(
             title_of(measure, sweep, True),
             f"{number(sweep.values[at] * scale)} {measure.shown_in}",
-            "met" if sweep.margins[at] <= 0.0 else "not met",
+            linear_finding(sweep, at),
             f"{number(estimate)} {measure.shown_in}",
             entry.finding,
         ))  # fmt: skip

@@ -164,7 +164,7 @@ def mean_words(sweep: Sweep) -> str:
 
 def remarks(sweep: Sweep) -> list[str]:
     """List what must be known of the numbers: points without an answer, measures that a variable does not change."""
-    result = []
+    result = [f"{sweep.gates}. No limit is judged."] if sweep.gates else []
     if outside := int(np.isinf(sweep.values).any(axis=-1).sum()):
         points = "1 point" if outside == 1 else f"{outside} points"
         result.append(f"At {points} errors are beyond the range of linear analysis: no value there, and no limit met.")
@@ -222,10 +222,16 @@ def disagreements(sweep: Sweep, confirmation: Confirmation) -> list[str]:
         if measure.requirement is None:
             continue
         finding = confirmation.summary.requirements[measure.requirement].finding
-        linear = "met" if sweep.margins[(*confirmation.place, index)] <= 0.0 else "not met"
+        linear = linear_finding(sweep, (*confirmation.place, index))
         if {finding, linear} == {"met", "not met"}:
             names.append(f"{title_of(measure, sweep)}: linear analysis finds it {linear}, Monte Carlo {finding}")
     return names
+
+
+def linear_finding(sweep: Sweep, place: tuple[int, ...]) -> str:
+    """Return what linear analysis finds on a requirement at a point; undecided where gates let it judge none."""
+    margin = sweep.margins[place]
+    return "undecided" if np.isnan(margin) else "met" if margin <= 0.0 else "not met"
 
 
 def confirmation_rows(sweep: Sweep, confirmation: Confirmation) -> list[Row]:

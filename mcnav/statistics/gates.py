@@ -7,6 +7,14 @@ Otherwise n given e is normal with ::
     mean m + c (e - mu) / s^2        covariance C - c c^T / s^2
 
 where e has the mean mu and the sigma s, and n the mean m, the covariance C and the covariance c with e.
+
+A good measurement is rejected where ``|n|^2 > T`` of a standard normal n. Two such events are functions of chi-square
+variables ``|n|^2 = 2 x`` and ``2 y``, whose joint law has an expansion in Laguerre polynomials (Lancaster, *The
+Chi-Squared Distribution*, 1969, chapter VI) ::
+
+    E[L_j(x) L_j(y)] = h_j      sum h_j t^j = prod (1 - t rho_i^2)^(-1/2)
+
+with the canonical correlations rho_i of the two vectors.
 """
 
 from __future__ import annotations
@@ -38,6 +46,11 @@ LARGEST: Final = 1e6
 ACCURACY: Final = 1e-7
 """Error of the probability of an unnoticed error, as a share of it."""
 
+NEGLIGIBLE: Final = 1e-12
+"""Last term of an expansion in powers of a squared correlation."""
+
+MOST_TERMS: Final = 4096
+
 WIDTH: Final = 1e-10
 """Width of the last bracket of an error that is looked for, in sigmas of the innovation."""
 
@@ -59,14 +72,92 @@ def acceptance(limit: float, mean: Array, covariance: Array) -> float:
     return NormalSize.of(mean, covariance).probability(float(np.sqrt(limit)))
 
 
-def run_acceptance(limit: float, means: Array, covariance: Array) -> float:
+def rejected_square(limit: float, size: int) -> float:
+    """Compute the mean of ``|n|^2 / M`` of good innovations of M components that are rejected.
+
+    >>> round(rejected_square(6.6348966, 1), 4)
+    8.4492
+    """
+    return float(special.chdtrc(size + 2.0, limit) / special.chdtrc(float(size), limit))
+
+
+def rejected_again(limit: float, correlations: Array) -> Array:
+    """Compute the probability that a good innovation is rejected, given that another one is.
+
+    The expansion ends where its terms are negligible. With correlations so near to one that they are not, half of what
+    is left of the probability is added: the error is at most that.
+
+    Parameters
+    ----------
+    correlations : ndarray, shape (k, M)
+        Canonical correlations of k pairs of innovations of M components.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+
+    >>> rejected_again(4.605170186, np.array([[0.0, 0.0], [1.0, 1.0]])).round(6)
+    array([0.1, 1. ])
+    """
+    size, squares = correlations.shape[1], np.asarray(correlations**2)
+    rejected, result = float(special.chdtrc(float(size), limit)), np.zeros(len(correlations))
+    largest = squares.max(axis=1, initial=0.0)
+    with np.errstate(divide="ignore"):
+        terms = np.log(NEGLIGIBLE) / np.log(np.clip(largest, 1e-3, None))
+    counts = 2 ** np.ceil(np.log2(np.clip(terms, 8, MOST_TERMS))).astype(int)
+    for count in np.unique(counts):
+        pairs, weights = np.flatnonzero(counts == count), _weights(limit, size, int(count))
+        shares = _joint_moments(squares[pairs], int(count)) / _moments(0.5 * size, int(count))
+        left = max(rejected * (1.0 - rejected) - float(weights[1:].sum()), 0.0)
+        result[pairs] = rejected + (shares[:, 1:] @ weights[1:] + 0.5 * left * shares[:, -1]) / rejected
+    # equal vectors are rejected together
+    return np.asarray(np.where(squares.min(axis=1, initial=1.0) >= 1.0, 1.0, np.minimum(result, 1.0)))
+
+
+def _moments(power: float, count: int) -> Array:
+    """Return the coefficients of ``(1 - t)^-power``."""
+    j = np.arange(1, count)
+    return np.concatenate([[1.0], np.cumprod((power + j - 1.0) / j)])
+
+
+def _joint_moments(squares: Array, count: int) -> Array:
+    """Return the first h_j, shape (k, count), of squared correlations, shape (k, M)."""
+    powers, half, length = np.arange(count), _moments(0.5, count), 2 * count
+    spectrum = np.ones((len(squares), count + 1), dtype=complex)
+    for column in squares.T:
+        spectrum *= np.fft.rfft(half * column[:, None] ** powers, length)
+        spectrum = np.fft.rfft(np.fft.irfft(spectrum, length)[:, :count], length)
+    return np.asarray(np.fft.irfft(spectrum, length)[:, :count])
+
+
+def _weights(limit: float, size: int, count: int) -> Array:
+    """Return the squared coefficients of the indicator of an acceptance in normed Laguerre polynomials.
+
+    The integral of ``x^a e^-x L_j^a`` from zero to y is ``y^(a + 1) e^-y L_(j - 1)^(a + 1)(y) / j``.
+    """
+    half, y = 0.5 * size, 0.5 * limit
+    polynomials = np.ones(count)
+    for j in range(1, count):
+        before = polynomials[j - 2] if j > 1 else 0.0
+        polynomials[j] = ((2 * j - 1 + half - y) * polynomials[j - 1] - (j - 1 + half) * before) / j
+    lead = np.exp(half * np.log(y) - y - special.gammaln(half))
+    coefficients = np.append(1.0 - special.chdtrc(float(size), limit), lead * polynomials[:-1] / np.arange(1, count))
+    return np.asarray(coefficients**2 / _moments(half, count))
+
+
+def run_acceptance(limit: float, means: Array, covariance: Array, usual: float = 1.0) -> float:
     """Compute the probability that all innovations of a run are accepted, shape (u, M), each independent of the others.
 
     It ends where it is less than 1e-12.
+
+    Parameters
+    ----------
+    usual : float
+        Probability by which that of each innovation is divided.
     """
     accepted = 1.0
     for mean in means[np.argsort(-np.sum(means**2, axis=1))]:
-        accepted *= acceptance(limit, mean, covariance)
+        accepted *= acceptance(limit, mean, covariance) / usual
         if accepted < 1e-12:
             return 0.0
     return accepted

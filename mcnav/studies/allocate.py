@@ -36,6 +36,7 @@ from mcnav.analysis.allocation import (
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, judge_within_range
 from mcnav.analysis.linear_covariance import Moments, covariance_over_time
 from mcnav.analysis.linear_range import limits_of
+from mcnav.analysis.rejections import OnLinear
 from mcnav.config.data_sheet import (
     DataSheetNumber,
     GradedValue,
@@ -54,6 +55,7 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import allocate as tables
+from mcnav.report.gates import rejection_line
 from mcnav.report.html import page_html
 from mcnav.studies.lincov import answer_linearly
 from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, NAMES
@@ -212,6 +214,9 @@ def allocate(campaign: str | Path | Campaign | Mapping[str, Any], progress: Prog
     variations = _Variations(campaign, progress)
     base, file = variations.base, variations.campaign.file
     judged = tuple(number for number, each in enumerate(base.requirements) if each.judged)
+    if base.rejections is not None and base.rejections.verdict != OnLinear.HOLDS:
+        line = rejection_line(base.rejections, [output.name for output in base.outputs])
+        raise CampaignError([Problem(file, "filter.gate", f"{line}; leave the gates out to allocate without them")])
     if not judged:
         lacks = "has no requirement that linear analysis can judge" if base.requirements else "is missing"
         remedy = "add an [[accept.quantile]] or another requirement"

@@ -14,6 +14,7 @@ from mcnav.analysis.brief import Advice, FilterRemedy
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_filter import LinearVerdict
+from mcnav.analysis.rejections import OnLinear
 from mcnav.config.campaign import Campaign
 from mcnav.config.overrides import document_of
 from mcnav.config.read import parse_campaign
@@ -22,6 +23,7 @@ from mcnav.errors import CampaignError, reading_file
 from mcnav.files import write_texts
 from mcnav.progress import SILENT, Progress
 from mcnav.report.brief import Links, page
+from mcnav.report.gates import rejection_line
 from mcnav.report.html import page_html
 from mcnav.store.run_files import REPORT
 from mcnav.store.run_folder import RunFolder
@@ -89,15 +91,19 @@ def advise(campaign: str | Path | Mapping[str, Any], progress: Progress = SILENT
     described = parse_campaign(content, file, stem)
     answer = answer_linearly(described) if allocation is None else allocation.answer
     verdict = answer.filter
-    if verdict is None or verdict.verdict == Honesty.CONSISTENT or not is_ins(described.scenario):
-        return Advice(allocation)
+    lacks = ""
+    if answer.rejections is not None and answer.rejections.verdict != OnLinear.HOLDS:
+        lacks = rejection_line(answer.rejections, [output.name for output in answer.outputs])
+    settled = verdict is None or verdict.verdict in (Honesty.CONSISTENT, Honesty.UNDECIDED)
+    if verdict is None or settled or not is_ins(described.scenario):
+        return Advice(allocation, lacks=lacks)
     now = FilterRemedy("as it is", verdict, _sigma_at(answer, verdict))
     remedies = []
     for words, changed in _changed_filters(content, answer, file, stem):
         then = answer_linearly(changed)
         if then.filter is not None:
             remedies.append(FilterRemedy(words, then.filter, _sigma_at(then, verdict)))
-    return Advice(allocation, now, tuple(remedies))
+    return Advice(allocation, now, tuple(remedies), lacks)
 
 
 def _changed_filters(content: Content, answer: LinearAnswer, file: str, stem: str) -> Iterator[tuple[str, Campaign]]:

@@ -14,20 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._threads import one_thread
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.analysis.answer_times import as_read
 from mcnav.analysis.comparison import Model
+from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.gates import GateAnswer, answer_gates
 from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, within_range
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import limits_of, picked
+from mcnav.analysis.rejections import RejectionAnswer, judge_rejections
 from mcnav.analysis.requirements import requirements_from, smallest_limits
 from mcnav.analysis.vector_sizes import components_of, linear_sizes
 from mcnav.analysis.what_if import WhatIf
+from mcnav.analysis.withheld import with_rejections
 from mcnav.config.overrides import document_of
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.config.toml import Content
+from mcnav.contract.gates import RejectionLaws
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import kinds_of
 from mcnav.contract.scenario import (
@@ -46,7 +50,7 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.document import Page
-from mcnav.report.gates import gate_rows
+from mcnav.report.gates import gates_entry
 from mcnav.report.html import page_html
 from mcnav.report.lincov_page import card, page
 from mcnav.report.lincov_words import final_nominal
@@ -61,6 +65,9 @@ PAGE: Final = "lincov.html"
 
 OF_SIZES: Final = ("imu", "filter", "processes", "measurements")
 """Tables of a campaign file that a campaign has as they are in the file."""
+
+READINGS: Final = 5
+"""Epochs at which rejections of good measurements are looked at, and as many of those of requirements."""
 
 HISTORY_POINTS: Final = 61
 """Times at which a scenario without epochs of its own is read out."""
@@ -155,14 +162,45 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
             smoothed_asked = covariance_over_time(scenario.smoothed(np.unique(times)), names, *moments)
         epochs = None if history is None else history.moments.times
         known = [each for each in (history, asked) if each is not None]
+        laws, rejections = rejections_of(described)
+        filtered = _judge_filter(answer, known, scenario, described)
+        smoother = None if smoothed is None else _judge_filter(answer, [smoothed], scenario, described)
         return replace(
             answer,
-            requirements=within_range(judged, answer.beyond, epochs),
-            filter=_judge_filter(answer, known, scenario, described),
+            requirements=within_range(
+                with_rejections(judged, laws, rejections, model.outcome_mean), answer.beyond, epochs
+            ),
+            filter=_with_rejections(filtered, rejections),
             smoothed=smoothed,
             smoothed_asked=smoothed_asked,
-            smoother=None if smoothed is None else _judge_filter(answer, [smoothed], scenario, described),
+            smoother=_with_rejections(smoother, rejections),
+            rejections=rejections,
         )
+
+
+def rejections_of(campaign: Campaign) -> tuple[RejectionLaws | None, RejectionAnswer | None]:
+    """Judge what good measurements that gates reject do, at the end and at epochs; none without a gate."""
+    scenario, errors = campaign.scenario, campaign.errors
+    if not has_gates(scenario):
+        return None, None
+    times = scenario.reading_times
+    asked = sorted({epoch for record in campaign.requirements for epoch in record.epochs or ()})
+    chosen = np.unique(np.concatenate([_some(range(len(times))), _some(asked)]))
+    laws = scenario.rejection_laws(errors.mean, errors.covariance, times[chosen])
+    return laws, None if laws is None else judge_rejections(laws, scenario.outputs, campaign.tolerance)
+
+
+def _some(numbers: Sequence[int]) -> IndexArray:
+    """Return at most `READINGS` of rising numbers, the first and the last among them."""
+    places = np.linspace(0, len(numbers) - 1, min(READINGS, len(numbers))).round().astype(int)
+    return np.array([numbers[place] for place in places], dtype=np.int64)
+
+
+def _with_rejections(verdict: LinearVerdict | None, rejections: RejectionAnswer | None) -> LinearVerdict | None:
+    """Withhold that a filter is consistent where rejections of good measurements can break it."""
+    if verdict is None or rejections is None or rejections.consistent or verdict.verdict != Honesty.CONSISTENT:
+        return verdict
+    return replace(verdict, verdict=Honesty.UNDECIDED)
 
 
 def _judge_filter(
@@ -330,7 +368,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         "mean_by_cause": answer.means,
         "filter": None if answer.filter is None else _filter_entry(answer.filter),
         **({} if answer.smoother is None else {"smoother": _filter_entry(answer.smoother)}),
-        **({"gates": [asdict(row) for row in gate_rows(answer)]} if answer.gates else {}),
+        **({"gates": gates_entry(answer)} if answer.rejections is not None else {}),
         "beyond_range": None if answer.beyond is None else {
             "outputs": [names[output] for output in answer.beyond.outputs],
             "begin": answer.beyond.time,

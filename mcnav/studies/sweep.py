@@ -5,7 +5,7 @@ The answers are linear. Monte Carlo confirms them at chosen points.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -24,6 +24,7 @@ from mcnav.analysis.accuracy_measures import (
     usual_measures,
 )
 from mcnav.analysis.crossings import find_crossings, words_that_meet
+from mcnav.analysis.rejections import OnLinear
 from mcnav.analysis.sweep import JustMet, Point, Sweep, Variable
 from mcnav.config.overrides import VariedCampaign
 from mcnav.config.read import Campaign
@@ -34,10 +35,11 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import sweep as report
+from mcnav.report.gates import rejection_line
 from mcnav.report.html import page_html
 from mcnav.report.sweep_page import page
 from mcnav.studies.confirmation import check_count, choose_points, confirm
-from mcnav.studies.lincov import answer_linearly
+from mcnav.studies.lincov import answer_linearly, rejections_of
 from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads
 
 JOBS: Final = 2
@@ -142,18 +144,33 @@ class _Study:
             name: np.array([getattr(answer, name) for answer in answers]).reshape(shape)
             for name in ("values", "own", "bounds", "margins", "exceedances", "means")
         }
+        if gates := self._gates():
+            arrays["margins"][:] = np.nan
         just_met = self._just_met(arrays["margins"])
         return Sweep(
             self._varied.campaign.name, self.outputs, self.variables, self.measures, self.times,
             arrays["values"], arrays["own"], arrays["bounds"], arrays["margins"], self.points.present.values, just_met,
             added=tuple(self.points.beside(self.points.grid())), exceedances=arrays["exceedances"],
             means=arrays["means"],
+            gates=gates,
         )  # fmt: skip
+
+    def _gates(self) -> str:
+        """Say of the campaign, or of the first corner, what rejections of good measurements do to linear analysis."""
+        for campaign in (self._varied.campaign, *self._corners()):
+            _, rejections = rejections_of(campaign)
+            if rejections is not None and rejections.verdict != OnLinear.HOLDS:
+                return rejection_line(rejections, [output.name for output in self.outputs])
+        return ""
+
+    def _corners(self) -> Iterator[Campaign]:
+        """Read the campaigns of the corners."""
+        for point in product(*((float(each.values[0]), float(each.values[-1])) for each in self.variables)):
+            yield self.points.campaign_at(point)
 
     def _check_corners(self) -> None:
         """Read the campaigns of the corners, and check the linear model of a user's own scenario there."""
-        for point in product(*((float(each.values[0]), float(each.values[-1])) for each in self.variables)):
-            campaign = self.points.campaign_at(point)
+        for campaign in self._corners():
             if runs_user_code(campaign.scenario):
                 answer_linearly(campaign)
 

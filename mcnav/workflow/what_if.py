@@ -12,6 +12,7 @@ from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.rejections import OnLinear
 from mcnav.analysis.requirements import Requirement, counted, size_members
 from mcnav.analysis.what_if import (
     Entries,
@@ -58,7 +59,9 @@ def what_if_of_answer(answer: LinearAnswer, content: Mapping[str, Any], beside: 
     beside : str
         See `WhatIf`.
     """
-    requirements = _judged([each.requirement for each in answer.requirements])
+    # where gates reject good measurements linear covariances add up, and say nothing of what they are allowed
+    holds = answer.rejections is None or answer.rejections.verdict == OnLinear.HOLDS
+    requirements = _judged([each.requirement for each in answer.requirements if holds])
     entries, throughout = _entries(requirements, answer.model), None
     if answer.history is not None:
         readings = answer.history.readings

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.config.read import parse_campaign
 from mcnav.contract.linear import SharedTables
 from mcnav.contract.samples import Batch
@@ -16,8 +17,12 @@ from mcnav.contract.scenario import has_gates
 from mcnav.errors import CampaignError
 from mcnav.execution.chunks import DrawPlan
 from mcnav.report.html import page_html
+from mcnav.report.lincov import statements
 from mcnav.report.lincov_page import page
+from mcnav.report.sweep_words import remarks
+from mcnav.studies.allocate import allocate
 from mcnav.studies.lincov import lincov_table, linear_covariance
+from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.workflow.run import run_campaign
 
 FALSE_ALARM = 1e-4
@@ -63,7 +68,7 @@ def test_what_linear_analysis_says_of_a_gate() -> None:
     # a measurement moves the position by its gain, P / R, as nothing else is measured then
     np.testing.assert_allclose(np.diag(law.responses)[:3], sigmas[:3] ** 2 / 9.0, rtol=1e-6)
     answer = linear_covariance(campaign)
-    rows: Any = lincov_table(answer)["gates"]
+    rows: Any = lincov_table(answer)["gates"]["stops"]
     assert [row["component"] for row in rows] == ["position_north", "position_east", "position_down"]
     limit = stats.chi2.ppf(0.99, 3)
     stopped = stats.ncx2.sf(limit, 3, rows[0]["spike"] ** 2 * np.linalg.inv(believed)[0, 0])
@@ -75,7 +80,9 @@ def test_what_linear_analysis_says_of_a_gate() -> None:
     assert not has_gates(other.scenario)
     assert "gates" not in lincov_table(linear_covariance(other))
     asked = {**content()["filter"], "stops": {"probability": 0.5, "ramp": "30 s"}}
-    half: Any = lincov_table(linear_covariance(parse_campaign(content(filter=asked), "mine.toml", "mine")))["gates"]
+    half: Any = lincov_table(linear_covariance(parse_campaign(content(filter=asked), "mine.toml", "mine")))["gates"][
+        "stops"
+    ]
     assert half[0]["spike"] < rows[0]["spike"]
     assert (half[0]["probability"], half[0]["duration"]) == (0.5, 30.0)
 
@@ -150,3 +157,137 @@ def test_what_is_refused(fault: dict[str, Any], told: str) -> None:
     with pytest.raises(CampaignError) as refused:
         parse_campaign(content(fault), "mine.toml", "mine")
     assert told in str(refused.value)
+
+
+def at_rest(gate: float | None, **changes: Any) -> dict[str, Any]:
+    """Describe eight and a half minutes with positions each second, whose filter believes the truth."""
+    return {
+        "samples": 200,
+        "scenario": {"type": "ins", "trajectory": {
+            "rate": "1 Hz",
+            "start": {"latitude": "47 deg", "longitude": "9 deg", "altitude": "500 m", "course": "0 deg",
+                      "speed": "50 m/s"},
+            "segments": [{"straight": "5 min"}, {"turn": "90 deg"}, {"straight": "3 min"}],
+        }},
+        "imu": {"gyro": {"angle_random_walk": "0.1 deg/sqrt(h)"},
+                "accelerometer": {"velocity_random_walk": "50 ug/sqrt(Hz)"}},
+        "errors": {"position": "5 m", "velocity": "0.1 m/s", "tilt": "0.3 mrad", "heading": "2 mrad"},
+        "aiding": [{"type": "gnss", "interval": "1 s", "position": {"north": "1 m", "east": "1 m"}}],
+        "filter": {"estimates": ["position", "velocity", "attitude"], **({} if gate is None else {"gate": gate})},
+        "accept": {"quantile": [{"output": "position_north", "probability": 0.95, "below": "1 m"}]},
+        **changes,
+    }  # fmt: skip
+
+
+def once_measured(limit: str) -> dict[str, Any]:
+    """Describe an altitude of 5 m that is measured once with 2 m, behind a gate of 99 %."""
+    return {
+        "samples": 20_000,
+        "scenario": {"type": "ins", "trajectory": {
+            "rate": "1 Hz", "start": {"latitude": "47 deg", "longitude": "9 deg", "altitude": "500 m"},
+            "segments": [{"hold": "10 s"}],
+        }},
+        "imu": {},
+        "errors": {"position_down": "5 m", "position_north": "1 mm"},
+        "aiding": [{"type": "altimeter", "instants": ["10 s"], "altitude": "2 m"}],
+        "filter": {"estimates": ["position", "velocity", "attitude"], "gate": 0.99},
+        "accept": {"quantile": [{"output": "position_down", "probability": 0.99, "below": limit}]},
+    }  # fmt: skip
+
+
+def answered(content: dict[str, Any]) -> tuple[LinearAnswer, Any]:
+    """Return the linear answer, and ``lincov.json``."""
+    answer = linear_covariance(parse_campaign(content, "mine.toml", "mine"))
+    return answer, lincov_table(answer)
+
+
+def test_a_gate_that_may_lose_the_fixes_withholds_the_verdicts() -> None:
+    """Linear analysis is consistent to four digits, while samples have 50 m: it must not say so."""
+    answer, table = answered(at_rest(0.9))
+    gates = table["gates"]
+    assert gates["verdict"] == "refused"
+    assert gates["expected_rejections_least"] == pytest.approx(50.9)
+    assert gates["accepted_by_all"] == pytest.approx(0.9**509)
+    again = [gates["first"][k]["next"] for k in (0, 1, 2, 400)]
+    assert again == pytest.approx([0.764, 0.232, 0.163, 0.109], abs=5e-4)
+    # the first rejection is forgotten; without a further fix there are some hundred metres
+    np.testing.assert_allclose(gates["rms_one_rejection"], answer.sigma, rtol=1e-4)
+    assert 400.0 < gates["rms_never_again"][0] < 600.0
+    assert table["filter"]["verdict"] == "undecided"
+    assert table["requirements"][0]["met"] is None
+    said = [words for words, _ in statements(answer)]
+    assert "Gates reject about 51 of 509 good measurements in each flight" in said[0]
+    assert "rejected too with up to 76 %" in said[0]
+    assert not any("is consistent:" in words or "is met" in words for words in said)
+    ungated, without = answered(at_rest(None))
+    assert without["filter"]["verdict"] == "consistent"
+    assert without["requirements"][0]["met"] is True
+    assert "gates" not in without
+    np.testing.assert_array_equal(answer.sigma, ungated.sigma)
+
+
+def test_one_measurement_at_a_gate_is_judged_exactly(tmp_path: Path) -> None:
+    """Check values of a mixture, and 20,000 samples at a false alarm of 1e-4."""
+    answer, table = answered(once_measured("6 m"))
+    gates, (required,) = table["gates"], table["requirements"]
+    assert gates["verdict"] == "fails"
+    assert gates["rms_one_rejection"][2] == pytest.approx(2.2956, abs=5e-5)
+    assert gates["rms_never_again"][2] == pytest.approx(2.2956, abs=5e-5)
+    assert gates["rms_one_rejection"][2] / answer.sigma[2] == pytest.approx(1.2362, abs=5e-5)
+    assert required["exceedance"] == pytest.approx(0.0112, abs=5e-5)
+    assert required["met"] is False
+    wide = answered(once_measured("8 m"))[1]["requirements"][0]
+    assert wide["met"] is True
+    assert wide["value"] == required["value"]
+    campaign = parse_campaign(once_measured("6 m"), "mine.toml", "mine")
+    draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
+    engine = campaign.scenario.engine("ensemble", draws.probes())
+    down = np.abs(engine.simulate(draws.batch(0, campaign.samples)).values[:, 2])
+    for size, share in ((6.0, required["exceedance"]), (required["value"], 0.01)):
+        low, high = stats.binom.ppf([0.5 * FALSE_ALARM, 1.0 - 0.5 * FALSE_ALARM], campaign.samples, share)
+        assert low <= np.sum(down > size) <= high
+
+
+def test_a_gate_that_rejects_next_to_nothing_keeps_the_verdicts() -> None:
+    short = {
+        "type": "ins",
+        "trajectory": {**at_rest(None)["scenario"]["trajectory"], "segments": [{"straight": "30 s"}]},
+    }
+    _, table = answered(at_rest(1.0 - 1e-7, scenario=short))
+    assert table["gates"]["verdict"] == "holds"
+    assert table["filter"]["verdict"] == "consistent"
+    assert table["requirements"][0]["met"] is True
+
+
+@pytest.mark.parametrize(
+    ("changes", "told", "met"),
+    [
+        ({"filter": {**at_rest(0.9)["filter"], "believes": {"aiding": {"gnss": {"position": "0.5 m"}}}}},
+         "The filter is not consistent, so only samples show", None),
+        ({"filter": {**at_rest(0.9)["filter"], "considers": ["gyro_bias"]},
+          "imu": {"gyro": {"bias": "1 deg/h", "angle_random_walk": "0.1 deg/sqrt(h)"}}},
+         "The filter considers errors without estimating them", None),
+        ({"faults": [{"kind": "spike", "sensor": "gnss", "component": "position_north", "begin": "60 s",
+                      "size": "14 m"}]}, "Sensors have faults", None),
+        ({"accept": {"quantile": [{"output": "position_north", "probability": 0.95, "below": "0.5 m"}]}},
+         "Linear analysis cannot say", False),
+    ],
+)  # fmt: skip
+def test_what_linear_analysis_does_not_know_of_gates(changes: dict[str, Any], told: str, met: bool | None) -> None:
+    """Rejections of good measurements make nothing better: what is not met without them stays so."""
+    answer, table = answered(at_rest(0.9, **changes))
+    assert table["gates"]["verdict"] == "refused"
+    assert told in table["gates"]["line"]
+    assert any(told in words for words, _ in statements(answer))
+    assert table["requirements"][0]["met"] is met
+    assert table["filter"]["verdict"] != "consistent"
+
+
+def test_other_studies_judge_no_limit_where_a_gate_may_lose_the_fixes() -> None:
+    content = at_rest(0.9)
+    with pytest.raises(CampaignError, match=r"filter\.gate: Gates reject about 51 of 509 good measurements"):
+        allocate(content)
+    sweep = run_sweep(content, SweepPlan({"aiding.gnss.position.north": "0.5 m .. 2 m"}, points=2))
+    assert np.isnan(sweep.margins).all()
+    assert not sweep.just_met
+    assert "Gates reject about 51 of 509 good measurements" in remarks(sweep)[0]

@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.contract.gates import FaultLaw, GateLaw
+from mcnav.contract.gates import FaultLaw, GateLaw, RejectionLaws, RejectionReading
 from mcnav.systems.ins.aided import AidedNavigation
-from mcnav.systems.ins.linear.closed_loop import ClosedLoop
-from mcnav.systems.ins.linear.gates import innovations_by, update_laws
+from mcnav.systems.ins.filter.model import NAVIGATION
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop, own_covariances
+from mcnav.systems.ins.linear.covariance import output_map
+from mcnav.systems.ins.linear.gates import UpdateLaw, innovations_by, update_laws
+from mcnav.systems.ins.linear.rejections import WhitenedFilter, next_correlations, rejected_errors
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
 from mcnav.systems.ins.sensors.faults import Fault
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 
 MOST_LAWS: Final = 32
 """Measurements during a fault whose innovations' covariance is computed; others have that of the nearest of them."""
+
+MOST_CHECKED: Final = 16
+"""Measurements of a sensor at which innovations are compared with what the filter believes of them."""
+
+BELIEVED: Final = 0.01
+"""Departure of innovations' whitened mean squares from one that counts as none.
+
+It changes the probability to be rejected, of 0.001, by 6 % of itself.
+"""
 
 
 def gate_laws(
@@ -52,6 +65,67 @@ def gate_laws(
         names = tuple(map(_described, sensor.components))
         found.append(GateLaw(sensor.name, float(times[-1]), names, float(limits[number]), *of_update, *of_ramps))
     return tuple(found)
+
+
+def rejection_laws(
+    navigation: AidedNavigation, sensors: tuple[Sensor, ...], limits: Array, mean: Array, covariance: Array,
+    times: Array,
+) -> RejectionLaws | None:  # fmt: skip
+    """Compute the laws of good measurements that are rejected; none where no measurement has a gate.
+
+    Parameters
+    ----------
+    limits, mean, covariance
+        As for `gate_laws`.
+    times : ndarray, shape (r,)
+        Rising times of the grid at which errors are read out, after their updates, the end last, s.
+    """
+    loop = navigation.loop
+    gated = np.isfinite(limits)[loop.measurements.sensors]
+    updates = np.flatnonzero(gated)
+    if not len(updates):
+        return None
+    numbers = loop.measurements.sensors[updates]
+    rejected = np.array([0.0 if sensor.gate is None else 1.0 - sensor.gate for sensor in sensors])
+    laws = RejectionLaws(
+        _doubt(loop, sensors, updates, mean, covariance), tuple(sensors[number].name for number in numbers),
+        loop.measurements.times[updates], rejected[numbers], limits[numbers], loop.measurements.sizes[updates],
+        np.zeros((0, 0)), (),
+    )  # fmt: skip
+    if laws.doubt:
+        return laws
+    whitened = WhitenedFilter.of(loop)
+    once, later = np.zeros(len(gated), dtype=np.bool_), gated
+    places = np.searchsorted(loop.times, times - 1e-9)
+    own = own_covariances(loop, places, np.ones(len(places)))[:, :NAVIGATION, :NAVIGATION]
+    readings = []
+    for place, time, variance in zip(places.tolist(), times.tolist(), own, strict=True):
+        to_outputs, so_far = output_map(loop.truth, time), updates[updates < loop.first_updates[place + 1]]
+        of_flights = (rejected_errors(whitened, so_far, never, place, to_outputs) for never in (once, later))
+        readings.append(RejectionReading(time, np.diag(to_outputs @ variance @ to_outputs.T), *of_flights))
+    return replace(
+        laws, correlations=next_correlations(loop, whitened, updates), readings=tuple(readings)
+    )  # fmt: skip
+
+
+def _doubt(loop: ClosedLoop, sensors: tuple[Sensor, ...], updates: IndexArray, mean: Array, covariance: Array) -> str:
+    """Say why innovations at gates have another law than the filter believes; nothing where they have that."""
+    if any(sensor.faults for sensor in sensors):
+        return "faults"
+    if not loop.filter.corrected.all():
+        return "considers"
+    numbers = loop.measurements.sensors[updates]
+    of_sensors = (updates[numbers == number] for number in np.unique(numbers))
+    chosen = [rows[np.unique(np.linspace(0, len(rows) - 1, MOST_CHECKED).astype(int))] for rows in of_sensors]
+    laws = update_laws(loop, np.sort(np.concatenate(chosen)), mean, covariance)
+    return "" if all(map(_is_believed, laws)) else "inconsistent"
+
+
+def _is_believed(law: UpdateLaw) -> bool:
+    """Return whether an innovation has the mean squares that the filter believes."""
+    inverse = np.linalg.inv(law.root)
+    squares = inverse @ (law.covariance + np.outer(law.mean, law.mean)) @ inverse.T
+    return bool(np.abs(squares - np.eye(len(squares))).max() < BELIEVED)
 
 
 def fault_laws(

@@ -21,7 +21,7 @@ from mcnav.constants import EARTH_RADIUS, STANDARD_GRAVITY
 from mcnav.contract.engine import Engine
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
-from mcnav.contract.gates import USUAL, FaultLaw, GateLaw, GateQuestion
+from mcnav.contract.gates import USUAL, FaultLaw, GateLaw, GateQuestion, RejectionLaws
 from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import TRAJECTORY_TIME, CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
@@ -42,7 +42,7 @@ from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured,
 from mcnav.systems.ins.ensemble.free import EnsembleErrors, EnsembleTables, simulate, simulate_given, tabulate
 from mcnav.systems.ins.filter.model import EKF, FilterModel
 from mcnav.systems.ins.filter.tables import same_memory
-from mcnav.systems.ins.gates import fault_laws, gate_laws
+from mcnav.systems.ins.gates import fault_laws, gate_laws, rejection_laws
 from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
@@ -652,6 +652,13 @@ class Ins:
         """Compute the laws of the sensors' faults; none without any."""
         aided = self.navigation.aided
         return () if aided is None else fault_laws(aided, aided.sensors, gate_limits(aided.sensors), mean, covariance)
+
+    def rejection_laws(self, mean: Array, covariance: Array, times: Array) -> RejectionLaws | None:
+        """Compute the laws of good measurements that gates reject, with errors at epochs; none without any."""
+        aided = self.navigation.aided
+        if aided is None:
+            return None
+        return rejection_laws(aided, aided.sensors, gate_limits(aided.sensors), mean, covariance, times)
 
     @property
     def further_epochs(self) -> tuple[float, ...]:

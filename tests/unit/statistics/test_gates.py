@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
-from scipy import optimize, special, stats
+from scipy import integrate, optimize, special, stats
 
 from mcnav.analysis.gates import answer_gates
 from mcnav.contract.gates import GateLaw, GateQuestion
-from mcnav.statistics.gates import GatedError, acceptance, largest_of, run_acceptance, smallest_stopped
+from mcnav.statistics.gates import (
+    GatedError,
+    acceptance,
+    largest_of,
+    rejected_again,
+    rejected_square,
+    run_acceptance,
+    smallest_stopped,
+)
 
 GAIN, VARIANCE, BEFORE = 0.5 * (np.sqrt(5.0) - 1.0), 0.5 * (np.sqrt(5.0) - 1.0), 0.5 * (np.sqrt(5.0) + 1.0)
 """Of a random walk with q = r = 1: K, P, and P before the update; S is one more."""
@@ -101,3 +111,64 @@ def test_a_gate_that_is_open_for_few_of_the_errors(variance: float, correlation:
     centre, spread = error + cross / variance * (innovation - mean), sigma * np.sqrt(1.0 - correlation**2)
     beyond = special.ndtr((-size - centre) / spread) + special.ndtr((centre - size) / spread)
     assert law.unnoticed_beyond(size) == pytest.approx(float(density @ beyond), rel=1e-6)
+
+
+@pytest.mark.parametrize("rejected", [0.1, 1e-3])
+@pytest.mark.parametrize("size", [1, 2, 6])
+def test_mean_square_of_what_is_rejected(rejected: float, size: int) -> None:
+    limit = stats.chi2.isf(rejected, size)
+    mean = integrate.quad(lambda x: x * stats.chi2.pdf(x, size), limit, np.inf)[0] / rejected / size
+    assert rejected_square(limit, size) == pytest.approx(mean, rel=1e-8)
+
+
+@pytest.mark.parametrize("rejected", [0.1, 1e-2, 1e-4])
+@pytest.mark.parametrize("correlation", [0.0, 0.3, 0.9, 0.99])
+def test_rejected_again_by_quadrature(rejected: float, correlation: float) -> None:
+    """One component: the conditional normal probability over the tail of the first."""
+    limit, left = float(stats.chi2.isf(rejected, 1)), np.sqrt(1.0 - correlation**2)
+    reach = np.sqrt(limit)
+
+    def density(x: float) -> float:
+        beyond = special.ndtr((correlation * x - reach) / left) + special.ndtr((-correlation * x - reach) / left)
+        return 2.0 * stats.norm.pdf(x) * float(beyond)
+
+    ends = [reach, reach + left, reach + 4.0 * left, reach + 10.0]
+    joint = sum(integrate.quad(density, *each, epsabs=1e-15, epsrel=1e-12)[0] for each in pairwise(ends))
+    again = rejected_again(limit, np.array([[correlation]]))[0]
+    assert again == pytest.approx(joint / rejected, rel=1e-7)
+
+
+def test_rejected_again_near_one() -> None:
+    """The expansion is cut there: the error is at most half of what is left, and none for equal innovations."""
+    limit = float(stats.chi2.isf(0.05, 2))
+    again = rejected_again(limit, np.array([[1.0, 1.0], [1.0 - 1e-9, 1.0 - 1e-9], [0.9999, 0.9999]]))
+    assert again[0] == 1.0
+    assert np.all(np.diff(again) < 0.0)
+    # two components alike: the noncentral chi-square over the exponential tail of the first
+    share = 0.9999**2
+    tail = integrate.quad(
+        lambda x: 0.5 * np.exp(-0.5 * (x - limit)) * stats.ncx2.sf(limit / (1.0 - share), 2, share * x / (1.0 - share)),
+        limit, limit + 60.0, limit=500, points=[limit + 0.1, limit + 0.5],
+    )[0]  # fmt: skip
+    assert again[2] == pytest.approx(tail, abs=5e-3)
+
+
+def test_rejected_again_of_unlike_components() -> None:
+    """Three canonical correlations by a simulation of the tail; false alarm 1e-4."""
+    rejected, correlations, count = 1e-3, np.array([0.9, 0.5, 0.1]), 400_000
+    limit, generator = float(stats.chi2.isf(rejected, 3)), np.random.default_rng(53)
+    sizes = np.sqrt(stats.chi2.isf(rejected * generator.random(count), 3))
+    first = generator.standard_normal((count, 3))
+    first *= (sizes / np.linalg.norm(first, axis=1))[:, None]
+    second = correlations * first + np.sqrt(1.0 - correlations**2) * generator.standard_normal((count, 3))
+    again = int(np.sum(np.sum(second**2, axis=1) > limit))
+    low, high = stats.binom.ppf([5e-5, 1.0 - 5e-5], count, rejected_again(limit, correlations[None])[0])
+    assert low <= again <= high
+
+
+def test_a_run_of_rejections_that_is_almost_sure() -> None:
+    """Its probability of acceptance underflows, while the one by which each is divided does not."""
+    means, wide = np.zeros((400, 1)), 4.0 * np.eye(1)
+    usual = acceptance(1.0, means[0], wide)
+    assert run_acceptance(1.0, means, wide) == 0.0
+    assert run_acceptance(1.0, means, wide, usual) == pytest.approx(1.0)

@@ -300,12 +300,19 @@ def _left_of_states(loop: ClosedLoop, readings: IndexArray, name: str, covarianc
 
 def own_covariances(loop: ClosedLoop, readings: IndexArray, after: Array) -> Array:
     """Compute the filter's covariance at readings, shape (m, 9 + q, 9 + q)."""
-    tables = loop.filter
+    tables, (steps, updates) = loop.filter, filter_system(loop)
     return run_covariance(
-        *_filter_steps(loop.transition, tables), _filter_updates(loop.first_updates, loop.measurements, tables),
-        tables.variances, loop.gains, tables.initial, ReadingTimes(readings, after.astype(np.bool_)),
+        *steps, updates, tables.variances, loop.gains, tables.initial, ReadingTimes(readings, after.astype(np.bool_)),
         len(tables.initial),
     )  # fmt: skip
+
+
+def filter_system(loop: ClosedLoop) -> tuple[tuple[Steps, StepNoise], Updates]:
+    """Return F and Q, and H, of the filter's own states."""
+    return (
+        _filter_steps(loop.transition, loop.filter),
+        _filter_updates(loop.first_updates, loop.measurements, loop.filter),
+    )
 
 
 def _filter_steps(transition: Array, tables: FilterTables) -> tuple[Steps, StepNoise]:
@@ -406,15 +413,22 @@ def propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) ->
     return seen[:, :NAVIGATION, :sources], seen[:, NAVIGATION:, :sources], faulted
 
 
-def propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[list[str], Array]:
+def propagate_processes(
+    loop: ClosedLoop, readings: IndexArray, after: Array, driving: Mapping[str, DrivingProcess] | None = None
+) -> tuple[list[str], Array]:
     """Compute the covariance of y, the estimates and a process's own b biases.
+
+    Parameters
+    ----------
+    driving : mapping of str to DrivingProcess, optional
+        What `driving_processes` has, where it is known.
 
     Returns
     -------
     names : list of str
     covariances : ndarray, shape (m, 9 + q + b, 9 + q + b, processes)
     """
-    processes, biases = driving_processes(loop), count_biases(loop)
+    processes, biases = driving_processes(loop) if driving is None else driving, count_biases(loop)
     true, times = true_loop(loop, biases), ReadingTimes(readings, after.astype(np.bool_))
     size = true.updates.rows.shape[2]
     covariances = np.zeros((len(readings), size, size, len(processes)))

@@ -11,6 +11,8 @@ so that their covariances follow from those of X by each cause. An error b of th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mcnav._dataclasses import dataclass
@@ -18,6 +20,8 @@ from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.linear.closed_loop import (
     ClosedLoop,
+    DrivingProcess,
+    TrueLoop,
     constant_disturbances,
     driving_processes,
     propagate_constants,
@@ -67,22 +71,22 @@ def update_laws(loop: ClosedLoop, updates: IndexArray, mean: Array, sources: Arr
         Mean and covariance of the constant sources.
     """
     readings, places = np.unique(time_numbers(loop, updates), return_inverse=True)
-    before = np.zeros(len(readings))
+    before, driving = np.zeros(len(readings)), driving_processes(loop)
     y, estimates, faulted = propagate_constants(loop, readings, before)
-    _, covariances = propagate_processes(loop, readings, before)
-    disturbances = constant_disturbances(loop)[1]
+    _, covariances = propagate_processes(loop, readings, before, driving)
+    disturbances, true, processes = constant_disturbances(loop)[1], true_loop(loop), list(driving.values())
     return [
         _law(
-            loop, int(u), int(readings[place]), np.concatenate([y[place], estimates[place]]), faulted[place],
-            covariances[place], disturbances, mean, sources,
+            loop, true, processes, int(u), int(readings[place]), np.concatenate([y[place], estimates[place]]),
+            faulted[place], covariances[place], disturbances, mean, sources,
         )
         for u, place in zip(updates, places, strict=True)
     ]  # fmt: skip
 
 
 def _law(
-    loop: ClosedLoop, update: int, number: int, state: Array, faulted: Array, covariances: Array, disturbances: Array,
-    mean: Array, sources: Array,
+    loop: ClosedLoop, true: TrueLoop, processes: Sequence[DrivingProcess], update: int, number: int, state: Array,
+    faulted: Array, covariances: Array, disturbances: Array, mean: Array, sources: Array,
 ) -> UpdateLaw:  # fmt: skip
     """Compute the law of an update from the state before all updates at its time.
 
@@ -95,7 +99,7 @@ def _law(
     covariances : ndarray, shape (x + b, x + b, processes)
         Of the state and of each process's biases.
     """
-    true, processes, measured = true_loop(loop), list(driving_processes(loop).values()), loop.measurements
+    measured = loop.measurements
     of_processes = [covariances[..., p] for p in range(covariances.shape[2])]
     size, states = int(measured.sizes[update]), len(state)
     covariance, cross = np.zeros((size, size)), np.zeros((size, states))
