@@ -14,6 +14,7 @@ from mcnav.report import filter_verdict, joint_words
 from mcnav.report.format import percent
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.vector_sizes import size_sentences
+from mcnav.sampling.designs import fewest_samples
 from mcnav.statistics.power import sensible_step
 
 if TYPE_CHECKING:
@@ -249,6 +250,8 @@ def explanation(summary: Summary) -> str:
             f"than {limit} ({confidence}); {largest}.{rest}"
         )
     if undecided:
+        if undecided == too_few(summary):
+            return undecided
         return f"With {samples:,} samples, {confidence} and a tolerance of ±{limit}: {undecided}"
     alone = f" {_join(still)} {'is' if len(still) == 1 else 'are'} {NOT_DISTURBED}." if still else ""
     if summary.verdict == "undecided":  # although every output agrees: too many samples failed
@@ -276,8 +279,17 @@ def _undecided(summary: Summary, names: Sequence[str]) -> str:
     elif summary.heavy_tailed:
         reason = "tails too heavy for an interval"
     else:
-        reason = "too few independent samples for an interval"
+        return too_few(summary)
     return f"Undecided for {_join(names)}: {reason}."
+
+
+def too_few(summary: Summary) -> str:
+    """Say how many samples a verdict takes; of a run whose samples failed in part, so many more."""
+    succeeded = summary.samples - summary.failed
+    if succeeded >= fewest_samples(summary.design):
+        return "There is no interval for a verdict."
+    needed = math.ceil(fewest_samples(summary.design) * summary.samples / max(succeeded, 1))
+    return f"{succeeded:,} samples are too few for a verdict: run at least {max(needed, summary.samples + 1):,}."
 
 
 def _is_finite(low: float | None, high: float | None) -> bool:
