@@ -153,7 +153,7 @@ def test_remarks() -> None:
     assert optimistic[1] == "The filter is optimistic by a factor of up to 3: range, 1σ, at errors.range = 3 km."
     missing = VALUES.copy()
     missing[0] = np.nan
-    assert remarks(replace(SWEEP, values=missing, own=np.full_like(VALUES, np.nan)))[0].startswith(
+    assert remarks(replace(SWEEP, values=missing, own=np.full_like(VALUES, np.nan)))[1].startswith(
         "1 point has no linear"
     )
 
