@@ -68,8 +68,10 @@ def after_comparison(folders: Sequence[Path], page: Path | None) -> str:
 
 
 def after_index(runs: Sequence[Path]) -> str:
-    """Return the command after a list of runs: a comparison of the latest two."""
-    return written("compare", *runs[:2]) if len(runs) > 1 else written("demo", "--list")
+    """Return the command after a list of runs: a comparison of two of one scenario, or else the latest run."""
+    if len(runs) > 1:
+        return written("compare", *runs[:2])
+    return written("show", runs[0]) if runs else written("demo", "--list")
 
 
 def after_lincov(campaign: Path, answer: LinearAnswer) -> str:

@@ -37,7 +37,7 @@ from mcnav.report.model import RunAnalysis
 from mcnav.report.output_columns import outputs_frame
 from mcnav.report.page import figures
 from mcnav.report.result_table import Units
-from mcnav.report.sections.what_if import what_if_section
+from mcnav.report.sections.what_if import linear_fails, what_if_section
 from mcnav.report.sweep import frame
 from mcnav.report.tables_over_time import epochs
 from mcnav.store.run_folder import RunFolder
@@ -230,7 +230,8 @@ class FlownRun:
         """The report's section "What if", with its sliders; none where nothing can be changed."""
         with one_thread():
             content = self.content
-            section = what_if_section(what_if_of_run(content), content.manifest.model.outputs, content.looped)
+            outputs, fails = content.manifest.model.outputs, linear_fails(content.summary)
+            section = what_if_section(what_if_of_run(content), outputs, content.looped, fails)
             name = content.summary.campaign
             return None if section is None else FramedPage(name, page_html(Page(name, "What if", name, (), [section])))
 

@@ -8,6 +8,9 @@ from typing import Final
 
 from mcnav._dataclasses import dataclass
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement
+from mcnav.analysis.requirements import Finding
+from mcnav.analysis.simulated_requirements import Basis
+from mcnav.analysis.summary import RequirementEntry
 from mcnav.statistics.bisection import root_between
 
 MOST: Final = 1_000.0
@@ -50,7 +53,11 @@ class NumberChange:
     closest : float
         Where the goal is not met: multiple of the largest margin among those looked at, which ``result`` is of.
     result : LinearRequirement
-        Requirement with the least margin, by a linear answer computed with the needed number.
+        Requirement with the least margin, by a linear answer computed with the needed number; with a `Basis` its value
+        is the linear one times the scale of the basis.
+    simulated : RequirementEntry or None
+        The requirement of the goal with the least margin as samples of the changed campaign show it; none where the
+        change was not simulated.
     """
 
     label: str
@@ -60,6 +67,7 @@ class NumberChange:
     factor: float
     closest: float
     result: LinearRequirement
+    simulated: RequirementEntry | None = None
 
     @property
     def reached(self) -> bool:
@@ -79,11 +87,14 @@ class Goal:
         Whether they are met now, so that numbers may be loosened.
     changes : tuple of NumberChange
         The smallest change first.
+    unconfirmed : tuple of str
+        Labels of changes that are not among them, because simulation did not confirm them.
     """
 
     requirements: tuple[int, ...]
     met: bool
     changes: tuple[NumberChange, ...]
+    unconfirmed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,15 +115,18 @@ class GradeChange:
     ----------
     worst : LinearRequirement
         Requirement with the least margin.
+    simulated : RequirementEntry or None
+        The requirement with the least margin as samples show it; none where the change was not simulated.
     """
 
     moves: tuple[GradeMove, ...]
     worst: LinearRequirement
+    simulated: RequirementEntry | None = None
 
     @property
     def met(self) -> bool:
-        """Return whether all requirements are met."""
-        return self.worst.met
+        """Return whether all requirements are met, by simulation where there is one."""
+        return self.worst.met if self.simulated is None else self.simulated.finding == Finding.MET
 
 
 @dataclass(frozen=True)
@@ -153,6 +167,8 @@ class Allocation:
         None of a campaign without inertial measurement unit.
     computed : int
         Linear answers that were computed.
+    basis : Basis or None
+        Simulation of the campaign as it is, which scales linear answers; none where they stand alone.
     """
 
     answer: LinearAnswer
@@ -160,6 +176,7 @@ class Allocation:
     goals: tuple[Goal, ...]
     grades: GradeSearch | None
     computed: int
+    basis: Basis | None = None
 
 
 def worst_of(requirements: Sequence[LinearRequirement], goal: Sequence[int]) -> LinearRequirement:

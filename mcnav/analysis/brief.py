@@ -1,12 +1,16 @@
-"""Advice of linear analysis on a campaign: other numbers of its data sheet, and filters that know more."""
+"""Advice on a campaign: other numbers of its data sheet, and filters that know more."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import field
 
 from mcnav._dataclasses import dataclass
 from mcnav.analysis.allocation import Allocation
+from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.linear_filter import LinearVerdict
+from mcnav.analysis.summary import FilterSummary
 
 
 @dataclass(frozen=True)
@@ -20,16 +24,33 @@ class FilterRemedy:
     verdict : LinearVerdict
     sigma : float
         True sigma, SI, then: of the output that departs most now, where its ratio is worst now.
+    entries : mapping of str to sequence of str
+        Entries of ``[filter]`` that are changed; one that is empty is taken out.
+    simulated : FilterSummary or None
+        Verdict by simulation; none where the filter was not simulated.
+    samples : int
+        Of that simulation.
     """
 
     words: str
     verdict: LinearVerdict
     sigma: float
+    entries: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    simulated: FilterSummary | None = None
+    samples: int = 0
+
+    @property
+    def rank(self) -> tuple[bool, bool, float, float]:
+        """Key that sorts remedies, the best first: consistent, by simulation where there is one, then the sigma."""
+        consistent = self.verdict.verdict == Honesty.CONSISTENT
+        refuted = self.simulated is not None and self.simulated.verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC)
+        departure = 0.0 if consistent or not self.verdict.factor > 0.0 else abs(math.log(self.verdict.factor))
+        return refuted, not consistent, departure, self.sigma
 
 
 @dataclass(frozen=True)
 class Advice:
-    """Advice of linear analysis.
+    """Advice, found by linear analysis and confirmed by simulation.
 
     Attributes
     ----------
@@ -38,6 +59,7 @@ class Advice:
     now : FilterRemedy or None
         The filter as it is; none without a filter, or where linear analysis finds it consistent.
     remedies : tuple of FilterRemedy
+        The best first.
     lacks : str
         Why there is no advice; empty where there is.
     """

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.lincov.covariance import propagated_variances
+
+ROUNDING: Final = 1e-9
+"""Cross-term up to which correlations contribute nothing."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,19 @@ class ErrorBudget:
     cross_terms: Array
     contributions: Array
     saved: Array
+
+    @property
+    def attributed(self) -> Array:
+        """Shares that add up to one: each with half of its cross-terms, ``P_ij (P S)_ij / C_ii`` of a source.
+
+        Where sources are correlated, a share may be negative: its source takes away some of what others add.
+        """
+        return np.asarray(0.5 * (self.shares + self.saved))
+
+    @property
+    def crossed(self) -> bool:
+        """Return whether correlations between sources contribute to a variance."""
+        return bool(np.nanmax(np.abs(self.cross_terms), initial=0.0) > ROUNDING)
 
 
 def error_budget(partials: Array, start_covariance: Array, processes: Sequence[Array] = ()) -> ErrorBudget:

@@ -15,8 +15,8 @@ from mcnav.analysis.verdict import Judgement, Verdict, judge
 from mcnav.statistics.estimates import Estimate, summed_mean
 from mcnav.statistics.power import detectable_ratio, samples_to_detect
 
-LARGEST_EXPONENT: Final = 700.0
-"""Largest argument whose exponential is finite in double precision."""
+WIDEST: Final = 1_000.0
+"""Factor between a ratio and an end of its interval from which on the interval is not bounded: it says nothing."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,15 @@ class DecisionRule:
         return smallest, float(np.ceil(needed)) if math.isfinite(error) else math.nan
 
 
+def spread_of(half_width: float) -> float:
+    """Return the factor of an interval's half width of a logarithm; infinite beyond `WIDEST`.
+
+    >>> spread_of(0.0), spread_of(7.0), spread_of(math.inf)
+    (1.0, inf, inf)
+    """
+    return math.exp(half_width) if half_width <= math.log(WIDEST) else math.inf
+
+
 def ratio_interval(estimate: Estimate, expected: float, confidence: float) -> tuple[float, tuple[float, float]]:
     """Return the square root of an estimated variance over the expected one, and its interval.
 
@@ -77,6 +86,6 @@ def ratio_interval(estimate: Estimate, expected: float, confidence: float) -> tu
     down, up = (reach / expected for reach in estimate.reach_of_skewness(confidence))
     low, high = (float(np.sqrt(max(each, 0.0))) for each in (share - down, share + up))
     if share > 0.0:
-        spread = float(np.exp(min(0.5 * half / share, LARGEST_EXPONENT)))
+        spread = spread_of(0.5 * half / share)
         return ratio, (min(ratio / spread, low), max(ratio * spread, high))
     return ratio, (0.0, max(float(np.sqrt(max(share + half, 0.0))), high))

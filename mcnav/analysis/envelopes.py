@@ -59,7 +59,7 @@ class Envelopes:
         """
         variance = np.diagonal(self.covariance, axis1=1, axis2=2)
         count = self.samples * weight
-        error = np.sqrt(np.maximum(self.fourth - variance**2, 0.0) / max(count, 1e-300))
+        error = np.sqrt(np.maximum(self.fourth - variance**2, 0.0) / max(count, 1.0))
         freedom = np.full_like(variance, max(count - 1.0, 0.0))
         intervals = mean_square_intervals(variance, error, np.full_like(variance, count), freedom, confidence)
         return np.sqrt(intervals)

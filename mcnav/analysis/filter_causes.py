@@ -6,7 +6,7 @@ several epochs are nearly equal, the largest one is so by chance, and with it th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -14,6 +14,35 @@ import numpy as np
 from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_consistency import MEAN, NeglectedError
 from mcnav.analysis.filter_evidence import LinearFilter
+
+
+def kind_of(cause: str) -> str:
+    """Return the kind of a cause: its name without the axis, and without what marks a mean.
+
+    >>> kind_of("gyro_misalignment_xz"), kind_of("mean_of_gyro_bias_x"), kind_of("heading")
+    ('gyro_misalignment', 'gyro_bias', 'heading')
+    """
+    name = cause.removeprefix(MEAN)
+    stem, _, axis = name.rpartition("_")
+    return stem if stem and axis in AXES else name
+
+
+def shares_by_kind(causes: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Add up the shares of causes of one kind, the largest first.
+
+    >>> shares_by_kind([("gyro_bias_x", 0.3), ("heading", 0.4), ("gyro_bias_y", 0.3)])
+    {'gyro_bias': 0.6, 'heading': 0.4}
+    """
+    sums: dict[str, float] = {}
+    for name, share in causes:
+        sums[kind_of(name)] = sums.get(kind_of(name), 0.0) + share
+    return dict(sorted(sums.items(), key=lambda item: -item[1]))
+
+
+AXES: Final = frozenset(
+    {"x", "y", "z", "north", "east", "down"} | {f"{first}{second}" for first in "xyz" for second in "xyz"}
+)
+"""Ends of names of causes that are of one kind."""
 
 NEARLY: Final = 0.99
 """Share of the largest ratio from which another one counts as equal: of a steady filter all are, but for rounding."""

@@ -62,20 +62,20 @@ class KindResult:
         return None if self.summary.filter is None else self.summary.filter.groups.get(name)
 
     def sigmas(self, names: Sequence[str]) -> tuple[float, float]:
-        """Return true and filter sigma of outputs at the end, as root mean squares over them, SI."""
+        """Return true and filter sigma of outputs at the end, SI; of several the DRMS, the root sum square."""
         known = {} if self.summary.filter is None else self.summary.filter.outputs
         true, own = ([getattr(known[name], key) for name in names if name in known] for key in
                      ("sigma_true", "sigma_filter"))  # fmt: skip
-        return _root_mean_square(true), _root_mean_square(own)
+        return _root_sum_square(true), _root_sum_square(own)
 
 
 def _finite(bound: float | None) -> float:
     return math.nan if bound is None else float(bound)
 
 
-def _root_mean_square(sizes: Sequence[float | None]) -> float:
+def _root_sum_square(sizes: Sequence[float | None]) -> float:
     known = [size for size in sizes if size is not None]
-    return math.sqrt(sum(size * size for size in known) / len(known)) if known else math.nan
+    return math.hypot(*known) if known else math.nan
 
 
 @dataclass(frozen=True)

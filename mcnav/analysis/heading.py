@@ -29,12 +29,16 @@ SHORT: Final = 1e-5
 """Distance from the start, as an angle at the centre of the earth, rad, below which there is no track: 60 m."""
 
 STEEP: Final = 60.0
-"""Pitch, deg, beyond which heading says little about the direction of motion."""
+"""Pitch or roll, deg, beyond which heading says little about the direction of motion."""
+
+LEVEL: Final = 0.5
+"""Share of the time in motion with a smaller one from which heading and track are compared: others fly by thrust."""
 
 COARSE: Final = 60.0
 """Turn within a step, deg, beyond which its mean heading means nothing."""
 
 COLUMNS: Final = ("latitude [deg]", "longitude [deg]", "heading [deg]", "pitch [deg]")
+ROLL: Final = "roll [deg]"
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,8 @@ class HeadingAndTrack:
 def compare_with_track(history: History) -> HeadingAndTrack | None:
     """Compare heading and track between neighbouring instants; none where nothing moves, or without an attitude.
 
+    Nor of a vehicle that is tilted steeply most of the time, as a lander that brakes: it does not fly along its axis.
+
     The track of a step is ``atan2(cos(lat) dlon, dlat)``, and its heading the mean of its ends.
     """
     if not history.columns or any(name not in history.columns for name in COLUMNS):
@@ -74,10 +80,12 @@ def compare_with_track(history: History) -> HeadingAndTrack | None:
     if not len(step) or not np.hypot(np.cumsum(north), np.cumsum(east)).max() > SHORT:
         return None
     speed = length / step
-    level = np.maximum(np.abs(pitch[1:]), np.abs(pitch[:-1])) < STEEP
+    roll = np.asarray(history.columns.get(ROLL, np.zeros_like(pitch)))
+    tilt = np.maximum(np.abs(pitch), np.abs((roll + 180.0) % 360.0 - 180.0))
+    level, moving = np.maximum(tilt[1:], tilt[:-1]) < STEEP, speed > SLOW * speed.max()
     slow_turn = np.abs(np.diff(angles[2])) < np.radians(COARSE)
-    used = (speed > SLOW * speed.max()) & level & slow_turn & np.isfinite(heading[1:] + heading[:-1])
-    if not used.any():
+    used = moving & level & slow_turn & np.isfinite(heading[1:] + heading[:-1])
+    if not used.any() or step[moving & level].sum() < LEVEL * step[moving].sum():
         return None
     track = np.arctan2(east, north)[used]
     middle = (0.5 * (angles[2][1:] + angles[2][:-1]))[used]

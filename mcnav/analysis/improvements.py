@@ -1,6 +1,7 @@
-"""Effect of a better number of the data sheet, each alone: sigmas at the end, and the tightest requirement.
+"""Effect of a better number of the data sheet, each alone, on what fails, or else on what comes closest to failing.
 
-By linear covariance with the gains of the campaign's filter: see `mcnav.analysis.what_if`.
+By linear covariance with the gains of the campaign's filter: see `mcnav.analysis.what_if`. What a simulation measured
+of a requirement scales its share of the limit (`mcnav.analysis.simulated_requirements`).
 """
 
 from __future__ import annotations
@@ -20,13 +21,21 @@ from mcnav.analysis.what_if import LimitedErrors, ScaledCovariance, WhatIf
 from mcnav.statistics.normal_size import size_quantile
 
 HALF: Final = 0.5
-"""Factor of a number that the catalogue has no grades of."""
+"""Factor of a number of which the catalogue has no finer grade."""
 
 SAME: Final = 0.999
 """Factor from which on a grade is the number itself."""
 
 BOUND: Final = 1.05
 """Allowance on the largest quantile over rms of a normal vector's length: that with equal sigmas along some axes."""
+
+
+@dataclass(frozen=True)
+class Departing:
+    """An output of which the filter departs from the truth, by number, and the time of the worst departure."""
+
+    output: int
+    time: float
 
 
 @dataclass(frozen=True)
@@ -43,6 +52,10 @@ class Improvement:
         Largest share of its limit that a requirement uses then; none without requirements on sizes.
     sigmas : ndarray, shape (outputs,)
         Sigmas at the end over those of the campaign; one where there is none.
+    departing : float
+        The true sigma of the output of which the filter departs, over that of the campaign; NaN without one.
+    share : float
+        Share of the number in the square of what improvements are ranked by; NaN without such a thing.
     """
 
     slider: Slider
@@ -50,46 +63,98 @@ class Improvement:
     factor: float
     used: float | None
     sigmas: Array
+    departing: float = math.nan
+    share: float = math.nan
 
 
-def improvements(what_if: WhatIf) -> tuple[float | None, list[Improvement]]:
-    """Return the share of its limit that the tightest requirement uses now, and all improvements, the best first."""
+@dataclass(frozen=True)
+class Improvements:
+    """All improvements, the best first.
+
+    Attributes
+    ----------
+    used : float, optional
+        Share of its limit that the tightest requirement uses now.
+    listed : sequence of Improvement
+    unsized : float
+        Share of causes that no number sizes in what improvements are ranked by; NaN without such a thing.
+    """
+
+    used: float | None
+    listed: Sequence[Improvement]
+    unsized: float
+
+
+def improvements(what_if: WhatIf, departing: Departing | None = None) -> Improvements:
+    """Find what each number does to what the filter gets wrong, to the tightest requirement, or to all sigmas.
+
+    Parameters
+    ----------
+    departing : Departing, optional
+        What the filter gets wrong: improvements are ranked by their effect on it, and not by requirements.
+    """
     sliders, covariance = what_if.campaign.sliders, what_if.covariance
-    limited = [each for each in what_if.requirements if each.requirement.kind != "box"]
-    factors = [1.0] * len(sliders)
-    before, listed = covariance.sigma(factors)[-1], []
-    for number, slider in enumerate(sliders):
-        finer = next_finer(slider)
-        if finer is None:
-            continue
-        grade, factor = finer
-        changed = [*factors[:number], factor, *factors[number + 1 :]]
-        after = covariance.sigma(changed)[-1]
+    pairs = zip(what_if.requirements, what_if.known_scales, strict=True)
+    sizes = [(errors, scale) for errors, scale in pairs if errors.requirement.kind != "box"]
+    limited, known = [errors for errors, _ in sizes], [scale for _, scale in sizes]
+    at = None if departing is None else (_reading(covariance, departing.time), departing.output)
+    before, ones = covariance.sigma([1.0] * len(sliders)), [1.0] * len(sliders)
+    used_now = largest_share(covariance, limited, ones, known)
+
+    def remaining(factors: Sequence[float]) -> float:
+        """Return what is left of the square that improvements are ranked by."""
+        if at is not None:
+            return float((covariance.sigma(factors)[at] / before[at]) ** 2) if before[at] > 0.0 else math.nan
+        used = largest_share(covariance, limited, factors, known)
+        return (used / used_now) ** 2 if used is not None and used_now else math.nan
+
+    def improvement(number: int, grade: str, factor: float) -> Improvement:
+        changed, without = ([*ones[:number], each, *ones[number + 1 :]] for each in (factor, 0.0))
+        after = covariance.sigma(changed)
         sigmas = np.divide(after, before, out=np.ones_like(after), where=before > 0.0)
-        listed.append(Improvement(slider, grade, factor, largest_share(covariance, limited, changed), sigmas))
-    ranked = sorted(listed, key=lambda each: (math.inf if each.used is None else each.used, float(each.sigmas.min())))
-    return largest_share(covariance, limited, factors), ranked
+        ratio = math.nan if at is None else float(sigmas[at])
+        used = largest_share(covariance, limited, changed, known)
+        return Improvement(sliders[number], grade, factor, used, sigmas[-1], ratio, 1.0 - remaining(without))
+
+    offered = [(number, next_finer(slider)) for number, slider in enumerate(sliders)]
+    listed = [improvement(number, *finer) for number, finer in offered if finer is not None]
+    return Improvements(used_now, sorted(listed, key=_rank), remaining([0.0] * len(sliders)))
+
+
+def _rank(improvement: Improvement) -> tuple[float, float, float]:
+    used = math.inf if improvement.used is None else improvement.used
+    departing = 0.0 if math.isnan(improvement.departing) else improvement.departing
+    return departing, used, float(improvement.sigmas.min())
+
+
+def _reading(covariance: ScaledCovariance, time: float) -> int:
+    """Return the reading at a time, the last one where no time is known."""
+    if np.isnan(covariance.times).all():
+        return len(covariance.times) - 1
+    return int(np.nanargmin(np.abs(covariance.times - time)))
 
 
 def next_finer(slider: Slider) -> tuple[str, float] | None:
-    """Return the next finer grade and its factor, half without grades; none of the finest grade, and of zero."""
+    """Return the next finer grade and its factor, half where there is none; none of a number that is zero."""
     if slider.sizes[slider.shown].value == 0.0:
         return None
-    if not slider.grades:
-        return "", HALF
     finer = [(name, factor) for name, factor in slider.grades if 0.0 < factor < SAME]
-    return max(finer, key=lambda each: each[1]) if finer else None
+    return max(finer, key=lambda each: each[1]) if finer else ("", HALF)
 
 
 def largest_share(
-    covariance: ScaledCovariance, limited: Sequence[LimitedErrors], factors: Sequence[float]
-) -> float | None:
-    """Compute the largest share of its limit that a requirement uses for linear normal errors; none without any."""
+    covariance: ScaledCovariance, limited: Sequence[LimitedErrors], factors: Sequence[float],
+    scales: Sequence[float] = (),
+) -> float | None:  # fmt: skip
+    """Compute the largest share of its limit that a requirement uses for linear normal errors; none without any.
+
+    ``scales`` multiply the errors that each requirement limits.
+    """
     if not limited:
         return None
     values, means, largest = covariance.covariance(factors), covariance.mean(factors), 0.0
-    for each in limited:
-        largest = max(largest, _share(covariance, each, values, means, largest))
+    for errors, scale in zip(limited, scales or [1.0] * len(limited), strict=True):
+        largest = max(largest, scale * _share(covariance, errors, values, means, largest / scale))
     return largest
 
 

@@ -214,9 +214,9 @@ class LinearAnswer:
 
     @cached_property
     def final_variances(self) -> Mapping[str, Array]:
-        """Part of each cause in the final variances, shape (outputs,), SI."""
-        squares = self.budget.contributions**2
-        return {name: squares[:, number] for number, name in enumerate(self.causes) if squares[:, number].any()}
+        """Part of each cause in the final variances, with half of what its correlations add, shape (outputs,)."""
+        parts = np.nan_to_num(self.budget.attributed) * np.diag(self.covariance)[:, None]
+        return {name: parts[:, number] for number, name in enumerate(self.causes) if parts[:, number].any()}
 
     def final_causes(self, output: int) -> tuple[Cause, ...]:
         """List the causes of an output's final variance."""

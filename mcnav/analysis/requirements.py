@@ -165,7 +165,8 @@ class RequirementResult:
     samples_needed : int or None
         Samples that would decide an undecided case with a probability of 90 % if the truth is as estimated.
     largest_sigmas : ndarray, shape (sources,), or None
-        For a quantile, the largest sigma of each source by linear analysis, the others unchanged.
+        For a quantile, the largest sigma of each source, the others unchanged: by linear analysis with errors as many
+        times as large as the upper bound of the samples is over the linear value. None without an upper bound.
     remark : str
         Reason why nothing could be decided, other than too few samples; or why their number is rough.
     time : float or None
@@ -304,8 +305,9 @@ def _judge_size(
         shares = [float(np.mean(~(sizes < limit)))], [float(np.mean(sizes >= limit))]
         needed, remark = samples_needed(*shares, 1.0 - probability, (confidence, confidence), counting)
     largest = None
-    if requirement.kind == "quantile" and not size_members(outputs, model.sizes):
-        sigma = _largest_sigma(float(model.outcome_mean[outputs[0]]), limit, probability)
+    measured = interval[1] / linear if linear > 0.0 else math.inf
+    if requirement.kind == "quantile" and not size_members(outputs, model.sizes) and 0.0 < measured < math.inf:
+        sigma = _largest_sigma(float(model.outcome_mean[outputs[0]]), limit / measured, probability)
         if sigma is not None:
             largest = largest_sigmas(model.partials[outputs[0]], model.covariance, sigma)
     estimate, meets = ranked.estimate(probability), linear < limit

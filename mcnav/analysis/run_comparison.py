@@ -18,7 +18,7 @@ import numpy as np
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
-from mcnav.analysis.decision_rule import LARGEST_EXPONENT
+from mcnav.analysis.decision_rule import spread_of
 from mcnav.analysis.mean_errors import Quantity, departures
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate, blocked_mean, paired_squares
@@ -65,7 +65,7 @@ class Change:
     @property
     def certain(self) -> bool:
         """Return whether the interval of the ratio excludes one."""
-        return not self.interval[0] <= 1.0 <= self.interval[1]
+        return bool(np.isfinite(self.interval).all()) and not self.interval[0] <= 1.0 <= self.interval[1]
 
 
 def change(
@@ -93,7 +93,7 @@ def change(
         return Change(sigmas[0], sigmas[1], float("nan"), unknown, shifted, common, about_zero)
     ratio, (low, high) = sigmas[1] / sigmas[0], spread.interval(confidence)
     down, up = 0.5 * (spread.value - low), 0.5 * (high - spread.value)
-    interval = (ratio * float(np.exp(-down)), ratio * float(np.exp(min(up, LARGEST_EXPONENT))))
+    interval = ratio / spread_of(down), ratio * spread_of(up)
     return Change(sigmas[0], sigmas[1], ratio, interval, shifted, common, about_zero)
 
 

@@ -258,6 +258,11 @@ class WhatIf:
         Causes that no number sizes.
     beside : str
         Where the file with changed numbers is to be saved, as the end of a sentence.
+    estimable : tuple of str
+        Kinds of errors that the campaign's filter does not model, and could.
+    scales : tuple of float
+        By requirement, what linear errors are multiplied by for linear analysis to state the bound of a run
+        (`mcnav.analysis.simulated_requirements`), NaN where it bounds nothing; empty without a run.
     """
 
     campaign: ChangeableCampaign
@@ -265,3 +270,11 @@ class WhatIf:
     requirements: tuple[LimitedErrors, ...]
     unsized: tuple[str, ...]
     beside: str
+    estimable: tuple[str, ...] = ()
+    scales: tuple[float, ...] = ()
+
+    @property
+    def known_scales(self) -> tuple[float, ...]:
+        """Scales of the requirements; one where none is known."""
+        scales = self.scales or (1.0,) * len(self.requirements)
+        return tuple(scale if scale > 0.0 else 1.0 for scale in scales)

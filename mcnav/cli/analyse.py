@@ -200,6 +200,10 @@ def judge(
 @command()
 def allocate(
     campaign: CampaignFile,
+    confirm: Annotated[
+        int, typer.Option(metavar="N", min=0, help="Simulate the N smallest changes; 0: linear analysis alone.")
+    ] = 3,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs.")] = 2,
     folder: Annotated[
         Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_allocate].")
     ] = None,
@@ -207,8 +211,9 @@ def allocate(
 ) -> None:
     """Find the data-sheet numbers that just meet requirements.
 
-    It uses linear analysis. Each number is changed alone, all are changed together, and for type ins numbers are
-    moved by one grade of the catalogue. Where the requirements are met, numbers are loosened.
+    It uses linear analysis, scaled by a simulation of the campaign, and simulates the smallest changes. Each number is
+    changed alone, all are changed together, and for type ins numbers are moved by one grade of the catalogue. Where
+    the requirements are met, numbers are loosened.
 
     Example: mcnav allocate campaigns/19_flight_with_gnss.toml
     """
@@ -219,7 +224,7 @@ def allocate(
 
     with progress.shown(err) as shown:
         target = output_folder(folder, Path("reports") / f"{campaign.stem}_allocate")
-        result, files = write_allocation(campaign, target, shown)
+        result, files = write_allocation(campaign, target, shown, confirm, jobs)
     if form != "table":
         print_rows(form, [vars(row) for row in tables.change_rows(result)], tables.table(result))
         return

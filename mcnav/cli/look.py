@@ -141,12 +141,17 @@ def brief(
     campaign: Annotated[
         Path | None, typer.Option("--campaign", help="The run's campaign file; needed for advice on code of your own.")
     ] = None,
+    confirm: Annotated[
+        int,
+        typer.Option(metavar="N", min=0, help="Simulate N changes of numbers; those that hold are listed."),
+    ] = 3,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs.")] = 2,
     into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: RUN_brief].")] = None,
 ) -> None:
     """Write a run on one sheet for a review board.
 
-    A page and a PDF: verdicts, requirements with margins, the worst case, its causes, and what would help by linear
-    analysis.
+    A page and a PDF: verdicts, requirements with margins, the worst case, its causes, and what would help. Changes are
+    found by linear analysis scaled by the run, and simulated.
 
     Example: mcnav brief reports/mine
     """
@@ -155,7 +160,7 @@ def brief(
 
     target = output_folder(into, default_folder(folder))
     with progress.shown(err) as shown:
-        written = write_brief(folder, target, campaign, shown)
+        written = write_brief(folder, target, campaign, shown, confirm, jobs)
     print_written(written)
     print_next(next_command.written("report", folder, "--open"))
 
@@ -284,9 +289,9 @@ def index(
     """
     from mcnav.workflow.index import write_index
 
-    written, count, latest = write_index(folder)
+    written, count, foremost = write_index(folder)
     print_line(f"{count} runs\n\nwritten: {written}")
-    print_next(next_command.after_index(latest))
+    print_next(next_command.after_index(foremost))
 
 
 @command()

@@ -15,6 +15,7 @@ import tomli_w
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.changeable_campaign import MARK, Belief, ChangeableCampaign, Size, Slider
+from mcnav.analysis.filter_causes import kind_of
 from mcnav.analysis.what_if import FIXED
 from mcnav.config.data_sheet import (
     OF_LOOPS,
@@ -29,6 +30,7 @@ from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.config.toml import Content
 from mcnav.contract.quantities import TRUE, Source
 from mcnav.systems.ins.imu.instruments import NEGLECTED
+from mcnav.systems.ins.tables.filter import KINDS, OF_SENSORS
 from mcnav.systems.ins.tables.imu_catalogue import catalogue
 from mcnav.systems.registry import FURTHER_NAMES, is_code
 from mcnav.units import UnitError, parted
@@ -91,6 +93,22 @@ def unsized_causes(campaign: ChangeableCampaign, sources: Sequence[Source], cova
     apart = (np.diag(covariance) > 0.0) & (campaign.source_numbers == FIXED)
     names = [source.name for source, each in zip(sources, apart, strict=True) if each]
     return [*names, *(name for name, number in campaign.process_numbers.items() if number == FIXED)]
+
+
+def estimable_kinds(content: Mapping[str, Any], sources: Sequence[Source]) -> tuple[str, ...]:
+    """List the kinds of errors that the filter of an aided navigation does not model, and could."""
+    table = content.get("filter")
+    if is_code(_type_of(content)) or not isinstance(table, Mapping):
+        return ()
+    modelled = {*table.get("estimates", ()), *table.get("considers", ())}
+    sensors = {_name_of(sensor) for sensor in content.get("aiding", ())}
+
+    def estimable(kind: str) -> bool:
+        of_sensor = OF_SENSORS.fullmatch(kind)
+        return kind in KINDS or (of_sensor is not None and of_sensor[1] in sensors)
+
+    kinds = dict.fromkeys(kind_of(source.name) for source in sources)
+    return tuple(kind for kind in kinds if kind not in modelled and estimable(kind))
 
 
 def _owner(cause: str, numbers: Sequence[DataSheetNumber]) -> DataSheetNumber | None:

@@ -11,31 +11,48 @@ import numpy as np
 from markupsafe import Markup
 
 from mcnav._dataclasses import dataclass
+from mcnav.analysis.allocation import Allocation
 from mcnav.analysis.brief import Advice, FilterRemedy
+from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.filter_remarks import group_words
 from mcnav.report import sentences
-from mcnav.report.allocate import change_row, change_table, goal_title
-from mcnav.report.document import CODE, Cell, Column, Note, Page, Part, Section, Sentence, Table, Tiles, headed
+from mcnav.report.allocate import basis_words, change_row, change_table, goal_title, unconfirmed_words
+from mcnav.report.document import (
+    CODE,
+    Cell,
+    Column,
+    Note,
+    Page,
+    Part,
+    Section,
+    Sentence,
+    Table,
+    Tile,
+    Tiles,
+    headed,
+    joined,
+)
 from mcnav.report.figures.brief import limit_to_causes
 from mcnav.report.figures.figure import Figure
+from mcnav.report.filter_columns import foremost_neglected
 from mcnav.report.format import number, rounded
 from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize, shown_units
 from mcnav.report.page import figures
 from mcnav.report.requirements import RequirementRow, listed, requirement_rows
 from mcnav.report.tiles import headline, tiles, worst_requirement
+from mcnav.report.worst_case import worst_case
 
-WORST_CASE: Final = {
-    "Mean errors": ("envelopes", "histograms"),
-    "Requirements": ("requirements_over_time", "tails", "histograms"),
-    "Filter": ("sigma_history", "nees_history"),
-    "Smoother": ("sigma_history",),
-    "Linear analysis": ("combination", "ratios"),
-}
-"""Figures that show the worst case of each tile, the foremost first."""
+LISTED: Final = 5
+"""Remedies of a filter that are listed."""
 
-CHANGES: Final = 5
-"""Changes of numbers that are listed."""
+REFUTED: Final = ("optimistic", "pessimistic")
+FILTER_TONES: Final = {"consistent": "agrees", "optimistic": "differs", "pessimistic": "differs"}
+
+NO_REMEDY: Final = (
+    "The samples show that the filter is {}. Linear analysis finds the filter consistent, and therefore cannot say "
+    "what would help."
+)
 
 LINK: Final = Markup('<a href="{}">{}</a>').format
 
@@ -60,9 +77,9 @@ def page(content: RunAnalysis, advice: Advice, links: Links) -> Page:
     worst = worst_requirement(summary, content.time_unit)
     sections = [
         _requirements(content, links),
-        _worst_case(content, drawn, made[0].subject, links),
-        _causes(drawn, worst, links),
-        _advice(content, advice, worst),
+        _worst_case(content, drawn, made[0], links),
+        _causes(content, drawn, worst, made[0].subject, links),
+        _advice(content, advice),
         _sources(content, worst, links),
     ]
     return Page(
@@ -104,50 +121,78 @@ def _requirements(content: RunAnalysis, links: Links) -> Section | None:
     return Section("requirements", "Requirements", [Table("", columns, rows), more])
 
 
-def _worst_case(content: RunAnalysis, drawn: dict[str, Figure], subject: str, links: Links) -> Section | None:
-    """Show the figure of the worst tile, of its panels the one on what is worst; none where there is none."""
-    known = [drawn[name] for name in (*WORST_CASE[subject], "envelopes", "ratios") if name in drawn]
-    if not known:
+def _worst_case(content: RunAnalysis, drawn: dict[str, Figure], tile: Tile, links: Links) -> Section | None:
+    """Show the panel of the worst case; none where nothing shows it."""
+    shown = worst_case(content, drawn, tile)
+    if shown is None:
         return None
-    figure, result = known[0], content.summary.filter
-    row = worst_requirement(content.summary, content.time_unit)
-    foremost = [result.group, humanize(result.output)] if subject == "Filter" and result else []
-    foremost += [*map(humanize, row.entry.outputs)] if subject == "Requirements" and row else []
-    panels = [each for each in figure.panels if each.title in foremost] or figure.panels
-    shown = replace(figure, panels=panels[:1], shown=0)
     return Section("worst", "Worst case", [shown, Note(Markup("All panels: {}.").format(links.to("the report")))])
 
 
-def _causes(drawn: dict[str, Figure], worst: RequirementRow | None, links: Links) -> Section | None:
-    """Show what causes the worst requirement's errors, or those of all outputs."""
+def _causes(
+    content: RunAnalysis, drawn: dict[str, Figure], worst: RequirementRow | None, subject: str, links: Links
+) -> Section | None:
+    """Show what causes what is worst: what a filter does not model, a requirement's errors, or those of all outputs."""
+    unmodelled = foremost_neglected(content.summary) if subject == "Filter" else None
     figure = (limit_to_causes(worst) if worst else None) or drawn.get("budget")
-    if figure is None:
+    if figure is None and unmodelled is None:
         return None
-    of = [Sentence(f"Requirement: {worst.words}.")] if worst and figure.name == "waterfall" else []
+    of = [Sentence(f"Requirement: {worst.words}.")] if worst and figure and figure.name == "waterfall" else []
     more = Note(Markup("All shares: {}.").format(links.to("section Error budget of the report", "budget")))
-    return Section("causes", "Causes", [*of, figure, more])
+    shown = [unmodelled] if unmodelled is not None else [*of, *joined(figure)]
+    return Section("causes", "Causes", [*shown, more])
 
 
-def _advice(content: RunAnalysis, advice: Advice, worst: RequirementRow | None) -> Section:
-    """Tabulate what would help by linear analysis."""
+def _advice(content: RunAnalysis, advice: Advice) -> Section:
+    """Tabulate what would help: of numbers what simulation confirms, of filters the best first."""
     parts: list[Part] = []
     if advice.lacks:
         parts.append(Note(f"Not looked for: {advice.lacks}."))
-    if advice.allocation is not None:
-        goal = advice.allocation.goals[-1]
-        rows = [change_row(advice.allocation, goal, each) for each in goal.changes if each.reached][:CHANGES]
-        words = goal_title(advice.allocation, goal)
-        if rows:
-            parts += headed(words, change_table(goal, "", rows))
-        else:
-            parts.append(Sentence(f"{words}: no number of the data sheet does it alone."))
     if advice.now is not None:
-        parts += headed("The filter", _remedies(content, advice.now, advice.remedies))
+        parts += headed("The filter", *_filter_advice(content, advice.now, advice.remedies))
+    elif content.summary.filter is not None and content.summary.filter.verdict in REFUTED and not advice.lacks:
+        parts.append(Sentence(NO_REMEDY.format(content.summary.filter.verdict)))
+    if advice.allocation is not None:
+        parts += _numbers(advice.allocation)
     if not parts:
         parts.append(Sentence("Nothing: there is no requirement that linear analysis can judge, nor a filter."))
-    elif advice.allocation is not None or advice.now is not None:
-        parts.append(Note("By linear analysis of the changed campaign; mcnav run tests a change by Monte Carlo."))
     return Section("advice", "What would help", parts)
+
+
+def _numbers(allocation: Allocation) -> list[Part]:
+    """Tabulate the changes of numbers that simulation confirms."""
+    goal = allocation.goals[-1]
+    rows = [change_row(allocation, goal, change) for change in goal.changes if change.simulated is not None]
+    title, notes = goal_title(allocation, goal), [Note(words) for words in unconfirmed_words(goal)]
+    if not rows:
+        nothing = "simulation confirms no change that linear analysis proposes" if goal.unconfirmed else (
+            "no number of the data sheet does it alone")  # fmt: skip
+        return [Sentence(f"{title}: {nothing}."), *notes, Note(basis_words(allocation))]
+    return [*headed(title, change_table(goal, "", rows)), *notes, Note(basis_words(allocation))]
+
+
+def _filter_advice(content: RunAnalysis, now: FilterRemedy, remedies: Sequence[FilterRemedy]) -> list[Part]:
+    """State the best remedy with its entry of the campaign file, and tabulate it with the others."""
+    parts: list[Part] = []
+    best = remedies[0] if remedies else None
+    if best is not None and best.verdict.verdict == Honesty.CONSISTENT and not best.rank[0]:
+        simulated = f"; {best.simulated.verdict} by {best.samples:,} samples" if best.simulated else ""
+        parts.append(Sentence(f"A filter that {best.words} is consistent by linear analysis{simulated}:"))
+        parts += [Sentence(CODE(filter_line(name, entry))) for name, entry in best.entries.items() if entry]
+    parts.append(_remedies(content, now, remedies[:LISTED]))
+    if len(remedies) > LISTED:
+        parts.append(Note(f"{len(remedies) - LISTED} further filters depart more."))
+    return parts
+
+
+def filter_line(name: str, entry: Sequence[str]) -> str:
+    """Write an entry of ``[filter]`` as a campaign file has it.
+
+    >>> filter_line("considers", ["gyro_misalignment"])
+    'considers = ["gyro_misalignment"]'
+    """
+    listed = ", ".join(f'"{kind}"' for kind in entry)
+    return f"{name} = [{listed}]"
 
 
 def _remedies(content: RunAnalysis, now: FilterRemedy, remedies: Sequence[FilterRemedy]) -> Table[FilterRemedy]:
@@ -158,16 +203,24 @@ def _remedies(content: RunAnalysis, now: FilterRemedy, remedies: Sequence[Filter
         name = group_words(row.verdict.group) if row.verdict.group else humanize(row.verdict.output)
         return f"{rounded(row.verdict.factor)} in {name}" if name else rounded(row.verdict.factor)
 
+    def simulated(row: FilterRemedy) -> Cell:
+        result = content.summary.filter if row is now else row.simulated
+        if result is None:
+            return Cell("–")
+        samples = content.summary.samples if row is now else row.samples
+        return Cell(result.verdict, below=f"{samples:,} samples", tone=FILTER_TONES.get(result.verdict, "undecided"))
+
     scale, unit = units.get(output, (1.0, ""))
     columns: list[Column[FilterRemedy]] = [
         Column("A filter that", lambda row: row.words, kind="words"),
         Column("Linear verdict", lambda row: Cell(row.verdict.verdict, tone=_tone(row)), kind="label"),
+        Column("Simulated", simulated, kind="label"),
         Column("True over filter σ at worst", of, kind="text"),
     ]
     if output:
         minutes = content.time_unit == "min"
         at = f"{now.verdict.worst / 60.0:.3g} min" if minutes else f"{now.verdict.worst:.4g} {content.time_unit}"
-        heading = f"True σ of {humanize(output)} at {at}"
+        heading = f"True σ of {humanize(output)} at {at}, linear"
         columns.append(Column(heading, lambda row: Cell(number(row.sigma * scale, 4), unit)))
     return Table("", columns, [now, *remedies])
 

@@ -114,7 +114,7 @@ def _matrices(content: RunAnalysis) -> str:
 
 def _budget(content: RunAnalysis) -> str:
     """Name the largest share of a contributor."""
-    shares = np.nan_to_num(content.budget.shares)
+    shares = np.nan_to_num(content.budget.attributed)
     known = [each for each in contributors(content) if not each.other]
     if not known or not content.moving:
         return ""

@@ -26,7 +26,8 @@ NOTE: Final = (
     "Every kind has the same samples and the same noise, by the reference engine. The ratio is that of the true sigma "
     "to the filter's own where the verdict is decided, over the whole flight, with the interval of all epochs "
     "together. NEES and sigmas are those at the end. To first order all kinds are one filter: linear analysis has one "
-    "answer. Position is that of a horizontal axis. What a sample takes is its computing time on one thread."
+    "answer. Horizontal position is DRMS, the root of the sum of two variances. What a sample takes is its computing "
+    "time on one thread."
 )
 
 
@@ -77,8 +78,9 @@ def kind_table(comparison: KindComparison) -> Table[KindResult]:
         Column("True σ / filter σ", _factor, "true / own"),
         Column("Decided by", lambda each: humanize(each.decided_by), kind="words", spare=3),
         Column("NEES / 9 at the end", _nees, "NEES / 9"),
-        Column("Position, true σ (own)", lambda each: _sigmas(each, HORIZONTAL, 1.0), "position", unit="m"),
-        Column("Heading, true σ (own)", lambda each: _sigmas(each, (HEADING,), math.degrees(1.0)), "heading",
+        Column("Horizontal position, true DRMS (filter's)", lambda each: _sigmas(each, HORIZONTAL, 1.0),
+               "horizontal DRMS", unit="m"),
+        Column("Heading, true σ (filter's)", lambda each: _sigmas(each, (HEADING,), math.degrees(1.0)), "heading σ",
                unit="deg", spare=1),
         Column("Failed", lambda each: f"{each.summary.failed:,}", spare=4),
         Column("A sample takes", lambda each: number(each.milliseconds, 2),

@@ -89,7 +89,7 @@ def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
 
 def largest_causes(answer: LinearAnswer) -> list[str]:
     """Name the kinds of causes that are the largest of most outputs, at most two."""
-    labels, shares = cause_labels(answer), np.nan_to_num(answer.budget.shares)
+    labels, shares = cause_labels(answer), np.nan_to_num(answer.budget.attributed)
     kind_of = [label if stem(label) == INITIAL else stem(label) for label in labels]
     kinds = list(dict.fromkeys(kind_of))
     of_kind = np.array([[each == kind for each in kind_of] for kind in kinds], dtype=float)

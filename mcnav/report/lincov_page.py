@@ -50,7 +50,7 @@ from mcnav.report.lincov import (
 )
 from mcnav.report.names import humanize, scale_of
 from mcnav.report.requirements import listed
-from mcnav.report.sections.improvements import improvements_section
+from mcnav.report.sections.improvements import failing_linearly, improvements_section
 from mcnav.report.sections.what_if import what_if_section
 from mcnav.report.sentences import BEYOND, noticed
 from mcnav.report.share_table import ShareRow, each_cause, share_tables, together
@@ -103,7 +103,7 @@ def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = 
     if (gates := gate_table(answer)) is not None:
         sections.append(Section("gates", "What the gates stop", [gates]))
     looped = ".py:" in answer.kind and any(each.of == "truth" for each in answer.outputs)
-    if meaningful and (better := improvements_section(what_if, answer.outputs)) is not None:
+    if meaningful and (better := improvements_section(what_if, answer.outputs, failing_linearly(answer))) is not None:
         sections.append(better)
     if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped)) is not None:
         sections.append(changeable)

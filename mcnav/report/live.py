@@ -19,8 +19,9 @@ from mcnav.report.tiles import NAMES, status
 
 EXPLANATION: Final = (
     "The campaign's file is watched, and this page follows it. Tune anew computes the linear covariance of the numbers "
-    "above with the filter made for them, as mcnav lincov does, and keeps it here beside those before. Confirm by "
-    "Monte Carlo runs that campaign, and Copy as TOML gives its file, to be saved beside the one that is watched."
+    "above with the filter made for them, as mcnav lincov does, and keeps it here beside those before. All of it is "
+    "linear analysis, which may be wrong, until Confirm by Monte Carlo runs that campaign and finds the same. Copy as "
+    "TOML gives its file, to be saved beside the one that is watched."
 )
 
 WHAT_IF: Final = "what-if"

@@ -30,13 +30,13 @@ from mcnav.report.sections.answers import answers
 from mcnav.report.sections.budget import budget_section
 from mcnav.report.sections.causes import causes_section
 from mcnav.report.sections.filter import filter_sections
-from mcnav.report.sections.improvements import improvements_section
+from mcnav.report.sections.improvements import failing_in_run, improvements_section
 from mcnav.report.sections.joint import combination_section, joint_section
 from mcnav.report.sections.outputs import dispersion_section, requirements_section, sigmas_section
 from mcnav.report.sections.provenance import provenance_section, simulated_per_second
 from mcnav.report.sections.smoother import smoother_section
 from mcnav.report.sections.truth import truth_section
-from mcnav.report.sections.what_if import what_if_section
+from mcnav.report.sections.what_if import linear_fails, what_if_section
 from mcnav.report.sentences import Statement
 from mcnav.report.tiles import headline, tiles
 
@@ -123,8 +123,8 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
         smoother_section(content),
         None if flown is None else Section("flight", flown.title, [flown]),
         budget_section(content, drawn) if dispersed else None,
-        improvements_section(content.what_if, content.manifest.model.outputs),
-        what_if_section(content.what_if, content.manifest.model.outputs, content.looped),
+        improvements_section(content.what_if, content.manifest.model.outputs, failing_in_run(content)),
+        what_if_section(content.what_if, content.manifest.model.outputs, content.looped, linear_fails(content.summary)),
         joint_section(content, drawn) if dispersed else None,
         dispersion_section(content, drawn) if dispersed else None,
         requirements_section(content, drawn),

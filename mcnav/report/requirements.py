@@ -311,8 +311,9 @@ ALLOWED: Final[tuple[ResultColumn[AllowedSigma], ...]] = (
 )
 
 ALLOWED_CAPTION: Final = (
-    "Largest sigma of each source that meets the requirement by linear analysis, with the other sources unchanged. "
-    "“None”: the others exceed the limit without it."
+    "Largest sigma of each source that meets the requirement, with the other sources unchanged: by linear analysis, "
+    "multiplied by the upper bound of the samples over the linear value. Not simulated: mcnav allocate simulates such "
+    "changes. “None”: the others exceed the limit without it."
 )
 
 
@@ -335,7 +336,7 @@ def allowed_sigmas(summary: Summary, units: Units = "shown") -> list[AllowedSigm
 
 def allowed_table(summary: Summary, units: Units = "shown") -> ResultTable:
     """Tabulate the largest source sigmas that meet the requirements."""
-    title = "Largest source sigmas that meet each requirement, by linear analysis"
+    title = "Largest source sigmas that meet each requirement, by linear analysis scaled by the samples"
     return ResultTable.of_entries("allowed_sigmas", title, 2, ALLOWED, allowed_sigmas(summary, units), ALLOWED_CAPTION)
 
 

@@ -15,6 +15,7 @@ from mcnav.report.format import percent
 from mcnav.report.mean_words import large_means_of, mean_sentence
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.vector_sizes import size_sentences
+from mcnav.sampling.designs import fewest_samples
 from mcnav.statistics.power import sensible_step
 
 if TYPE_CHECKING:
@@ -263,6 +264,8 @@ def explanation(summary: Summary) -> str:
             f"than {limit} ({confidence}); {largest}.{rest}"
         )
     if undecided:
+        if undecided == too_few(summary):
+            return undecided
         decided = [name for name in names if verdicts[name] == "agrees" and name not in still]
         of_others = f" The Monte Carlo sigma of {_join(decided)} is within it." if decided else ""
         return f"With {samples:,} samples, {confidence} and a tolerance of ±{limit}: {undecided}{of_others}"
@@ -289,19 +292,29 @@ def _undecided(summary: Summary, names: Sequence[str]) -> str:
     result = [f"Undecided for {_join(heavy)}: tails too heavy for an interval."] if heavy else []
     others = [name for name in names if name not in concerned]
     if others:
-        result.append(f"Undecided for {_join(others)}: {_why_undecided(summary, others)}.")
+        why = _why_undecided(summary, others)
+        result.append(f"Undecided for {_join(others)}: {why}." if why else too_few(summary))
     return " ".join(result)
 
 
 def _why_undecided(summary: Summary, names: Sequence[str]) -> str:
-    """Return what would decide some outputs, or why nothing would."""
+    """Return what would decide some outputs, or why nothing would; empty where there are too few samples."""
     needed = [count for count in summary.samples_needed if count]
     if needed:
         return f"{more_samples(max(needed), summary.samples)} would decide"
     intervals = zip(summary.names, summary.sigma_ratio_paired_interval, strict=False)
     if any(ends and _is_finite(*ends) for name, ends in intervals if humanize(name) in names):
         return "too close to a limit of the tolerance for any number of samples"
-    return "too few independent samples for an interval"
+    return ""
+
+
+def too_few(summary: Summary) -> str:
+    """Say how many samples a verdict takes; of a run whose samples failed in part, so many more."""
+    succeeded = summary.samples - summary.failed
+    if succeeded >= fewest_samples(summary.design):
+        return "There is no interval for a verdict."
+    needed = math.ceil(fewest_samples(summary.design) * summary.samples / max(succeeded, 1))
+    return f"{succeeded:,} samples are too few for a verdict: run at least {max(needed, summary.samples + 1):,}."
 
 
 def _is_finite(low: float | None, high: float | None) -> bool:

@@ -61,12 +61,16 @@ MOST_LINES: Final = 12
 def terminal(sweep: Sweep) -> list[Part]:
     """List what the terminal shows: headline, limits, some points of the grid, Monte Carlo."""
     parts: list[Part] = [*_mean_errors(sweep), Verdict(*headline(sweep)), *map(Note, remarks(sweep))]
+    confirmed = [Verdict(*confirmed_words(sweep))] if sweep.confirmations else []
+    refuted = bool(confirmed) and confirmed[0].tone == "differs"
+    if refuted:
+        parts = [*confirmed, *parts]
     if sweep.just_met:
         parts.append(limit_table(sweep))
     parts += [point_table(sweep), *map(Note, _not_shown(sweep))]
     if sweep.confirmations:
         checks = confirmation_table(sweep, sweep.confirmations)
-        parts += [Sentence(""), Verdict(*confirmed_words(sweep)), checks]
+        parts += [Sentence(""), *([] if refuted else confirmed), checks]
     return parts
 
 
@@ -75,7 +79,7 @@ def page(sweep: Sweep) -> Page:
     contours = len(sweep.variables) > 1 and not sweep.variables[0].words
     words, tone = headline(sweep)
     confirmed = [Verdict(*confirmed_words(sweep))] if sweep.confirmations else []
-    stated: Part = Verdicts([Verdict(words, tone), *confirmed]) if tone else Sentence(words)
+    stated: Part = Verdicts([*confirmed, Verdict(words, tone)]) if tone else Sentence(words)
     others: list[Part] = [] if tone or not confirmed else [Verdicts(confirmed)]
     facts = Facts([
         (each.path, ", ".join(each.words) or

@@ -100,28 +100,37 @@ def tone_of(just_met: JustMet) -> str:
     return "agrees" if just_met.throughout else "partly" if just_met.met else "differs"
 
 
+NOT_SIMULATED: Final = "Linear analysis alone: no point was simulated. --confirm N simulates N points."
+
+
 def headline(sweep: Sweep) -> tuple[str, str]:
-    """State where the limits are met; return the words and their tone."""
+    """State where the limits are met; return the words and their tone, which Monte Carlo may take back."""
     if not sweep.just_met:
         varied = " and ".join(each.path for each in sweep.variables)
         return f"Accuracy by linear analysis over {varied}", ""
+    words, tone = _linear_headline(sweep)
+    refuted = sweep.confirmations and confirmed_words(sweep)[1] == "differs"
+    return f"By linear analysis: {words}", "undecided" if refuted else tone
+
+
+def _linear_headline(sweep: Sweep) -> tuple[str, str]:
     tones = [tone_of(each) for each in sweep.just_met]
     *first, last = sweep.variables
     if len(sweep.just_met) == 1:
         (only,) = sweep.just_met
-        return f"{_capital(title_of(sweep.measures[only.measure], sweep, True))}: {met_words(only, last)}", tones[0]
+        return f"{title_of(sweep.measures[only.measure], sweep, True)}: {met_words(only, last)}", tones[0]
     over = " and ".join(each.path for each in sweep.variables)
     if set(tones) == {"agrees"}:
-        return f"All limits are met at every value looked at of {over}", "agrees"
+        return f"all limits are met at every value looked at of {over}", "agrees"
     if set(tones) == {"differs"}:
-        return f"No limit is met at any value looked at of {over}", "differs"
+        return f"no limit is met at any value looked at of {over}", "differs"
     if first:
-        return f"Limits are met in part of the range of {over}", "partly"
+        return f"limits are met in part of the range of {over}", "partly"
     together = common_spans(sweep)
     if together is None:
-        return f"Limits are met in parts of the range of {over}", "partly"
+        return f"limits are met in parts of the range of {over}", "partly"
     words = met_words(JustMet(0, None, (), together), last)
-    return f"All limits together are {words}: {over}", tone_of(JustMet(0, None, (), together))
+    return f"all limits together are {words}: {over}", tone_of(JustMet(0, None, (), together))
 
 
 def common_spans(sweep: Sweep) -> tuple[Span, ...] | None:
@@ -164,7 +173,9 @@ def mean_words(sweep: Sweep) -> str:
 
 def remarks(sweep: Sweep) -> list[str]:
     """List what must be known of the numbers: points without an answer, measures that a variable does not change."""
-    result = [f"{sweep.gates}. No limit is judged."] if sweep.gates else []
+    result = [] if sweep.confirmations or not sweep.just_met else [NOT_SIMULATED]
+    if sweep.gates:
+        result.append(f"{sweep.gates}. No limit is judged.")
     if outside := int(np.isinf(sweep.values).any(axis=-1).sum()):
         points = "1 point" if outside == 1 else f"{outside} points"
         result.append(f"At {points} errors are beyond the range of linear analysis: no value there, and no limit met.")

@@ -76,7 +76,9 @@ SMOOTHED: Final = (
 def _moments(content: RunAnalysis, known: Envelopes) -> list[TimeColumn[Envelopes]]:
     """Return the columns of linear and Monte Carlo moments."""
     manifest, confidence = content.manifest, content.criterion.confidence
-    share = independent_share(manifest.design, manifest.sampling_design)
+    sampling = manifest.sampling_design
+    enough = known.samples // sampling.block_length >= sampling.fewest_blocks  # as of the same sigma at the end
+    share = independent_share(manifest.design, sampling) if enough else 0.0
     return [
         TimeColumn("mean_linear", lambda each: each.linear_mean, scaled=True),
         TimeColumn("sigma_linear", lambda each: each.linear_sigma, scaled=True),

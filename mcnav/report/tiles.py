@@ -9,7 +9,7 @@ from typing import Final
 from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.filter_remarks import group_words, instant
-from mcnav.analysis.summary import Ends, FilterSummary, Summary
+from mcnav.analysis.summary import Departure, Ends, FilterSummary, Summary
 from mcnav.report import sentences
 from mcnav.report.document import Tile
 from mcnav.report.format import number, rounded, signed
@@ -240,9 +240,8 @@ def _farthest(result: FilterSummary | None, whose: str) -> Worst:
     """Return a ratio of true sigma to that of a filter or a smoother."""
     if result is None:
         return NOTHING
-    departures = [each for each in result.departures if each.verdict == result.verdict and each.factor]
-    if departures:
-        worst = max(departures, key=lambda each: abs(math.log(each.factor or 1.0)))
+    worst = worst_departure(result)
+    if worst is not None:
         name = group_words(worst.name) if worst.of == "group" else humanize(worst.name)
         when = _at(worst.worst, result.time)
         return _ratio(worst.factor, worst.factor_interval, f"true σ / {whose} σ of {name}{when}", result.tolerance)
@@ -251,6 +250,12 @@ def _farthest(result: FilterSummary | None, whose: str) -> Worst:
     name = group_words(result.group) if result.group else humanize(result.output)
     when = _at(result.worst, result.time)
     return _ratio(result.factor, result.factor_interval, f"true σ / {whose} σ of {name}{when}", result.tolerance)
+
+
+def worst_departure(result: FilterSummary) -> Departure | None:
+    """Return what departs the most in the direction of the verdict; none of a filter of which nothing does."""
+    departures = [each for each in result.departures if each.verdict == result.verdict and each.factor]
+    return max(departures, key=lambda each: abs(math.log(each.factor or 1.0)), default=None)
 
 
 def _at(time: float | None, label: str) -> str:

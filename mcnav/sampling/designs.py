@@ -52,6 +52,15 @@ def block_length(design: str, samples: int) -> int:
     return min(length, LARGEST_HYPERCUBE) if design == "latin-hypercube" else length
 
 
+def fewest_samples(design: str) -> int:
+    """Return the fewest samples of a campaign of which there are intervals.
+
+    >>> [fewest_samples(design) for design in DESIGNS]
+    [100, 2000, 16, 16]
+    """
+    return next(count for count in range(1, 1_000_000) if count // block_length(design, count) >= FEWEST_BLOCKS[design])
+
+
 @dataclass(frozen=True)
 class SamplingDesign:
     """Dependence between the samples of a campaign, and what its statistics may rely on.

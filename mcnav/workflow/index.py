@@ -110,6 +110,7 @@ class _Run:
     sigmas: str = ""
     started: str = ""
     digest: str = ""
+    scenario: str = ""
 
 
 def write_index(folder: Path) -> tuple[Path, int, list[Path]]:
@@ -120,8 +121,8 @@ def write_index(folder: Path) -> tuple[Path, int, list[Path]]:
     written : Path
     runs : int
         Number of runs on the page.
-    latest : list of Path
-        Folders of those that can be read, the latest first.
+    foremost : list of Path
+        Folders of the latest two runs of one scenario, whose comparison says something, or else of the latest run.
 
     Raises
     ------
@@ -140,7 +141,16 @@ def write_index(folder: Path) -> tuple[Path, int, list[Path]]:
     written = folder / INDEX
     write_whole(written, page_html(_page(folder, runs, studies)).encode())
     latest = sorted((run for run in runs if not run.failure), key=lambda run: run.started, reverse=True)
-    return written, len(runs), [run.place for run in latest]
+    return written, len(runs), _foremost(latest)
+
+
+def _foremost(latest: Sequence[_Run]) -> list[Path]:
+    """Return the latest run of a scenario that an earlier one has as well, and that one; or the latest run alone."""
+    for place, run in enumerate(latest):
+        for earlier in latest[place + 1 :]:
+            if earlier.scenario == run.scenario:
+                return [run.place, earlier.place]
+    return [run.place for run in latest[:1]]
 
 
 def _below(folder: Path, depth: int) -> list[Path]:
@@ -194,6 +204,7 @@ def _read(folder: Path, place: Path) -> _Run:
                 sigmas=_sigmas(summary),
                 started=manifest.started,
                 digest=manifest.identity.digest[:HASH],
+                scenario=json.dumps(manifest.identity.campaign.get("scenario"), sort_keys=True, default=str),
             )
     except RunFolderError as failure:
         return _Run(place, path, report, place.name, str(failure).replace(str(place), place.name))

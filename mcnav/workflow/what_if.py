@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.rejections import OnLinear
 from mcnav.analysis.requirements import Requirement, counted, size_members
+from mcnav.analysis.simulated_requirements import measured_scale
 from mcnav.analysis.what_if import (
     Entries,
     LimitedErrors,
@@ -24,7 +26,7 @@ from mcnav.analysis.what_if import (
     picked_entries,
     scaled_covariance,
 )
-from mcnav.config.what_if import changeable_campaign, unsized_causes
+from mcnav.config.what_if import changeable_campaign, estimable_kinds, unsized_causes
 from mcnav.contract.quantities import Source
 
 if TYPE_CHECKING:
@@ -88,8 +90,14 @@ def what_if_of_run(content: RunAnalysis) -> WhatIf | None:
         settled = throughout.settled
         known = {epoch for epoch in range(len(settled)) if settled[epoch] >= 0}
         requirements = [each for each in requirements if known.issuperset(each.epochs)]
-    campaign = tomllib.loads(content.campaign)
-    return _what_if(campaign, sources, content.model, requirements, entries, throughout, "in the folder of this report")
+    campaign, beside = tomllib.loads(content.campaign), "in the folder of this report"
+    what_if = _what_if(campaign, sources, content.model, requirements, entries, throughout, beside)
+    measured = {
+        result.requirement: measured_scale(entry)
+        for result, entry in zip(content.requirements, content.summary.requirements, strict=True)
+    }
+    scales = tuple(measured[required] for required in requirements)
+    return None if what_if is None else replace(what_if, scales=scales)
 
 
 def _throughout(content: RunAnalysis, entries: Entries) -> _Throughout | None:
@@ -185,7 +193,8 @@ def _what_if(
         for readings in [[int(settled[epoch]) for epoch in each.epochs]]
     )  # fmt: skip
     without = tuple(unsized_causes(campaign, sources, model.covariance))
-    return WhatIf(campaign, _with_readings(covariance, kept), limited, without, beside)
+    estimable = estimable_kinds(content, sources)
+    return WhatIf(campaign, _with_readings(covariance, kept), limited, without, beside, estimable)
 
 
 def _origin(model: Model, throughout: _Throughout | None) -> Array:

@@ -10,12 +10,22 @@ import pytest
 
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.config.read import read_campaign
+from mcnav.report.brief import Links, page
+from mcnav.report.document import Table
 from mcnav.report.figures.brief import limit_to_causes
+from mcnav.report.html import page_html
+from mcnav.report.model import RunAnalysis
+from mcnav.report.page import figures
 from mcnav.report.requirements import requirement_rows
+from mcnav.report.sections.improvements import failing_in_run, improvements_section
+from mcnav.report.sentences import statements
+from mcnav.report.tiles import tiles, worst_departure
+from mcnav.report.worst_case import worst_case
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.brief import advise
 from mcnav.studies.lincov import answer_linearly
 from mcnav.workflow.analyse import analyse
+from mcnav.workflow.what_if import what_if_of_run
 from tests.commands import invoke
 from tests.conftest import ROOT
 from tests.runs import simulate
@@ -106,3 +116,55 @@ def test_mistakes_are_one_line(arguments: list[str], told: str, place: Path) -> 
     assert done.returncode != 0
     assert done.stderr.count("\n") == 1
     assert told in done.stderr
+
+
+@pytest.fixture(scope="module")
+def neglected(tmp_path_factory: pytest.TempPathFactory) -> RunAnalysis:
+    """Return a run of a filter that is optimistic in tilt because it does not model misalignments."""
+    folder = tmp_path_factory.mktemp("neglected") / "run"
+    simulate(read_campaign(NEGLECTED, {"samples": 40}), folder, None, 1)
+    return analyse(RunFolder(folder))
+
+
+def test_the_worst_case_is_drawn_of_what_the_first_tile_names(neglected: RunAnalysis) -> None:
+    """Not the first panel of the figure, position, but that of the tilt; and its words are on the tilt as well."""
+    summary = neglected.summary
+    first = tiles(summary, statements(summary), (), neglected.time_unit)[0]
+    assert (first.subject, first.status) == ("Filter", "optimistic")
+    drawn = figures(neglected)
+    shown = worst_case(neglected, drawn, first)
+    assert shown is not None
+    (panel,) = shown.panels
+    worst = worst_departure(summary.filter)  # type: ignore[arg-type]
+    assert worst is not None
+    assert worst.name in panel.about
+    assert panel.title != drawn["sigma_history"].panels[0].title
+    assert worst.name.replace("_", " ") in shown.shows
+
+
+def test_the_best_remedy_stands_first(neglected: RunAnalysis) -> None:
+    """A consistent filter before all others, with the entry of the campaign file that makes it."""
+    advice = advise(NEGLECTED)
+    best = advice.remedies[0]
+    assert best.verdict.verdict == Honesty.CONSISTENT
+    assert {"gyro_misalignment", "accelerometer_misalignment"} < set(best.entries["estimates"])
+    assert not {"gyro_g_sensitivity", "gnss_lever_arm"} & set(best.entries["estimates"])  # of which there are none
+    written = page(neglected, advice, Links("run", ""))
+    text = page_html(written).partition("What would help")[2]
+    assert text.index("gyro_misalignment&#34;") < text.index("considers gyro_misalignment")
+
+
+def test_the_cause_of_a_failing_filter_comes_before_numbers(neglected: RunAnalysis) -> None:
+    """Misalignments of the gyros make up most of what the filter misses; GNSS noise makes up nothing of it."""
+    what_if = what_if_of_run(neglected)
+    section = improvements_section(what_if, neglected.manifest.model.outputs, failing_in_run(neglected))
+    assert section is not None
+    causes, numbers = (part for part in section.parts if isinstance(part, Table))
+    kind, share = causes.rows[0]
+    neglect = [cause for cause in neglected.summary.filter.neglected if cause.name.startswith(kind)]  # type: ignore[union-attr]
+    assert kind == "gyro_misalignment"
+    assert share == pytest.approx(sum(cause.share for cause in neglect))
+    assert share > 0.5
+    assert "gyro_misalignment" in str(causes.columns[2].content(causes.rows[0]))
+    assert numbers.rows[0].improvement.slider.path == "imu.gyro.misalignment"
+    assert numbers.rows[0].improvement.factor == 0.5  # the catalogue has no finer grade

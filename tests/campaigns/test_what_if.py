@@ -99,7 +99,8 @@ def test_each_number_a_grade_finer() -> None:
     answer = answer_linearly(parse_campaign(AIDED, str(CAMPAIGNS / "aided.toml"), "what if"))
     found = what_if_of_answer(answer, AIDED, "beside it")
     assert found is not None
-    before, listed = improvements(found)
+    ranked = improvements(found)
+    before, listed = ranked.used, ranked.listed
     paths = [each.path for each in found.campaign.sliders]
     by_path = {each.slider.path: each for each in listed}
     assert (by_path["imu.gyro.bias"].grade, by_path["aiding.gnss.position"].grade) == ("navigation", "")

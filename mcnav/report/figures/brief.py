@@ -37,7 +37,8 @@ def limit_to_causes(row: RequirementRow) -> Figure | None:
     named = [(cause_label(row.summary, each.name), each.share) for each in entry.causes if each.share > NEGLIGIBLE]
     named = named[:LISTED]
     rest = 1.0 - sum(share for _, share in named)
-    shares = [*named, *([("all others", rest)] if rest > NOTHING else [])]
+    rests = "all others" if rest > 0.0 else "correlations"
+    shares = [*named, *([(rests, rest)] if abs(rest) > NOTHING else [])]
     ends = 100.0 * (1.0 - np.cumsum([0.0, *(share for _, share in shares)]))
     rows = ["all causes", *(name for name, _ in shares)]
     texts = [f"{name}: {100.0 * share:.3g} %" for name, share in shares]
@@ -45,10 +46,18 @@ def limit_to_causes(row: RequirementRow) -> Figure | None:
     high = 1.05 * max(100.0, min(allowed, 200.0))
     marks: list[Mark] = [
         Bars(TOTAL, [0], [0.0], [100.0], ["all causes: 100 %"]),
-        Bars(PART, np.arange(1, len(rows)), ends[1:], ends[:-1], texts, written),
+        Bars(
+            PART,
+            np.arange(1, len(rows)),
+            np.minimum(ends[1:], ends[:-1]),
+            np.maximum(ends[1:], ends[:-1]),
+            texts,
+            written,
+        ),
         *([Rule(allowed, name="the limit", colour=INK, width=1.6)] if allowed <= high else []),
     ]
-    across = Axis("mean square by linear analysis, of all causes", "%", low=0.0, high=high)
+    low = 1.05 * min(0.0, float(ends.min()))
+    across = Axis("mean square by linear analysis, of all causes", "%", low=low, high=high)
     enough = 0
     while allowed < 100.0 and enough < len(shares) and ends[enough] > allowed:
         enough += 1

@@ -17,6 +17,11 @@ from mcnav.report.figures.sources import Contributor
 NUMBERED: Final = 0.04
 """Smallest share whose number is written in its bar, where it has room."""
 
+CROSSED: Final = (
+    "Each share has half of what the correlations of its error source contribute, so that shares add up to 100 %; a "
+    "negative one takes away some of what others add."
+)
+
 ALL: Final = Series("all", "all errors", INK)
 """Name of all causes together."""
 
@@ -28,16 +33,21 @@ def shares_figure(
     outputs: Sequence[str],
     routes: Mapping[str, tuple[str, Array]],
     contributors: Sequence[Contributor],
+    crossed: bool = False,
 ) -> Figure:
     """Draw the share of each contributor in each output's variance, a panel for each route.
 
     ``causes`` are what they are called and their names; ``routes`` are the shares, shape (outputs, causes), with the
-    title of their panel by what precedes the per cent sign in the table.
+    title of their panel by what precedes the per cent sign in the table. They are ``crossed`` where they have a half of
+    what correlations contribute; negative ones extend to the left of zero.
     """
     members = [j for each in contributors for j in each.members]
     kind, labels = causes
-    reach = max(float(shares[:, members].sum(axis=1).max(initial=0.0)) for _, shares in routes.values())
-    across = Axis("share of the linear variance", "%", low=0.0, high=100.0 * max(1.0, reach) * 1.02)
+    parts = [shares[:, each.members].sum(axis=1) for _, shares in routes.values() for each in contributors]
+    ends = np.array([[np.maximum(part, 0.0), np.minimum(part, 0.0)] for part in parts])
+    sums = ends.reshape(len(routes), len(contributors), 2, len(outputs)).sum(axis=1)
+    reach, least = float(sums[:, 0].max(initial=0.0)), float(sums[:, 1].min(initial=0.0))
+    across = Axis("share of the linear variance", "%", low=102.0 * least, high=102.0 * max(1.0, reach))
     columns: dict[str, Sequence[object]] = {kind: [labels[j] for j in members]}
     for route, (_, shares) in routes.items():
         columns |= {f"{name}{route}, %": list(100.0 * shares[i, members]) for i, name in enumerate(outputs)}
@@ -53,20 +63,29 @@ def shares_figure(
         key=[each.series.of_kind("area") for each in contributors],
         columns=columns,
         size=(HALF[0], 82.0 + 36.0 * len(outputs)),
-        caption=f"In brackets: the number of {kind}s, which differ only in their axis." if several else "",
+        caption=" ".join(
+            filter(
+                None,
+                (
+                    f"In brackets: the number of {kind}s, which differ only in their axis." if several else "",
+                    CROSSED if crossed else "",
+                ),
+            )
+        ),
     )
 
 
 def _stacked(names: Sequence[str], shares: Array, contributors: Sequence[Contributor]) -> list[Mark]:
     """Return the bars of each contributor's share of each output."""
-    left, rows = np.zeros(len(names)), np.arange(len(names))
+    right, left, rows = np.zeros(len(names)), np.zeros(len(names)), np.arange(len(names))
     marks: list[Mark] = []
     for each in contributors:
         width = shares[:, each.members].sum(axis=1)
         texts = [f"{name}, {each.label}: {100.0 * share:.3g} %" for name, share in zip(names, width, strict=True)]
         written = [f"{100.0 * share:.0f}" if share >= NUMBERED else "" for share in width]
-        marks.append(Bars(each.series, rows, 100.0 * left, 100.0 * (left + width), texts, written))
-        left = left + width
+        begin = np.where(width < 0.0, left + width, right)
+        marks.append(Bars(each.series, rows, 100.0 * begin, 100.0 * (begin + np.abs(width)), texts, written))
+        right, left = right + np.maximum(width, 0.0), left + np.minimum(width, 0.0)
     return [*marks, Rule(100.0, colour=INK, width=1.1)]
 
 

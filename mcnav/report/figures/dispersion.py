@@ -126,6 +126,7 @@ def _pair(content: RunAnalysis, points: Array, pair: tuple[int, int], marked: li
             Points(FARTHEST, far[:, 0], far[:, 1], 4.0, texts=[f"sample {number}" for number, _ in marked],
                    names=[str(number) for number, _ in marked]),
         ],
+        about=[content.manifest.model.outputs[k].name for k in pair],
     )  # fmt: skip
 
 
@@ -160,7 +161,8 @@ def histograms(content: RunAnalysis) -> Figure:
         outside = len(flown) - int(counts.sum())
         if outside:
             marks.append(Text(f"{outside:,} beyond\nthe plot", corner=True))
-        panels.append(Panel(names[i], Axis(names[i], units[i]), Axis("samples", low=0.0), marks))
+        about = (content.manifest.model.outputs[i].name,)
+        panels.append(Panel(names[i], Axis(names[i], units[i]), Axis("samples", low=0.0), marks, about=about))
     return Figure(
         name="histograms",
         title="Distribution of each output",

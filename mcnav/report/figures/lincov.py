@@ -158,8 +158,9 @@ def budget(answer: LinearAnswer) -> Figure | None:
         "Share of each cause in the final variance of each output, in per cent.",
         ("cause", cause_labels(answer)),
         [humanize(each.name) for each in answer.outputs],
-        {"": ("At the end", np.nan_to_num(answer.budget.shares))},
+        {"": ("At the end", np.nan_to_num(answer.budget.attributed))},
         parts,
+        answer.budget.crossed,
     )  # fmt: skip
 
 

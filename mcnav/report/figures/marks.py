@@ -250,11 +250,17 @@ def extent(mark: Mark) -> tuple[Array, Array]:
     return x, y
 
 
+def of_requirement(number: int) -> str:
+    """Name a requirement by its number, from one, in `Panel.about`."""
+    return f"requirement {number}"
+
+
 @dataclass(frozen=True)
 class Panel:
     """One diagram, with a key of its own where it has series that the figure's key lacks.
 
-    Both axes of an ``even`` one have the same scale, which zooming keeps.
+    Both axes of an ``even`` one have the same scale, which zooming keeps. ``about`` has the names of the outputs or the
+    group of states that it shows, or its requirement, as `of_requirement` names it.
     """
 
     title: str
@@ -263,6 +269,7 @@ class Panel:
     marks: Sequence[Mark]
     key: Sequence[Series] = field(default=())
     even: bool = False
+    about: Sequence[str] = field(default=())
 
     def reaches(self) -> tuple[Array, Array]:
         """Return all that the marks reach along x and along y."""

@@ -77,6 +77,7 @@ def _nees_panel(consistency: FilterConsistency, group: GroupConsistency, shaded:
             *([] if linear is None else [Line(BY_LINEAR, consistency.times, linear, 1.6)]),
             *curve(FLOWN_MEAN, consistency.times, group.nees.value),
         ],
+        about=(group.name,),
     )
 
 

@@ -11,7 +11,7 @@ from mcnav.analysis.requirement_curves import RequirementCurve
 from mcnav.analysis.summary import RequirementEntry
 from mcnav.report.figures.figure import Figure, side_by_side
 from mcnav.report.figures.gapped import areas, curve, known_ends, upward
-from mcnav.report.figures.marks import Mark, Panel, Rule, Series, axis
+from mcnav.report.figures.marks import Mark, Panel, Rule, Series, axis, of_requirement
 from mcnav.report.figures.outages import outages, shading_key
 from mcnav.report.figures.palette import AREA, FLOWN, INK, LINEAR
 from mcnav.report.model import RunAnalysis
@@ -92,4 +92,5 @@ def _panel(row: RequirementRow, each: RequirementCurve, label: str, shaded: list
     title = f"{measure(row.entry)} of {', '.join(map(humanize, row.entry.outputs))}"
     full = f"{title}, {row.entry.when}"
     title = full if len(full) <= LONGEST else title
-    return Panel(title, axis(label, margin=0.0, link=True), upward(measure(row.entry), row.unit, reach), marks)
+    across, about = axis(label, margin=0.0, link=True), (of_requirement(row.number),)
+    return Panel(title, across, upward(measure(row.entry), row.unit, reach), marks, about=about)

@@ -13,7 +13,8 @@ from mcnav.report.model import RunAnalysis
 
 def budget(content: RunAnalysis) -> Figure:
     """Draw shares of each contributor in each output's linear variance: linear, and by Monte Carlo if known."""
-    linear, flown = np.nan_to_num(content.budget.shares), flown_shares(content)
+    linear = np.nan_to_num(content.budget.attributed)
+    flown = None if content.budget.crossed else flown_shares(content)  # each source alone: they would not add up
     routes = {", linear": ("Linear", linear)}
     if flown is not None:
         routes[", Monte Carlo"] = ("Monte Carlo, each source alone", flown)
@@ -23,7 +24,8 @@ def budget(content: RunAnalysis) -> Figure:
         ("cause", content.cause_names),
         content.output_names,
         routes,
-        [each for each in contributors(content) if (linear[:, each.members] > 0.0).any()],
+        [each for each in contributors(content) if (linear[:, each.members] != 0.0).any()],
+        content.budget.crossed,
     )
 
 

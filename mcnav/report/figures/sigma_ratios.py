@@ -56,7 +56,8 @@ def sigma_ratios_over_time(content: RunAnalysis) -> Figure | None:
             marks += curve(own, figure.times, each.ratio.value)
         known = [np.append(each.ratio.value, each.ratio.each.ravel()) for each in members]
         ratio = upward("true σ / filter σ", "", np.concatenate([[tolerance.low, tolerance.high], *known]))
-        return Panel(title, whole_flight(figure), ratio, marks, series)
+        about = [each.name for each in members]
+        return Panel(title, whole_flight(figure), ratio, marks, series, about=about)
 
     return Figure(
         name="sigma-history",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure
-from mcnav.analysis.sweep import Sweep, Variable
+from mcnav.analysis.sweep import JustMet, Sweep, Variable
 from mcnav.report.figures.figure import HALF, Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Series, Text, numbered
 from mcnav.report.figures.palette import FILTER, FLOWN, INK, LINEAR, MUTED
@@ -220,7 +222,8 @@ def _contours(sweep: Sweep, index: int, title: str) -> Panel:
     if np.isfinite(margins).any():
         i, j = np.nonzero(margins <= 0.0)
         marks.append(Points(MET, across.values[i], up.values[j], 2.4, 0.7))
-        marks += [Line(BOUNDARY, x, y, 3.0) for x, y in contour_lines(across, up, margins, 0.0, False)]
+        refined, at_refined = boundary_table(sweep, index)
+        marks += [Line(BOUNDARY, x, y, 3.0) for x, y in contour_lines(across, refined, at_refined, 0.0, False)]
     solved = [(each.fixed, value) for each in sweep.just_met if each.measure == index for value in each.values]
     if solved:
         x, y = np.array(solved, dtype=float).T
@@ -234,6 +237,37 @@ def _contours(sweep: Sweep, index: int, title: str) -> Panel:
     marks.append(Line(TRUE, *corners, 0.0, silent=True))  # the axes reach over the whole grid
     unit = f" [{measure.shown_in}]" if measure.shown_in else ""
     return Panel(f"{title}{unit}", axis_of(across), axis_of(up), marks)
+
+
+def boundary_table(sweep: Sweep, index: int) -> tuple[Variable, Array]:
+    """Return margins over two variables that vanish where a limit is just met, and the second one with these values.
+
+    Between the points of the grid a margin is no straight line: its zero is not where the limit is just met. The values
+    at which it is, found along the second variable, are therefore added to the grid, and halfway between two that no
+    point of the grid parts a margin of the right sign.
+    """
+    across, up = sweep.variables
+    margins, places = sweep.margins[..., index], variable_places(up, up.values)
+    curves = []
+    for column, value in enumerate(across.values):
+        just_met = [each for each in sweep.just_met if each.measure == index and each.fixed == value]
+        zeros = [variable_places(up, [at])[0] for each in just_met for at in each.values]
+        nodes = dict(zip(places.tolist(), margins[column].tolist(), strict=True)) | dict.fromkeys(zeros, 0.0)
+        size = float(np.nanmax(np.abs(margins[column]), initial=0.0))
+        for low, high in pairwise(sorted(zeros)):
+            if not ((places > low) & (places < high)).any():
+                middle = 0.5 * (low + high)
+                nodes[middle] = -size if _is_met(just_met, float(np.exp(middle) if up.log else middle)) else size
+        curves.append(nodes)
+    every = np.array(sorted(set().union(*curves)))
+    table = [np.interp(every, sorted(nodes), [nodes[place] for place in sorted(nodes)]) for nodes in curves]
+    return replace(up, values=np.exp(every) if up.log else every), np.array(table)
+
+
+def _is_met(just_met: Sequence[JustMet], value: float) -> bool:
+    """Return whether a value lies in a span in which a limit is met."""
+    spans = [span for each in just_met for span in each.met]
+    return any((begin is None or begin <= value) and (end is None or value <= end) for begin, end in spans)
 
 
 def contour_levels(values: Array) -> list[float]:

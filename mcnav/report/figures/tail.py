@@ -9,7 +9,7 @@ import numpy as np
 from mcnav.analysis.tail_curves import TailCurve
 from mcnav.report.figures.figure import Figure, side_by_side
 from mcnav.report.figures.gapped import areas
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series
+from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, of_requirement
 from mcnav.report.figures.palette import AREA, FILTER, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.figures.requirements import LONGEST
 from mcnav.report.model import RunAnalysis
@@ -93,7 +93,8 @@ def _panel(row: RequirementRow, each: TailCurve) -> Panel:
     across = Axis(name, _unit(row), margin=0.0)
     title = ", ".join(map(humanize, entry.outputs))
     least = BELOW * min(value for value in seen if value > 0.0)
-    return Panel(title[:LONGEST], across, Axis("probability beyond", log=True, low=least, high=1.0), marks)
+    upward = Axis("probability beyond", log=True, low=least, high=1.0)
+    return Panel(title[:LONGEST], across, upward, marks, about=(of_requirement(row.number),))
 
 
 def _measured(row: RequirementRow) -> str:

@@ -50,7 +50,7 @@ def tone(verdict: str | None) -> str | None:
 
 def largest_causes(content: RunAnalysis, output: int) -> Causes:
     """List the causes with the largest shares in the linear variance of an output."""
-    shares = np.nan_to_num(content.budget.shares[output])
+    shares = np.nan_to_num(content.budget.attributed[output])
     order = np.argsort(-shares, kind="stable")[:LARGEST]
     return [(content.cause_names[j], float(shares[j])) for j in order if shares[j] >= LEAST]
 
@@ -100,11 +100,11 @@ def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answe
         Column("Verdict", lambda row: row.verdict, kind="text"),
         Column("Largest causes", lambda row: row.words, kind="words"),
     ]
-    crossed = bool(np.nanmax(content.budget.shares, initial=0.0) > 1.0 + 1e-9)
+    crossed = content.budget.crossed
     caption = (
         f"{content.ends.title}, one sigma. Monte Carlo: paired estimate, intervals hold "
         f"jointly at {100.0 * content.summary.confidence:g} %. Causes: share of the linear variance"
-        f"{', which correlations may lift above 100 %' if crossed else ''}. "
+        f"{', with half of what correlations contribute' if crossed else ''}. "
         f"{KEY.format(tolerance=100.0 * content.summary.tolerance)}"
     )
     return Table(caption, columns, rows, group=lambda row: row.kind)

@@ -11,9 +11,12 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.changeable_campaign import MARK, ChangeableCampaign
+from mcnav.analysis.summary import Summary
 from mcnav.analysis.what_if import LimitedErrors, WhatIf
 from mcnav.contract.quantities import Output
+from mcnav.report import sentences
 from mcnav.report.document import Folded, Note, Part, Section, Sentence, WhatIfPart
+from mcnav.report.format import number
 from mcnav.report.names import humanize
 from mcnav.report.requirements import NamedRequirement, stated
 from mcnav.store.manifest import Variable
@@ -34,6 +37,17 @@ HELD: Final = (
     "What the filter believes, and so its gains and the errors that it claims, stay as they are in the campaign; mcnav "
     "sweep and mcnav allocate tune it anew."
 )
+SAMPLED: Final = "Requirements: the bound of the samples, scaled as linear covariance changes"
+
+MEASURED: Final = (
+    "Values of requirements are linear ones times what the samples show of the campaign as it is ({}). They are not "
+    "simulated: mcnav brief simulates the changes that it proposes, and mcnav run a file of your own."
+)
+FAILS: Final = (
+    "Linear analysis does not hold in this run. What you change here follows linear analysis, and may miss by more "
+    "than this run does: simulate a change before you rely on it."
+)
+
 SAVED: Final = (
     "Copy as TOML gives the whole campaign file with the changed numbers; save it {} for mcnav lincov or mcnav run."
 )
@@ -46,7 +60,14 @@ STEPS: Final = (
 )
 
 
-def what_if_section(what_if: WhatIf | None, outputs: Sequence[Output | Variable], loop: bool = False) -> Section | None:
+def linear_fails(summary: Summary) -> bool:
+    """Return whether a run finds that linear analysis does not hold, in some output or in all together."""
+    return sentences.tone(summary) in ("differs", "partly")
+
+
+def what_if_section(
+    what_if: WhatIf | None, outputs: Sequence[Output | Variable], loop: bool = False, fails: bool = False
+) -> Section | None:
     """Return the section; none where there is nothing to change, or too much for a page.
 
     Parameters
@@ -55,22 +76,27 @@ def what_if_section(what_if: WhatIf | None, outputs: Sequence[Output | Variable]
         Of the scenario.
     loop : bool
         Whether it is a closed loop.
+    fails : bool
+        Whether a run finds that linear analysis does not hold.
     """
     if what_if is None:
         return None
     part = WhatIfPart(_json(what_if, outputs))
     if len(part.json) > 2 * LARGEST:
         return None
-    return Section("what-if", "What if", [*_words(what_if, loop), part])
+    warned = [Note(FAILS)] if fails else []
+    return Section("what-if", "What if", [*warned, *_words(what_if, loop), part])
 
 
 def _words(what_if: WhatIf, loop: bool) -> list[Part]:
     campaign, covariance = what_if.campaign, what_if.covariance
     graded = {name: None for slider in campaign.sliders for name, _ in slider.grades}
     held = covariance.own is not None or bool(campaign.beliefs)
+    scaled = [f"× {number(scale, 3)}" for scale in what_if.known_scales] if what_if.scales else []
     letters = ", ".join(f"{name[0].upper()} {name}" for name in graded)
     said = [
         SUM,
+        MEASURED.format(", ".join(scaled)) if scaled else "",
         HELD if held else "",
         SEVERAL if covariance.crossed else "",
         UNSIZED.format(", ".join(map(humanize, what_if.unsized))) if what_if.unsized else "",
@@ -104,7 +130,12 @@ def _json(what_if: WhatIf, outputs: Sequence[Output | Variable]) -> str:
         "terms": [[term.first, term.second, pack(term.values)] for term in covariance.terms],
         "means": [[number, pack(each)] for number, each in covariance.means.items()],
         "own": None if covariance.own is None else pack(covariance.own),
-        "requirements": [_requirement(each, outputs, units) for each in what_if.requirements],
+        "requirements": [
+            _requirement(errors, outputs, units, scale)
+            for errors, scale in zip(what_if.requirements, what_if.known_scales, strict=True)
+        ],
+        "sampled": bool(what_if.scales),
+        "basis": SAMPLED if what_if.scales else "Requirements, for linear normal errors",
         **_file(campaign),
     }
     text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
@@ -123,7 +154,7 @@ class _Packing:
 
 
 def _requirement(
-    limited: LimitedErrors, outputs: Sequence[Output | Variable], units: dict[str, tuple[float, str]]
+    limited: LimitedErrors, outputs: Sequence[Output | Variable], units: dict[str, tuple[float, str]], measured: float
 ) -> dict[str, object]:
     required = limited.requirement
     names = [outputs[place].name for place in required.outputs]
@@ -140,6 +171,7 @@ def _requirement(
         "readings": limited.readings,
         "scale": scale,
         "unit": unit,
+        "measured": measured,
     }
 
 

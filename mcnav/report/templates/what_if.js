@@ -115,6 +115,7 @@
   all(".what-if").forEach((root_) => {
     const data = JSON.parse(root_.querySelector("script").textContent);
     const { outputs, sliders, requirements } = data;
+    const unmet = data.sampled ? "beyond" : "not met"; // of a bound of samples: it does not show the requirement
     const numbersIn = (text) => {
       const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
       return new (data.wide ? Float64Array : Float32Array)(bytes.buffer);
@@ -159,8 +160,9 @@
       return parts.map((part) => part || 0);
     };
 
-    // Requirements: value, margin, and whether each is met.
-    const judged = (m, meaningless) => requirements.map(({ kind, members, origin, limits, probability, readings }) => {
+    // Requirements: value, margin, and whether each is met. Linear errors are multiplied by what samples measured.
+    const judged = (m, meaningless) => requirements.map(({ kind, members, origin, limits: allowed, probability, readings, measured }) => {
+      const limits = allowed.map((limit) => limit / measured);
       if (readings.some((r) => r >= meaningless) || members.length > 3) return null;
       if (kind === "box") {
         const [mean, covariance, fixed] = block(m, last, members, origin && origin[0]);
@@ -191,7 +193,7 @@
           margin = high < 1e9 ? root(about, 1e-9 * high, high) : Infinity;
         }
       }
-      return { value, margin, met: value < limits[0] };
+      return { value: value * measured, margin, met: value < limits[0] };
     });
 
     // The page's parts.
@@ -374,7 +376,7 @@
       const outside = until < count ? ` Beyond the range of linear analysis${until < last ? ` from ${number(times[until], 4)} ${data.timeUnit}` : ""}: later values have no meaning.` : "";
       const verdicts = results.filter(Boolean);
       const failed = verdicts.filter(({ met }) => !met).length;
-      const metWords = verdicts.length ? ` ${failed ? `${failed} of ${verdicts.length} requirement${verdicts.length > 1 ? "s" : ""} not met.` : `${verdicts.length > 1 ? "All requirements" : "The requirement is"} met.`}` : "";
+      const metWords = verdicts.length ? ` ${failed ? `${failed} of ${verdicts.length} requirement${verdicts.length > 1 ? "s" : ""} ${data.sampled ? "beyond the limit, by the bound of the samples" : "not met"}.` : `${verdicts.length > 1 ? "All requirements" : "The requirement is"} met.`}` : "";
       state.textContent = `${changed ? `${changed} number${changed > 1 ? "s" : ""} changed.` : "As in the campaign."}${metWords}${outside}`;
       if (changed && until === count) state.append(` 1σ of ${outputs[i].name}: ${number(outputs[i].scale * sigma(before.m, last, i), 3)} → ${number(outputs[i].scale * sigma(m, last, i), 3)} ${outputs[i].unit}.`);
       reset.disabled = !changed;
@@ -383,7 +385,7 @@
       results.forEach((result, n) => {
         const [row, earlier] = [asked.rows[n], before.judged[n]];
         write(row, [earlier ? shownIn(requirements[n], earlier.value) : "–", result ? shownIn(requirements[n], result.value) : "–", result ? `× ${number(result.margin, 3)}` : "–"]);
-        row.cells[4].replaceChildren(make("span", result ? (result.met ? "met" : "not met") : "see mcnav lincov", { class: `tag ${result ? (result.met ? "agrees" : "differs") : "undecided"}` }));
+        row.cells[4].replaceChildren(make("span", result ? (result.met ? "met" : unmet) : "see mcnav lincov", { class: `tag ${result ? (result.met ? "agrees" : data.sampled ? "undecided" : "differs") : "undecided"}` }));
       });
       caption_.textContent = `At the end, ${convention.words}`;
       outputs.forEach(({ scale: own_, unit, name }, o) => {
@@ -427,7 +429,7 @@
       make("div", [
         make("div", [make("p", make("label", ["Shares of the variance at the end of ", chosen]), { class: "choice" }), ...groups.values()], { class: "numbers" }),
         make("div", [
-          ...(requirements.length ? [table("Requirements, for linear normal errors", ["Requirement", "Campaign", "What if", "Margin", "Finding"], asked, "requirements")] : []),
+          ...(requirements.length ? [table(data.basis, ["Requirement", "Campaign", "What if", "Margin", "Finding"], asked, "requirements")] : []),
           ...(panels.length ? [key, plotsOf(first.map((each) => panels[each])), ...(more ? [more] : [])] : []),
           ends,
         ], { class: "results" }),

@@ -178,3 +178,17 @@ def test_a_single_source_has_the_whole_variance() -> None:
     found = estimate_sobol_indices(_linear, ErrorModel(NAMES, {"b": Normal(1.0)}), 2)
     np.testing.assert_allclose(found.first_order[:, 1], 1.0, atol=0.02)
     assert found.total.shape == (2, 4)
+
+
+def test_shares_of_correlated_sources_add_up_to_one() -> None:
+    """Two sources that all but cancel: alone they would be 513 % of the variance each."""
+    covariance = np.array([[1.0, -0.9025], [-0.9025, 1.0]])
+    budget = error_budget(np.array([[1.0, 1.0]]), covariance, [np.array([[0.005]])])
+    assert budget.shares.sum() > 9.0
+    assert budget.crossed
+    np.testing.assert_allclose(budget.attributed.sum(axis=1), 1.0, rtol=1e-12)
+    # by hand: (P S)_j P_j = 0.0975 each, of 0.2
+    np.testing.assert_allclose(budget.attributed, [[0.4875, 0.4875, 0.025]], rtol=1e-12)
+    apart = error_budget(PARTIALS, np.diag([1.0, 4.0, 9.0, 0.25]))
+    assert not apart.crossed
+    np.testing.assert_allclose(apart.attributed, apart.shares, rtol=1e-12)

@@ -14,7 +14,10 @@ CIRCLE = 2.0 * np.pi * TIMES / 120.0
 """Course of a vehicle that flies circles of two minutes, rad."""
 
 
-def history(course: Array, heading: Array, speed: float = 100.0, longitude: float = 9.0, pitch: float = 2.0) -> History:
+def history(
+    course: Array, heading: Array, speed: float = 100.0, longitude: float = 9.0, pitch: float = 2.0,
+    roll: Array | float = 0.0,
+) -> History:  # fmt: skip
     """Return a flight at 47 degrees north with a course and a heading, rad; on a sphere, by the trapezoidal rule."""
     step = np.diff(TIMES, prepend=0.0) * speed / 6.371e6
     north, east = np.cumsum(step * np.cos(course)), np.cumsum(step * np.sin(course))
@@ -23,6 +26,7 @@ def history(course: Array, heading: Array, speed: float = 100.0, longitude: floa
     return History({
         "time [s]": TIMES, "latitude [deg]": latitude, "longitude [deg]": (around + 180.0) % 360.0 - 180.0,
         "heading [deg]": np.degrees(heading), "pitch [deg]": np.full(len(TIMES), pitch),
+        "roll [deg]": np.broadcast_to(roll, len(TIMES)),
     })  # fmt: skip
 
 
@@ -58,3 +62,12 @@ def test_where_there_is_no_track_or_no_level_attitude_there_is_no_remark() -> No
     assert compare_with_track(history(noise, none, speed=0.05)) is None  # a receiver at rest, with noise of centimetres
     assert compare_with_track(history(none, none + 2.0, pitch=85.0)) is None
     assert compare_with_track(History()) is None
+
+
+@pytest.mark.parametrize("turns", [0.0, 360.0])
+def test_a_lander_that_brakes_does_not_fly_along_its_axis(turns: float) -> None:
+    """Rolled from 90 degrees to zero, beyond 60 for most of the time, with its axis across the motion."""
+    none, east = np.zeros_like(CIRCLE), np.full_like(CIRCLE, 0.5 * np.pi)
+    tilted = turns - 90.0 * (1.0 - (TIMES / TIMES[-1]) ** 3)
+    assert heading_remark(history(east, none, roll=tilted)) == ""
+    assert heading_remark(history(east, none, roll=turns + 0.5 * (tilted - turns))) != ""  # a bank of 45 degrees

@@ -48,8 +48,18 @@ def test_a_quantile(limit: float, finding: Finding) -> None:
     assert found.linear_meets == (limit > found.linear)
     assert (found.samples_needed is not None) == (finding == Finding.UNDECIDED)
     assert found.largest_sigmas is not None
-    assert found.largest_sigmas[0] == pytest.approx(limit / 3.0, rel=1e-3)
-    assert found.largest_sigmas[1] == (np.inf if limit > 3.0 else pytest.approx(np.nan, nan_ok=True)) or limit == 3.0
+    # sigma one of a single source: the limit over the bound of the samples, whatever linear analysis says
+    assert found.largest_sigmas[0] == pytest.approx(limit / found.interval[1], rel=1e-6)
+    assert found.largest_sigmas[1] == (np.inf if finding == Finding.MET else pytest.approx(np.nan, nan_ok=True))
+
+
+def test_largest_sigmas_follow_samples_that_linear_analysis_misses() -> None:
+    """Errors are 1.5 times the linear ones: what linear analysis allows is divided by that; nothing without a bound."""
+    found = _judged(Requirement("quantile", (0,), (6.0,), 0.9973), factor=1.5)
+    assert found.largest_sigmas is not None
+    assert found.interval[1] > 1.45 * found.linear
+    assert found.largest_sigmas[0] == pytest.approx(6.0 / found.interval[1], rel=1e-6)
+    assert _judged(Requirement("quantile", (0,), (6.0,), 0.9973), count=500).largest_sigmas is None
 
 
 def test_samples_needed_without_any_exceedance_are_wilks() -> None:
@@ -207,13 +217,18 @@ def test_quantile_of_an_absolute_value() -> None:
 
 def test_largest_sigmas_about_a_mean() -> None:
     """A fixed error of half the limit leaves less room; one beyond it none."""
+    requirement = Requirement("quantile", (0,), (1.0,), 0.9973)
+    errors = 0.1 * np.random.default_rng(3).standard_normal((10_000, 2))
     for shift, has in ((0.5, True), (1.5, False)):
         model = Model(MODEL.partials, np.array([shift, 0.0]), np.zeros(2), 0.01 * np.eye(2))
-        found = _judged(Requirement("quantile", (0,), (1.0,), 0.9973), model=model)
+        outcomes = model.nominal + errors @ model.partials.T
+        comparison = compare(model, errors, outcomes, Criterion())
+        found = judge_requirement(requirement, model, outcomes, np.arange(len(errors)), comparison, 0.95)
         assert (found.largest_sigmas is not None) == has
         if found.largest_sigmas is not None:
             variance = np.array([[found.largest_sigmas[0] ** 2]])
-            assert size_quantile(np.array([0.5]), variance, 0.9973) == pytest.approx(1.0, rel=1e-6)
+            allowed = found.linear / found.interval[1]
+            assert size_quantile(np.array([0.5]), variance, 0.9973) == pytest.approx(allowed, rel=1e-6)
 
 
 def test_box_of_a_singular_covariance() -> None:

@@ -7,9 +7,11 @@ import pytest
 from scipy import stats
 
 from mcnav.analysis.comparison import Model
+from mcnav.analysis.decision_rule import ratio_interval, spread_of
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.report.comparison import inputs
 from mcnav.sampling.designs import SamplingDesign
+from mcnav.statistics.estimates import Estimate
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse
 from mcnav.workflow.compare import compare_runs, same_draws
@@ -122,3 +124,25 @@ def test_runs_beside_each_other(tmp_path_factory: pytest.TempPathFactory) -> Non
     assert sum(str(key).startswith("errors.") for key in changed.index) == 10
     assert found.page == compare_runs([place / "a", place / "b", place / "c"]).page
     assert found.page.count("<figure") > 1
+
+
+def test_a_few_samples_have_no_interval() -> None:
+    """An error that is not known is not one of e^700: the interval is unbounded, and nothing is certain."""
+    rng = np.random.default_rng(5)
+    errors = rng.standard_normal((2, 4, 1))
+    model = Model(np.eye(1), np.zeros(1), np.zeros(1), np.eye(1))
+    few = [SampleSet(model, np.arange(4), each, each + 0.1 * each**2, SamplingDesign()) for each in errors]
+    for common in (True, False):
+        result = change(few[0], few[1], (0, 0), common, 0.95)
+        assert result.interval[1] == np.inf
+        assert not result.certain
+
+
+def test_an_interval_that_says_nothing_is_unbounded() -> None:
+    """Three digits of a factor at most; beyond, an end would be a number of hundreds of digits."""
+    assert spread_of(np.log(999.0)) == pytest.approx(999.0)
+    assert spread_of(np.log(1001.0)) == np.inf
+    estimate = Estimate(1e-8, 1.0, 99.0)
+    ratio, (low, high) = ratio_interval(estimate, 1.0, 0.95)
+    assert (low, high) == (0.0, np.inf)
+    assert ratio == pytest.approx(1e-4)

@@ -13,9 +13,9 @@ from mcnav.analysis.accuracy_measures import read_measure, requirement_measures
 from mcnav.analysis.requirements import Requirement
 from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
 from mcnav.contract.quantities import Output
-from mcnav.report.figures.sweep import contour_levels, contour_lines
+from mcnav.report.figures.sweep import boundary_table, contour_levels, contour_lines
 from mcnav.report.sweep import frame
-from mcnav.report.sweep_words import common_spans, confirmed_words, headline, met_words, remarks
+from mcnav.report.sweep_words import NOT_SIMULATED, common_spans, confirmed_words, headline, met_words, remarks
 from tests.summaries import requirement, summary
 
 OUTPUTS = (Output("range", "m", "km"), Output("altitude", "m", "km"))
@@ -83,9 +83,9 @@ def test_a_limit_that_is_not_crossed_says_what_was_looked_at(
 
 
 def test_limits_together() -> None:
-    assert headline(SWEEP) == ("All limits together are met up to 2 km: errors.range", "partly")
+    assert headline(SWEEP) == ("By linear analysis: all limits together are met up to 2 km: errors.range", "partly")
     assert headline(replace(SWEEP, just_met=SWEEP.just_met[1:]))[0].startswith(
-        "95 % of |altitude|, at most 5 km: met at every value looked at"
+        "By linear analysis: 95 % of |altitude|, at most 5 km: met at every value looked at"
     )
     below = JustMet(1, None, (1.5,), ((None, 1.5),))
     above = JustMet(1, None, (2.5,), ((2.5, None),))
@@ -93,7 +93,17 @@ def test_limits_together() -> None:
     assert common_spans(inner) == ((None, 1.5),)
     apart = replace(SWEEP, just_met=(SWEEP.just_met[0], above))
     assert common_spans(apart) == ()
-    assert headline(apart) == ("All limits together are not met at any value looked at: errors.range", "differs")
+    words = "By linear analysis: all limits together are not met at any value looked at: errors.range"
+    assert headline(apart) == (words, "differs")
+
+
+def test_a_linear_headline_is_taken_back_where_monte_carlo_disagrees() -> None:
+    refuted, borne_out = (replace(confirmed(("agrees", "agrees"), finding), just_met=SWEEP.just_met)
+                          for finding in ("not met", "met"))  # fmt: skip
+    assert headline(refuted)[1] == "undecided"
+    assert headline(borne_out)[1] == headline(SWEEP)[1]
+    assert NOT_SIMULATED in remarks(SWEEP)
+    assert NOT_SIMULATED not in remarks(refuted)
 
 
 @pytest.mark.parametrize(
@@ -126,6 +136,7 @@ def test_a_run_that_an_index_calls_different_is_not_said_to_agree() -> None:
 
 def test_remarks() -> None:
     assert remarks(SWEEP) == [
+        NOT_SIMULATED,
         "The filter states the same values: at every point it believes what is true.",
         "At all values of errors.range that were looked at 95 % of |altitude| is the same.",
     ]
@@ -134,14 +145,15 @@ def test_remarks() -> None:
     beyond = VALUES.copy()
     beyond[-1] = np.inf
     assert remarks(replace(SWEEP, values=beyond, own=np.full_like(VALUES, np.nan))) == [
+        NOT_SIMULATED,
         "At 1 point errors are beyond the range of linear analysis: no value there, and no limit met.",
         "At all values of errors.range that were looked at 95 % of |altitude| is the same.",
     ]
     optimistic = remarks(replace(SWEEP, own=np.array([[1e3, 4e3], [1e3, 4e3], [1e3, 4e3]])))
-    assert optimistic[0] == "The filter is optimistic by a factor of up to 3: range, 1σ, at errors.range = 3 km."
+    assert optimistic[1] == "The filter is optimistic by a factor of up to 3: range, 1σ, at errors.range = 3 km."
     missing = VALUES.copy()
     missing[0] = np.nan
-    assert remarks(replace(SWEEP, values=missing, own=np.full_like(VALUES, np.nan)))[0].startswith(
+    assert remarks(replace(SWEEP, values=missing, own=np.full_like(VALUES, np.nan)))[1].startswith(
         "1 point has no linear"
     )
 
@@ -171,3 +183,23 @@ def test_contours_of_a_product_are_straight_on_logarithmic_axes() -> None:
 )  # fmt: skip
 def test_levels_of_contours_are_round(low: float, high: float, expected: list[float]) -> None:
     assert contour_levels(np.array([low, high])) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("log", [False, True])
+def test_the_line_of_a_limit_passes_through_the_points_at_which_it_is_just_met(log: bool) -> None:
+    """A sigma of hypot(x, y²) over a coarse grid: along each x the limit of 5 is just met at y = (25 - x²)^¼.
+
+    Straight lines between the points of the grid have it up to 12 % elsewhere.
+    """
+    x, y = np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.5, 1.5, 3.0])
+    values = np.hypot(x[:, None], y**2)[..., None]
+    just_met = tuple(
+        JustMet(0, float(each), (z,), ((None, z),)) for each in x for z in [float((25.0 - each**2) ** 0.25)]
+    )
+    pair = Variable("a", x, "m", False), Variable("b", y, "m", log)
+    swept = replace(SWEEP, variables=pair, measures=MEASURES[:1], margins=np.log(values / 5.0), just_met=just_met)
+    up, margins = boundary_table(swept, 0)
+    lines = contour_lines(pair[0], up, margins, 0.0, False)
+    through = np.vstack([np.column_stack(line) for line in lines])
+    for each in just_met:
+        assert np.abs(through - (each.fixed, each.values[0])).max(axis=1).min() < 1e-9

@@ -1,0 +1,93 @@
+"""Goals of an allocation: for each number of a data sheet, the change with which requirements are just met."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from mcnav.analysis.allocation import LEAST, MOST, Goal, NumberChange, critical_multiple, nearest_multiple, worst_of
+from mcnav.config.data_sheet import DataSheetNumber, round_down, round_up
+from mcnav.studies.variations import Variations, values_of
+from mcnav.systems.ins.tables.imu_catalogue import NAMES
+
+TOGETHER: Final = {f"bias and instability, {instrument}": f"imu.{instrument}.bias" for instrument in NAMES} | {
+    "all of imu.gyro": "imu.gyro.", "all of imu.accelerometer": "imu.accelerometer.", "all of imu": "imu.",
+}  # fmt: skip
+"""Beginnings of the keys of numbers that are also changed together: a bias and what it does in run grow together."""
+
+EVERYTHING: Final = "all numbers"
+
+STEP: Final = 1e-3
+"""Relative change with which the last digit of a proposed number is changed."""
+
+CORRECTIONS: Final = 3
+"""Times that this is done until its linear answer meets the goal."""
+
+
+def _groups(numbers: Sequence[DataSheetNumber]) -> dict[str, list[DataSheetNumber]]:
+    """Return the numbers that are changed together, by name: those of instruments, and all."""
+    sheet_numbers = {
+        name: [number for number in numbers if number.path.startswith(prefix)] for name, prefix in TOGETHER.items()
+    } | {EVERYTHING: list(numbers)}
+    kept: dict[str, list[DataSheetNumber]] = {}
+    for name, members in sheet_numbers.items():
+        if len(members) > 1 and members not in kept.values():
+            kept[name] = members
+    return kept
+
+
+def find_goal(variations: Variations, goal: tuple[int, ...]) -> Goal:
+    """Find the change of each number, and of each group, with which the requirements of a goal are just met."""
+    met = worst_of(variations.base.requirements, goal).met
+    numbers = variations.numbers
+    alone = numbers if met else [*numbers, *variations.beliefs]
+    changes = [find_change(variations, goal, number.path, [number]) for number in alone]
+    changes += [find_change(variations, goal, name, members) for name, members in _groups(numbers).items()]
+
+    def order(change: NumberChange) -> tuple[bool, float]:
+        if not change.reached:
+            return True, -change.result.margin
+        return False, change.factor if met else abs(math.log(change.factor)) if change.factor > 0.0 else math.inf
+
+    return Goal(goal, met, tuple(sorted(changes, key=order)))
+
+
+def find_change(
+    variations: Variations, goal: tuple[int, ...], label: str, changed: Sequence[DataSheetNumber]
+) -> NumberChange:
+    """Find the multiple of some numbers with which a goal is just met, and compute the linear answer with it."""
+
+    def margin(factor: float) -> float:
+        multiple = variations.with_multiple(changed, factor)
+        return math.nan if multiple is None else worst_of(multiple, goal).margin
+
+    met = worst_of(variations.base.requirements, goal).met
+    if met:
+        factor, closest = critical_multiple(margin), MOST
+    else:
+        factor, closest = nearest_multiple(margin, LEAST if math.isnan(margin(0.0)) else 0.0)
+    alone = changed[0] if len(changed) == 1 else None
+    now, paths = "" if alone is None else alone.text, tuple(number.path for number in changed)
+    if math.isnan(factor) or math.isinf(factor):
+        judged = variations.base.requirements if closest == 1.0 else variations.judged(values_of(changed, closest))
+        result = variations.worst(judged or variations.base.requirements, goal)
+        return NumberChange(label, paths, now, "", factor, closest, result)
+    grows = factor > 1.0 and not met
+    rounded = _rounded(alone, factor, grows)
+    for _ in range(CORRECTIONS):
+        judged = variations.judged(values_of(changed, rounded))
+        if judged is not None and worst_of(judged, goal).met:
+            break
+        rounded = _rounded(alone, rounded * (1.0 + STEP if grows else 1.0 - STEP), grows)
+    result = variations.worst(judged or variations.base.requirements, goal)
+    needed = "" if alone is None else replace(alone, entry=alone.multiplied(rounded)[alone.path]).text
+    return NumberChange(label, paths, now, needed, rounded, rounded, result)
+
+
+def _rounded(alone: DataSheetNumber | None, factor: float, grows: bool) -> float:
+    """Round a multiple to the side on which the goal is met: up where a number has to grow."""
+    if alone is not None:
+        return alone.rounded(factor, grows)
+    return round_up(factor) if grows else round_down(factor)

@@ -1,0 +1,172 @@
+"""Linear answers to a campaign with numbers of its data sheet changed, scaled by what a simulation measured."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mcnav._threads import one_thread
+from mcnav.analysis.allocation import worst_of
+from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, judge_within_range
+from mcnav.analysis.linear_covariance import Moments, covariance_over_time
+from mcnav.analysis.linear_range import limits_of
+from mcnav.config.data_sheet import DataSheetNumber, believed_numbers, data_sheet_numbers
+from mcnav.config.overrides import Value, override
+from mcnav.config.read import Campaign, parse_campaign
+from mcnav.config.toml import Content
+from mcnav.contract.linear import SharedTables
+from mcnav.contract.scenario import can_have_filter, knows_covariance
+from mcnav.errors import CampaignError
+from mcnav.progress import Progress
+from mcnav.studies.lincov import answer_linearly
+
+
+class Variations:
+    """Linear answers of a campaign with some numbers changed; each is computed once.
+
+    Parameters
+    ----------
+    content, file, stem
+        As `mcnav.config.overrides.document_of` returns them.
+    scales : sequence of float
+        By requirement, what linear errors are multiplied by (`mcnav.analysis.simulated_requirements`); empty: by one.
+    """
+
+    def __init__(
+        self, content: Content, file: str, stem: str, progress: Progress, scales: Sequence[float] = ()
+    ) -> None:
+        self.content, self._file, self._stem = content, file, stem
+        self.scales = tuple(scales)
+        self._limits = [record.limits for record in self.read({}).requirements]
+        self.campaign = self.at({})
+        self.base = answer_linearly(self.campaign)
+        self.numbers = data_sheet_numbers(self.content, self.campaign.scenario.sources)
+        self.beliefs = believed_numbers(self.content) if self.closed_loop else []
+        self.computed = 1
+        self._progress = progress
+        self._known: dict[str, tuple[LinearRequirement, ...] | None] = {}
+        self._tried: dict[str, tuple[LinearRequirement, ...] | None] = {}
+        self._shared = SharedTables()
+        self._scaled = _Scaled(self.base)
+
+    def read(self, values: Mapping[str, Value]) -> Campaign:
+        """Read the campaign with some keys set; `CampaignError` where it is refused."""
+        return parse_campaign(override(self.content, values, self._file), self._file, self._stem)
+
+    def at(self, values: Mapping[str, Value]) -> Campaign:
+        """Read the campaign with some keys set and limits over their scales; `CampaignError` where it is refused."""
+        campaign = self.read(values)
+        if not self.scales:
+            return campaign
+        scaled = tuple(
+            record.model_copy(update={"limits": tuple(limit / scale for limit in record.limits)}) if scale > 0.0
+            else record for record, scale in zip(campaign.requirements, self.scales, strict=True)
+        )  # fmt: skip
+        return replace(campaign, requirements=scaled)
+
+    def rescaled(self, scales: Sequence[float]) -> Variations:
+        """Return the same with other scales."""
+        return Variations(self.content, self._file, self._stem, self._progress, scales)
+
+    def as_measured(self, result: LinearRequirement, place: int) -> LinearRequirement:
+        """Return a requirement whose limit was divided by a scale with its own limit, and the value times the scale."""
+        scale = self.scales[place] if self.scales else 1.0
+        if not scale > 0.0 or scale == 1.0:
+            return result
+        limits = self._limits[place]
+        value = result.value if result.requirement.kind == "box" else result.value * scale
+        return replace(result, requirement=replace(result.requirement, limits=limits), value=value)
+
+    def worst(self, requirements: Sequence[LinearRequirement], goal: Sequence[int]) -> LinearRequirement:
+        """Return the requirement of a goal with the least margin, as it is measured."""
+        least = worst_of(requirements, goal)
+        return self.as_measured(least, next(number for number in goal if requirements[number] is least))
+
+    @property
+    def closed_loop(self) -> bool:
+        """Return whether a filter's gains depend on the numbers."""
+        scenario = self.campaign.scenario
+        return knows_covariance(scenario) and can_have_filter(scenario) and scenario.filter_schema is not None
+
+    def judged(self, values: Mapping[str, Value]) -> tuple[LinearRequirement, ...] | None:
+        """Judge the requirements by a linear answer with some keys set; none where the campaign is refused then."""
+        key = json.dumps(values, sort_keys=True)
+        if key not in self._known:
+            self.computed += 1
+            self._progress.advance(1)
+            try:
+                self._known[key] = answer_linearly(self.at(values)).requirements
+            except CampaignError:
+                self._known[key] = None
+        return self._known[key]
+
+    def tried(self, values: Mapping[str, Value]) -> tuple[LinearRequirement, ...] | None:
+        """Judge the requirements with some keys set by the covariance of all causes at once, where there is one."""
+        key = json.dumps(values, sort_keys=True)
+        if key not in self._tried:
+            try:
+                campaign = self.at(values)
+            except CampaignError:
+                self._tried[key] = None
+                return None
+            scenario, errors = campaign.scenario, campaign.errors
+            if not knows_covariance(scenario) or any(each.requirement.of for each in self.base.requirements):
+                return self.judged(values)
+            with one_thread():
+                readings = scenario.covariance_readings(
+                    scenario.reading_times, errors.mean, errors.covariance, self._shared
+                )
+            moments = Moments(readings.times, readings.mean, readings.covariance)
+            required = [each.requirement for each in self.base.requirements]
+            limits = limits_of(output.limit for output in self.base.outputs)
+            self._tried[key] = judge_within_range(required, limits, readings.mean[-1], readings.covariance[-1], moments)
+        return self._tried[key]
+
+    def with_multiple(self, changed: Sequence[DataSheetNumber], factor: float) -> tuple[LinearRequirement, ...] | None:
+        """Judge the requirements with some numbers multiplied."""
+        if factor == 1.0:
+            return self.base.requirements
+        if self.closed_loop:
+            return self.tried(values_of(changed, factor))
+        return self._scaled.judged(changed, factor)
+
+
+class _Scaled:
+    """Requirements of a campaign without a filter whose errors are multiplied: all covariances add up."""
+
+    def __init__(self, answer: LinearAnswer) -> None:
+        self._answer = answer
+        self._names = [source.name for source in answer.sources]
+        self._requirements = [each.requirement for each in answer.requirements]
+        self._limits = limits_of(output.limit for output in answer.outputs)
+        self._over_time = any(each.epochs for each in self._requirements) or bool(np.isfinite(self._limits).any())
+
+    def judged(self, changed: Sequence[DataSheetNumber], factor: float) -> tuple[LinearRequirement, ...]:
+        model, history = self._answer.model, self._answer.history
+        sizes = np.array([factor if any(each.covers(name) for each in changed) else 1.0 for name in self._names])
+        mean, covariance = sizes * model.mean, model.covariance * np.outer(sizes, sizes)
+        squares = {name: factor**2 if any(each.covers(name) for each in changed) else 1.0 for name in model.processes}
+        processes = {name: squares[name] * each for name, each in model.processes.items()}
+        scaled = replace(model, mean=mean, covariance=covariance, processes=processes)
+        if history is not None and self._over_time:
+            noise = {name: squares[name] * each for name, each in history.readings.processes.items()}
+            readings = replace(history.readings, processes=noise)
+            history = covariance_over_time(readings, tuple(self._names), mean, covariance)
+        moments = None if history is None else history.moments
+        return judge_within_range(
+            self._requirements, self._limits, scaled.outcome_mean, scaled.outcome_covariance, moments,
+            model.sizes, model.nominal, model.origin,
+        )  # fmt: skip
+
+
+def values_of(changed: Sequence[DataSheetNumber], factor: float) -> dict[str, Value]:
+    """Return the keys to be set where some numbers are multiplied."""
+    values: dict[str, Value] = {}
+    for number in changed:
+        values |= number.multiplied(factor)
+    for number in changed:  # those that another one kept as they are
+        values |= {path: value for path, value in number.multiplied(factor).items() if path == number.path}
+    return values
