@@ -10,6 +10,7 @@ from typing import Any, Final
 from mcnav._threads import one_thread
 from mcnav.analysis.brief import Advice, FilterRemedy
 from mcnav.analysis.filter_consistency import Honesty
+from mcnav.analysis.rejections import OnLinear
 from mcnav.analysis.simulated_requirements import Basis
 from mcnav.analysis.summary import Summary
 from mcnav.config.overrides import document_of
@@ -19,6 +20,7 @@ from mcnav.execution.executors import JOBS
 from mcnav.files import write_texts
 from mcnav.progress import SILENT, Progress
 from mcnav.report.brief import Links, page
+from mcnav.report.gates import rejection_line
 from mcnav.report.html import page_html
 from mcnav.store.run_files import REPORT
 from mcnav.store.run_folder import RunFolder
