@@ -29,7 +29,7 @@ from mcnav.rare.informed import inform
 from mcnav.rare.jumps import known_facets
 from mcnav.rare.levels import Levels, simulate_levels
 from mcnav.rare.limits import AnyEpoch, Limit
-from mcnav.rare.plan import BEFORE, Laid, Plan
+from mcnav.rare.plan import BEFORE, CHEAP, Laid, Plan
 from mcnav.rare.proposal import Proposal
 from mcnav.rare.search import RELEVANT, Search, foreseen, search_elsewhere
 from mcnav.rare.unseen import UnseenNoise
@@ -40,9 +40,6 @@ FEW, MANY = 400, 4_000
 
 FOLLOWED_FEW, FOLLOWED_MANY = 5, 12
 """Unforeseen failures that are followed to the nearest point."""
-
-CHEAP: Final = 4
-"""Times as many flights for the lines where they are cheap."""
 
 OF_LEVELS: Final = 100
 """Points of the event by levels that are followed where nothing foresees them."""

@@ -69,6 +69,9 @@ SCATTERED: Final = 2.5
 NEVER: Final = 37.0
 """Entry of lines of which none was seen to enter; its probability is 1e-299."""
 
+CHEAP: Final = 4
+"""Times as many lines where points of the event inform them: flights are cheap there."""
+
 EACH: Final = 5
 """Lines that each cell gets at least: few cells carry much, but together the small ones may."""
 
@@ -349,10 +352,11 @@ class Plan:
         shares = self.shares(pilot, proposals)
         per_line = pilot.flights / len(pilot.facet) + 1.0 + 1.0 / BETWEEN
         number = self.lines_needed(pilot, proposals, precision)
-        number = int(np.clip(min(number, most / per_line), FEWEST, MOST))
+        times = 1 if self.informed is None else CHEAP
+        number = int(np.clip(min(number, most / per_line), times * FEWEST, times * MOST))
         strata = strata_of(shares) if self.facets.shared else np.arange(len(shares))
         of_stratum = np.bincount(strata, shares)
-        lines_of = np.maximum(np.rint(number * of_stratum), EACH).astype(np.int64)
+        lines_of = np.maximum(np.rint(number * of_stratum), times * EACH).astype(np.int64)
         stratum, number = np.repeat(np.arange(len(of_stratum)), lines_of), int(lines_of.sum())
         facet = draw_members(stratum, strata, shares, self.generator) if self.facets.shared else stratum
         within = shares / of_stratum[strata] if self.facets.shared else 1.0

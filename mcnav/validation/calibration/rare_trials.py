@@ -34,6 +34,8 @@ HOLDS: Final = "probability of a rare event"
 NOT_WRONG: Final = "probability of a rare event, or refused"
 """Statements: the interval holds where one is stated; it holds, or none is stated."""
 
+SECOND: Final = "a second way to fail is found by few flights"
+
 FLIGHTS, OVER_TIME_FLIGHTS = 1_000, 2_000
 """Flights of an event, about."""
 
@@ -53,15 +55,15 @@ class RareEvent:
     exact: float
     hidden: int = 0
 
-    def estimate(self, seed: int) -> Rare:
-        """Estimate its probability."""
+    def estimate(self, seed: int, cheap: bool = True) -> Rare:
+        """Estimate its probability, by tens of thousands of flights, or by few."""
 
         def fly(points: Array, noise: IndexArray) -> Array:
             return self.outputs(np.hstack([points, hidden_noise(self.hidden, seed, noise)]))
 
         most = OVER_TIME_FLIGHTS if isinstance(self.limit, AnyEpoch) else FLIGHTS
         return estimate_probability(
-            fly, self.linear, self.limit, self.dimensions, seed, most=most, noisy=self.hidden > 0
+            fly, self.linear, self.limit, self.dimensions, seed, most=most, noisy=self.hidden > 0, cheap=cheap
         )
 
 
@@ -320,6 +322,9 @@ NOISY: Final = (
 )
 """The linear outcome is among the coordinates of the lines; other parts of the noise move the entries at random."""
 
+SECOND_REGIONS: Final = tuple(second_region(dimensions) for dimensions in (5, 10, 20, 40))
+"""A second half-space, whose finding by few flights is measured as well."""
+
 HIDDEN: Final = (
     product(0.2, 4.5, hidden=True),
     two_sided(1),
@@ -327,7 +332,7 @@ HIDDEN: Final = (
     jump_of_another(4),
     jump_with_it(4),
     jump_back(10),
-    *(second_region(dimensions) for dimensions in (5, 10, 20, 40)),
+    *SECOND_REGIONS,
     bowl(6, 28.0),
     bowl(11, 40.0),
     bowl(21, 60.0),
@@ -365,6 +370,10 @@ def _count(number: int, seeds: Sequence[int], result: Tally) -> None:
             flights = OVER_TIME_FLIGHTS if event in OVER_TIME else FLIGHTS
             cell = Cell("coverage", f"{RARE}, {event.name}", statement, "normal", "random", flights)
             result.add(cell, bool(rare.refusal) or right)
+        if event in SECOND_REGIONS:
+            rare = event.estimate(SEED + seed, cheap=False)
+            found = bool(rare.refusal) or rare.sides > 1
+            result.add(Cell("power", f"{RARE}, {event.name}", SECOND, "normal", "random", FLIGHTS), found)
 
 
 def main(trials: int, seed: int = SEED) -> None:
