@@ -420,3 +420,43 @@ def test_a_weak_search_shows_the_known_ways_alone(power: float, words: str) -> N
     assert result.finding == "met for the known ways"
     assert result.remark == f"decided by 700 chosen flights; {words}"
     assert _weighed(1.1e-6, 1.2e-6, np.zeros(1_000), power).finding == Finding.NOT_MET
+
+
+HIDDEN = """
+import numpy as np
+
+from mcnav import Output, Source
+
+
+class Bowl:
+    sources = tuple(Source(f"s{i}", "1", "1", 1.0) for i in range(11))
+    outputs = (Output("y", "1", "1"),)
+
+    def propagate(self, errors):
+        return (errors[:, 0] + np.maximum(0.0, np.sum(errors[:, 1:] ** 2, axis=1) - 40.0))[:, None]
+
+
+class Sum:
+    sources = (Source("s0", "1", "1", 1.0), Source("s1", "1", "1", 1.0))
+    outputs = (Output("y", "1", "1"),)
+
+    def propagate(self, errors):
+        return errors.sum(axis=1, keepdims=True)
+"""
+"""Outputs whose linear models, of 2.9e-7 and 1.5e-23 beyond their limits, know nothing of most failures."""
+
+
+@pytest.mark.parametrize(("name", "limit", "exact"), [("Bowl", 5.0, 2.94e-6), ("Sum", 10.0, 1.0e-4)])
+def test_what_the_linear_model_misses_is_not_met(name: str, limit: float, exact: float, tmp_path: Path) -> None:
+    """One in a million is allowed beyond the limit: of the ball's outside more, of a table with one value of 20."""
+    (tmp_path / "own.py").write_text(HIDDEN)
+    (tmp_path / "table.csv").write_text("v\n" + 9_999 * "0\n" + "20\n")
+    errors: dict[str, Any] = {f"s{i}": "1" for i in range(11)}
+    if name == "Sum":
+        errors = {"s0": {"distribution": "table", "file": "table.csv", "column": "v", "unit": "1"}, "s1": "1"}
+    content = {"samples": 2_000, "seed": 7, "scenario": {"type": "own.py:" + name}, "errors": errors}
+    system = prepared(parse_campaign(content, str(tmp_path / "own.toml"), "test"), 7)
+    asked = Requirement("quantile", (0,), (limit,), 0.999_999)
+    (record,) = estimate_exceedances(system, linear_model(system.model), [asked], 0.95)
+    assert record.low <= exact <= record.high
+    assert record.low > 1e-6
