@@ -27,6 +27,9 @@ from mcnav.statistics.samples_to_decide import samples_to_meet, samples_to_rejec
 CONTRADICTS: Final = 0.999
 """Confidence, to each side, of the counted share that contradicts an interval."""
 
+POWER: Final = 0.9
+"""Probability with which the search must find a second way to fail, as likely as what is allowed, to be met."""
+
 LIKELY: Final = 0.2
 """Share of the largest departure from which a source is named in the most likely way to fail."""
 
@@ -135,11 +138,22 @@ def weigh(
         return replace(result, exceedance=exceedance)
     allowed = allowed_share(result.requirement)
     if exceedance.high <= allowed or (exceedance.low > allowed and not event.epochs):
-        finding = Finding.MET if exceedance.high <= allowed else Finding.NOT_MET
-        remark = f"decided by {exceedance.flights:,} flights chosen with the linear model"
+        finding, remark = Finding.NOT_MET, f"decided by {exceedance.flights:,} chosen flights"
+        if exceedance.high <= allowed:
+            finding, remark = _met(exceedance, remark)
         return replace(result, exceedance=exceedance, finding=finding, samples_needed=None, remark=remark)
-    remark = f"{exceedance.flights:,} flights chosen with the linear model do not decide it either"
+    remark = f"{exceedance.flights:,} chosen flights do not decide it either"
     return replace(result, exceedance=exceedance, samples_needed=None, remark=remark)
+
+
+def _met(exceedance: Exceedance, remark: str) -> tuple[Finding, str]:
+    """Return whether a requirement is met without a doubt, and the remark; or how often the search would fail."""
+    if exceedance.power >= POWER:
+        return Finding.MET, remark
+    if math.isnan(exceedance.power):
+        return Finding.MET_AS_KNOWN, f"{remark}; how well they look for a second way to fail is not known: run it again"
+    found = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight")[int(10.0 * exceedance.power)]
+    return Finding.MET_AS_KNOWN, f"{remark}; a second way to fail as likely would be found in {found} of ten runs"
 
 
 def most_likely_way(names: Sequence[str], departures: Array) -> dict[str, float]:

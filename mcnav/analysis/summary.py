@@ -246,6 +246,7 @@ class ExceedanceEntry(_Entry):
     refusal: str = ""
     way: Mapping[str, float] = {}
     sides: int = 0
+    power: float | None = None
 
 
 class RequirementEntry(_Entry):
@@ -279,17 +280,20 @@ class Tally(_Entry):
     not_met: int
     undecided: int
     of: int
+    met_as_known: int = 0
 
 
 def tally(findings: Iterable[str]) -> Tally | None:
     """Count requirements by their findings; none without requirements.
 
     >>> tally(["not met", "undecided"])
-    Tally(met=0, not_met=1, undecided=1, of=2)
+    Tally(met=0, not_met=1, undecided=1, of=2, met_as_known=0)
     """
     result = list(findings)
-    met, not_met, undecided = map(result.count, ("met", "not met", "undecided"))
-    return Tally(met=met, not_met=not_met, undecided=undecided, of=len(result)) if result else None
+    if not result:
+        return None
+    met, not_met, undecided, known = map(result.count, ("met", "not met", "undecided", "met for the known ways"))
+    return Tally(met=met, not_met=not_met, undecided=undecided, of=len(result), met_as_known=known)
 
 
 class Variances(_Entry):

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.rare.facets import Facets
 from mcnav.rare.limits import Limit, side_towards
@@ -33,31 +34,36 @@ PRODUCT: Final = 0.01
 SWEEPS: Final = 12
 
 
-def turned(facets: Facets, fly: Callable[[Array], Array], limit: Limit, generator: np.random.Generator) -> Facets:
-    """Turn the axes across the lines of each half-space to those of its curvature.
+@dataclass(frozen=True)
+class Curvature:
+    """First and second differences of the outputs about zero, shapes (outputs, d) and (outputs, d, d)."""
 
-    Parameters
-    ----------
-    fly : callable
-        Outputs of standard normals, shape (n, d), by simulation. Where a flight fails, nothing is turned.
-    """
-    dimensions = facets.directions.shape[1]
-    if dimensions < 3:
-        return facets
-    differences = all_pairs if dimensions <= ALL_PAIRS else probed
-    gradient, curvature = differences(fly, dimensions, generator)
-    if not (np.isfinite(curvature).all() and np.isfinite(gradient).all()):
-        return facets
-    bases = facets.bases.copy()
-    for j, (direction, distance) in enumerate(zip(facets.directions, facets.distances, strict=True)):
-        normal = side_towards(limit, gradient @ direction)
-        slope = float(normal @ gradient @ direction)
-        if not slope > 0.0:
-            continue
-        across = np.einsum("o,oij->ij", normal, curvature)
-        across = -0.5 * np.einsum("ia,ij,jb->ab", bases[j], across, bases[j]) / slope
-        bases[j] = np.einsum("ia,ab->ib", bases[j], axes_of(across, PRODUCT / max(distance, 1.0)))
-    return facets.with_bases(bases)
+    gradient: Array
+    curvature: Array
+
+    @classmethod
+    def measure(cls, fly: Callable[[Array], Array], dimensions: int, generator: np.random.Generator) -> Curvature:
+        """Measure them by flights: ``fly`` returns outputs of standard normals, shape (n, d)."""
+        return cls(*(all_pairs if dimensions <= ALL_PAIRS else probed)(fly, dimensions, generator))
+
+    def turned(self, facets: Facets, limit: Limit) -> Facets:
+        """Turn the axes across the lines of each half-space to those of its curvature.
+
+        Where a flight failed, and where there is one axis or none, nothing is turned.
+        """
+        gradient, curvature = self.gradient, self.curvature
+        if facets.directions.shape[1] < 3 or not (np.isfinite(curvature).all() and np.isfinite(gradient).all()):
+            return facets
+        bases = facets.bases.copy()
+        for j, (direction, distance) in enumerate(zip(facets.directions, facets.distances, strict=True)):
+            normal = side_towards(limit, gradient @ direction)
+            slope = float(normal @ gradient @ direction)
+            if not slope > 0.0:
+                continue
+            across = np.einsum("o,oij->ij", normal, curvature)
+            across = -0.5 * np.einsum("ia,ij,jb->ab", bases[j], across, bases[j]) / slope
+            bases[j] = np.einsum("ia,ab->ib", bases[j], axes_of(across, PRODUCT / max(distance, 1.0)))
+        return facets.with_bases(bases)
 
 
 def all_pairs(fly: Callable[[Array], Array], dimensions: int, generator: np.random.Generator) -> tuple[Array, Array]:

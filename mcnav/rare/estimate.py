@@ -1,88 +1,63 @@
-"""Probability of a rare event by lines along the linear model, with a search for what the linear model misses.
+"""Probability of a rare event by lines along the linear model, with two searches for what the linear model misses.
 
-    P = sum_j E_v [ ratio(v) (Phi(-t*(v)) 1(event at w + t' alpha_j)) ]
-
-with v from a fitted `Proposal`, t* where the line enters the event, and t' a standard normal beyond t*, which is flown:
-each line carries its own check that the event goes on beyond its entry, and the estimate is unbiased where it does not.
-Each line has noise of its own, where there is any: what noise adds to the linear outcomes is among the coordinates of
-the line, and the expectation is over what is left of it as well. Over time points are shared by the half-spaces of all
-epochs: a weight has the share pi_j of the point that is flown as a factor (`mcnav.rare.facets`).
-
-What lies before the entries, or away from the lines, is looked for by flights in other places (`mcnav.rare.search`).
+Lines (`mcnav.rare.plan`) are sharp where half-spaces describe the event. What lies before their entries, or away from
+them, is looked for by flights with widened errors (`mcnav.rare.widened`), in any number of dimensions. Where flights
+are cheap, levels (`mcnav.rare.levels`), which know nothing of half-spaces, look for it as well. A failure that nothing
+foresees is followed, and adds a half-space (`mcnav.rare.search`). What still lies on no line of the estimate is
+counted, by the share of the widened flights that fail there, and added. Where levels and lines contradict each other,
+the interval contains both.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
+from scipy import stats
 
 from mcnav._dataclasses import dataclass
-from mcnav._types import Array, IndexArray
-from mcnav.rare.curvature import ALL_PAIRS, turned
-from mcnav.rare.facets import Facets, Outputs, linear_facets
+from mcnav._types import Array
+from mcnav.rare.curvature import ALL_PAIRS, Curvature
+from mcnav.rare.facets import Facets, Outputs
 from mcnav.rare.flights import Flown, Outcomes, Places
-from mcnav.rare.interval import weights_interval
+from mcnav.rare.informed import inform
+from mcnav.rare.jumps import known_facets
+from mcnav.rare.levels import Levels, simulate_levels
 from mcnav.rare.limits import AnyEpoch, Limit
-from mcnav.rare.lines import crossings
-from mcnav.rare.proposal import Proposal, hazard_at
-from mcnav.rare.search import Search, search_elsewhere
-from mcnav.rare.strata import draw_members, strata_of
+from mcnav.rare.plan import BEFORE, CHEAP, Laid, Plan
+from mcnav.rare.proposal import Proposal
+from mcnav.rare.search import RELEVANT, Search, foreseen, search_elsewhere
 from mcnav.rare.unseen import UnseenNoise
+from mcnav.rare.widened import Widened, draw_widened, fly_widened, ratio
 
-END: Final = 3.5
-"""Distance beyond the farthest entry expected to which a line is followed."""
+FEW, MANY = 400, 4_000
+"""Flights with widened errors: where flights are dear, and where they are cheap."""
 
-PILOT: Final = 36
-OTHERS: Final = 8
-"""Lines of the pilot: along the nearest half-spaces, and along one that the linear model does not expect."""
+FOLLOWED_FEW, FOLLOWED_MANY = 5, 12
+"""Unforeseen failures that are followed to the nearest point."""
 
-DRAWS: Final = 1_000
-"""Lines by which a fit is turned into a proposal; they are not flown."""
+OF_LEVELS: Final = 100
+"""Points of the event by levels that are followed where nothing foresees them."""
 
-SHARED_DRAWS: Final = 100
-"""The same for the shares of half-spaces that share their points."""
+CHECKED_FEW, CHECKED_MANY = 40, 800
+"""Failures with widened errors whose lines are checked, those that stand for most probability first."""
 
-FEWEST, MOST = 120, 1_000
-"""Lines of the estimate."""
+MUCH: Final = 0.25
+"""Share of the estimate that few lines may cover, by which its interval is widened; with more it is refused."""
 
-HEAVIEST: Final = 0.25
-"""Share of the estimate that a single line may carry."""
+COUNTED: Final = 20.0
+"""Independent failures from which a probability that no line covers is added; with fewer it is refused."""
 
-BETWEEN: Final = 4
-"""One line in so many is flown at a point before its entry as well."""
+AGREE: Final = 0.995
+"""Confidence at which levels and lines must contradict each other."""
 
-DISAGREEMENT: Final = 2.5
-"""Factor between the estimate and what the fit of the pilot predicts of the same lines."""
-
-MINOR: Final = 0.02
-"""Share of a cell in the probability below which the pilot, of few lines there, is not compared with."""
-
-SCATTERED: Final = 2.5
-"""Variance of the logarithm of a line's probability by noise that the linear model does not see, at most."""
-
-NEVER: Final = 37.0
-"""Entry of lines of which none was seen to enter; its probability is 1e-299."""
-
-EACH: Final = 5
-"""Lines that each cell gets at least: few cells carry much, but together the small ones may."""
-
-SHARED_LINES: Final = 160
-"""Lines of the pilot along half-spaces that share their points, at least one each."""
-
-LINEAR: Final = 0.25
-"""Share of the lines of the estimate that half-spaces that share their points have by the linear model alone."""
-
-LEAST_SHARE: Final = 1e-3
-"""Share of the lines of such a half-space that is expected to have none: the side opposite to all ways to fail."""
-
-BEFORE: Final = "flights fail before the limit is reached along their line as well: it is crossed more than once"
+ROUGHEST: Final = 0.6
+"""Standard error of the logarithm by levels from which they are no estimate."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +75,10 @@ class Rare:
         The most likely way to fail: the point of the event nearest to zero on the line that matters most.
     sides : int
         Separate ways to fail that carry at least a hundredth of the estimate.
+    power : float
+        Probability with which the search finds a second half-space of the allowed probability.
+    by_levels : bool
+        Whether levels decide the interval, since lines contradict them or do not cover the event.
     """
 
     estimate: float
@@ -109,38 +88,13 @@ class Rare:
     refusal: str
     point: Array
     sides: int = 0
-
-
-@dataclass(frozen=True)
-class _Lines:
-    """Lines that were followed.
-
-    Facet, v, entry, whether a flight beyond it fails, and the share of that flight's point that is the facet's, shape
-    (n,); entries as points with their noise; points before the entry of a line that fail as well; flights to find the
-    entries.
-    """
-
-    facet: IndexArray
-    across: Array
-    entry: Array
-    beyond: Array
-    share: Array
-    points: Places
-    before: Places
-    begin: Array
-    flights: int
-
-    def weights(self, proposals: list[Proposal]) -> Array:
-        """Return ``ratio(v) Phi(-t*) pi``, zero where the flight beyond the entry is not in the event, shape (n,)."""
-        ratio = np.empty(len(self.facet))
-        for j, proposal in enumerate(proposals):
-            ratio[self.facet == j] = proposal.ratio(self.across[self.facet == j])
-        return np.asarray(ratio * special.ndtr(-self.entry) * self.beyond * self.share)
+    power: float = 0.0
+    by_levels: bool = False
 
 
 def estimate_probability(
     fly: Outcomes, linear: Outputs, limit: Limit, dimensions: int, seed: int, precision: float = 0.05,
-    confidence: float = 0.95, most: int = 1_000, noisy: bool = False,
+    confidence: float = 0.95, most: int = 1_000, noisy: bool = False, cheap: bool = True, allowed: float = 1e-6,
 ) -> Rare:  # fmt: skip
     """Estimate the probability of a rare event.
 
@@ -162,37 +116,27 @@ def estimate_probability(
     confidence : float
         Of the two-sided interval.
     most : int
-        Flights, about, at most.
+        Flights, about, at most, for the lines; where they are cheap, `CHEAP` times as many.
     noisy : bool
         Whether flights depend on the number of their noise.
+    cheap : bool
+        Whether tens of thousands of flights are affordable; not with noise.
+    allowed : float
+        Probability for which the power of the search is stated.
     """
     flown = Flown(fly, limit)
-    generator = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed)))
-    facets = linear_facets(linear, limit, dimensions)
+    facets = known_facets(linear, limit, dimensions)
     if not len(facets.distances):
         return _refused(flown, "the linear model has no way to fail", dimensions)
     if float(np.min(facets.distances)) <= 0.0:
         return _refused(flown, "the nominal itself lies beyond the limit", dimensions)
-    expected = lambda points: limit.margin(linear(points))  # noqa: E731
-    if isinstance(limit, AnyEpoch):
-        facets = replace(facets, shared=True)
-    if dimensions <= ALL_PAIRS or not facets.shared:
-        facets = turned(facets, flown.outcomes(), limit, generator)
-    unseen = UnseenNoise.measure(flown, facets, linear) if noisy else None
-    plan = _Plan(flown, expected, facets, generator, unseen)
-    pilot, proposals = plan.pilot()
-    unforeseen = pilot.points[(pilot.facet >= facets.foreseen) & np.isfinite(pilot.entry)]
-    unexpected = pilot.before.and_also(unforeseen)
-    search = search_elsewhere(flown, expected, facets, proposals, plan.nearest(pilot), unexpected, generator)
-    flown.failed = 0  # far out flights may have no result
-    if search.refusal:
-        return _refused(flown, search.refusal, dimensions)
-    if len(search.facets.distances) > len(facets.distances):
-        plan = _Plan(flown, expected, search.facets, generator, unseen)
-        pilot, proposals = plan.pilot()
-    if len(pilot.before):
-        return _refused(flown, BEFORE, dimensions)
-    return plan.estimate(pilot, proposals, search, precision, confidence, most)
+    routes = _Routes(flown, linear, limit, dimensions, seed, noisy, cheap and not noisy)
+    return routes.estimate(facets, precision, confidence, most, allowed)
+
+
+def _left_out_by(plan: Plan, laid: Laid, places: Places) -> NDArray[np.bool_]:
+    late, heavy = plan.left_out(places, laid)
+    return late | heavy
 
 
 def _refused(flown: Flown, reason: str, dimensions: int) -> Rare:
@@ -200,280 +144,147 @@ def _refused(flown: Flown, reason: str, dimensions: int) -> Rare:
 
 
 @dataclass
-class _Plan:
-    """Lines along some half-spaces: those of the pilot, and those of the estimate."""
+class _Routes:
+    """Lines, levels and widened errors, each with draws of its own."""
 
     flown: Flown
-    expected: Callable[[Array], Array]
-    facets: Facets
-    generator: np.random.Generator
-    unseen: UnseenNoise | None
-    few: NDArray[np.bool_] = field(init=False)
-    """Half-spaces with too few lines in the pilot for a fit: they enter where the linear model has it, shifted."""
+    linear: Outputs
+    limit: Limit
+    dimensions: int
+    seed: int
+    noisy: bool
+    cheap: bool
 
-    shift: float = 0.0
+    def estimate(self, facets: Facets, precision: float, confidence: float, most: int, allowed: float) -> Rare:
+        """Lay the lines of a pilot, search, lay those of the estimate, and compare."""
+        generator, flown = self._generator(0), self.flown
+        facets = replace(facets, shared=isinstance(self.limit, AnyEpoch))
+        curvature = None
+        if self.dimensions <= ALL_PAIRS or not facets.shared:
+            curvature = Curvature.measure(flown.outcomes(), self.dimensions, generator)
+            facets = curvature.turned(facets, self.limit)
+        unseen = UnseenNoise.measure(flown, facets, self.linear) if self.noisy else None
+        plan = Plan(flown, self.expected, facets, generator, unseen)
+        pilot, proposals = plan.pilot()
+        nearest = plan.nearest(pilot)
+        lost = flown.failed
+        levels = simulate_levels(flown, self.dimensions, self._generator(1)) if self.cheap else None
+        widened = self._widened(facets, proposals)
+        surprises = pilot.points[(pilot.facet >= facets.foreseen) & np.isfinite(pilot.entry)].and_also(pilot.before)
+        surprises = surprises.and_also(widened.unforeseen)
+        if levels is not None:
+            surprises = surprises.and_also(self._of_levels(levels, facets, proposals))
+        followed = FOLLOWED_MANY if self.cheap else FOLLOWED_FEW
+        left_out = partial(_left_out_by, plan, plan.expected_lines(pilot, proposals))
+        search = search_elsewhere(flown, facets, nearest, surprises, followed, left_out)
+        if len(search.facets.distances) > len(facets.distances) or levels is not None:
+            facets = search.facets
+            if curvature is not None:
+                facets = curvature.turned(replace(facets, turned=None), self.limit)
+            informed = None
+            if levels is not None and len(levels.points) and not facets.shared:
+                informed = inform(facets, levels)
+                facets = informed.facets
+            plan = Plan(flown, self.expected, facets, generator, unseen, informed)
+            pilot, proposals = plan.pilot()
+        flown.failed = lost  # far out flights may have no result
+        affordable = CHEAP * most if self.cheap else most - flown.flights
+        laid = plan.estimate(pilot, proposals, precision, confidence, affordable)
+        if flown.failed:
+            return _refused(flown, laid.doubt, self.dimensions)
+        if not laid.doubt and len(pilot.before):
+            laid = replace(laid, doubt=BEFORE)
+        return self._weighed(plan, laid, widened, levels, search, confidence, allowed)
 
-    def __post_init__(self) -> None:
-        self.few = np.arange(len(self.facets.distances)) < (self.facets.foreseen if self.facets.shared else 0)
+    def expected(self, points: Array) -> Array:
+        """Return the margins by the linear model."""
+        return self.limit.margin(self.linear(points))
 
-    def follow(self, facet: IndexArray, across: Array, proposals: list[Proposal], check: bool = True) -> _Lines:
-        """Follow lines, and fly a point beyond the entry of each, if that is checked, and before that of some."""
-        facets, number = self.facets, len(facet)
-        feet, along, noise = facets.feet(facet, across), facets.directions[facet], self.flown.new_noise(number)
-        nearest = float(np.min([each.constant for each in proposals]))
-        ends = np.full(number, max(nearest, float(np.min(facets.distances))) + END)
-        begins = np.maximum(facets.starts(facet, feet), -ends)
-        guesses = np.empty(number)
-        for j in np.unique(facet):
-            guesses[facet == j] = self.entry(int(j), across[facet == j], proposals[j])
-        guesses = np.where((guesses > 0.0) & (guesses < ends), guesses, facets.distances[facet])
-        step = 1e-4
-        at = feet + facets.distances[facet][:, None] * along
-        slopes = (self.expected(at + step * along) - self.expected(at - step * along)) / (2.0 * step)
-        entered_at = crossings(self.flown, noise, feet, along, guesses, slopes, begins, ends)
-        entry = entered_at.at
-        uniform = self.generator.random((number, 2))
-        entered = np.isfinite(entry)
-        beyond, some = np.zeros(number), entered & (np.arange(number) % BETWEEN == 0)
-        t = -special.ndtri(uniform[:, 0] * special.ndtr(-entry))
-        shared_at = np.where(entered, t if check else entry, 0.0)
-        share = facets.shares(facet, feet + shared_at[:, None] * along)
-        if check:
-            tails = feet[entered] + t[entered, None] * along[entered]
-            beyond[entered] = ~(self.flown(tails, noise[entered]) <= 0.0)
-        begin = np.maximum(begins, 0.5 * entry)[some]
-        t = begin + uniform[some, 1] * (entry[some] * (1.0 - 1e-2) - begin)
-        inside = np.asarray(t > begins[some])
-        earlier = Places(feet[some][inside] + t[inside, None] * along[some][inside], noise[some][inside])
-        before = earlier[~(self.flown(earlier.points, earlier.noise) <= 0.0)]
-        entries = Places(feet + np.where(entered, entry, 0.0)[:, None] * along, noise)
-        return _Lines(facet, across, entry, beyond, share, entries, before, begins, entered_at.flights)
+    def _generator(self, route: int) -> np.random.Generator:
+        return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(route,))))
 
-    def pilot(self) -> tuple[_Lines, list[Proposal]]:
-        """Follow lines from the standard normal, and fit where those of the estimate are laid."""
-        facets, d = self.facets, self.facets.directions.shape[1] - 1
-        lines = self.pilot_lines()
-        facet = np.repeat(np.arange(len(lines)), lines if d or self.unseen is not None else 1)
-        plain = [Proposal.plain(d, float(each)) for each in facets.distances]
-        followed = self.follow(facet, self.generator.standard_normal((len(facet), d)), plain, check=False)
-        fitted = []
-        normal = self.generator.standard_normal((DRAWS, d))
-        self.few = facets.shared & (lines <= d + 3) & (np.arange(len(lines)) < facets.foreseen)
-        self.shift = self.shifted(followed)
-        for j, count in enumerate(lines):
-            mine = facet == j
-            mine &= np.isfinite(followed.entry) & (followed.entry > followed.begin)  # others enter with their cell
-            entered = followed.entry[mine] - self.moved(j, followed.across[mine])
-            fit = Proposal.plain(d, float(np.mean(entered)) if len(entered) else NEVER)
-            if self.few[j]:
-                fitted.append(plain[j])
-                continue
-            if d and count > d + 3:
-                fit = Proposal.fitted(followed.across[mine], entered, fit.constant)
-            if self.unseen is not None and fit.constant < NEVER:
-                fit = fit.with_scatter(*self.unseen.scatter(facets, j, self.flown.limit))
-            fitted.append(fit.improved(normal, partial(self.mass_of_fit, j))[0] if fit.constant < NEVER else fit)
-        return followed, fitted
+    def _widened(self, facets: Facets, proposals: Sequence[Proposal]) -> Widened:
+        points = draw_widened(MANY if self.cheap else FEW, self.dimensions, self._generator(2))
+        return fly_widened(self.flown, points, foreseen(points, self.expected, facets, proposals))
 
-    def pilot_lines(self) -> IndexArray:
-        """Return how many lines of the pilot are laid along each half-space, shape (facets,)."""
-        facets, d = self.facets, self.facets.directions.shape[1] - 1
-        likely = facets.probabilities / np.max(facets.probabilities)
-        likely[facets.foreseen : facets.foreseen + 1] = 0.0  # the opposite side
-        if facets.shared:
-            number = max(SHARED_LINES, 2 * d + 12)
-            lines = np.ceil(number * likely / likely.sum()).astype(int)
-            lines[facets.foreseen :] = np.maximum(lines[facets.foreseen :], OTHERS)
-            return np.asarray(np.maximum(lines, 1))
-        number = max(PILOT, 2 * d + 12)
-        return np.asarray(np.maximum(OTHERS, np.ceil(number * likely / max(1.0, likely.sum() / 3.0)).astype(int)))
+    def _of_levels(self, levels: Levels, facets: Facets, proposals: Sequence[Proposal]) -> Places:
+        """Return some points of the event by levels that nothing foresees."""
+        surprising = levels.points[~foreseen(levels.points, self.expected, facets, proposals)]
+        surprising = surprising[:: max(1, len(surprising) // OF_LEVELS)]
+        return Places(surprising, self.flown.new_noise(len(surprising)))
 
-    def shifted(self, pilot: _Lines) -> float:
-        """Return how much later lines of half-spaces without a fit enter, by their probabilities, than expected."""
-        facets, mine = self.facets, self.few[pilot.facet]
-        if not mine.any():
-            return 0.0
-        facet, across = pilot.facet[mine], pilot.across[mine]
-        feet = facets.feet(facet, across)
-        at = np.maximum(facets.entries(facet, feet), 0.0)
-        expected = special.ndtr(-at) * facets.shares(facet, feet + at[:, None] * facets.directions[facet])
-        found = float(np.sum(special.ndtr(-pilot.entry[mine]) * pilot.share[mine])) / float(np.sum(expected))
-        return -math.log(found) / hazard_at(float(np.min(facets.distances))) if found > 0.0 else NEVER
-
-    def entry(self, facet: int, across: Array, proposal: Proposal) -> Array:
-        """Return the entries of lines at v of one facet that its fit expects, shape (n,)."""
-        moved = self.moved(facet, across)
-        return moved + (self.facets.distances[facet] + self.shift if self.few[facet] else proposal.entry(across))
-
-    def moved(self, facet: int, across: Array) -> Array:
-        """Return how much later lines at v of a half-space that shares its points enter any by the linear model.
-
-        Later than their own, shape (n,): what is fitted is the rest.
-        """
-        if not self.facets.shared or facet >= self.facets.foreseen:
-            return np.zeros(len(across))
-        expected = self.facets.entries(np.full(len(across), facet), self.facets.feet_of(facet, across))
-        return np.asarray(expected - self.facets.distances[facet])
-
-    def mass_of_fit(self, facet: int, across: Array, fitted: Array) -> Array:
-        """Return the same as `mass` for values of a fit."""
-        return self.mass(facet, across, self.moved(facet, across) + fitted)
-
-    def mass(self, facet: int, across: Array, entry: Array) -> Array:
-        """Return ``Phi(-t*) pi`` of lines of one facet with their entries, or their begins, shape (n,)."""
-        facets, feet = np.full(len(across), facet), self.facets.feet_of(facet, across)
-        at = np.maximum(entry, self.facets.starts(facets, feet))
-        points = feet + at[:, None] * self.facets.directions[facet]
-        return np.asarray(special.ndtr(-at) * self.facets.shares(facets, points))
-
-    def means(self, lines: _Lines) -> Array:
-        """Return the probability of each cell by the pilot, shape (facets,)."""
-        plain = special.ndtr(-lines.entry) * lines.share
-        return np.array([np.mean(plain[lines.facet == j]) for j in range(len(self.facets.distances))])
-
-    def shares(self, pilot: _Lines, proposals: list[Proposal]) -> Array:
-        """Return the share of the lines of each cell: its probability by the pilot and by the fit, shape (facets,).
-
-        The fit alone knows what few lines of a small cell miss; where no line enters, it knows nothing.
-        """
-        d, facets = self.facets.directions.shape[1] - 1, self.facets
-        normal = self.generator.standard_normal((DRAWS, d))
-        means, fitted = self.means(pilot), np.zeros(len(proposals))
-        for j, proposal in enumerate(proposals):
-            if proposal.constant < NEVER and not self.few[j]:
-                v = proposal.draw((np.arange(DRAWS) + 0.5) / DRAWS, normal)
-                fitted[j] = float(np.mean(proposal.ratio(v) * self.mass(j, v, self.entry(j, v, proposal))))
-        if facets.shared:
-            points = self.generator.standard_normal((SHARED_DRAWS, d + 1))
-            fitted = np.where(self.few, facets.expected_masses(points, self.shift)[0], fitted)
-        shares = means / means.sum() + fitted / max(fitted.sum(), 1e-300)
-        shares /= shares.sum()
-        if not facets.shared:
-            return np.asarray(shares)
-        linear, _ = facets.expected_masses(points, 0.0)
-        shares = (1.0 - LINEAR) * shares + LINEAR * linear / linear.sum()
-        shares[shares == 0.0] = LEAST_SHARE
-        return np.asarray(shares / shares.sum())
-
-    def nearest(self, pilot: _Lines) -> float:
-        """Return the distance of a half-space as probable as the event is by the pilot."""
-        total = float(np.sum(self.means(pilot)))
-        return float(-special.ndtri(total)) if total > 0.0 else float(np.min(self.facets.distances))
-
-    def estimate(
-        self, pilot: _Lines, proposals: list[Proposal], search: Search, precision: float, confidence: float, most: int
-    ) -> Rare:
-        """Lay the lines of the estimate, as many as its precision needs, and form it."""
-        d = self.facets.directions.shape[1]
-        means = self.means(pilot)
-        if not np.sum(means) > 0.0:
-            return _refused(self.flown, "no flight fails where the linear model expects it", d)
-        scatter = self.unseen_scatter(int(np.argmax(means)), proposals)
-        if scatter > SCATTERED:
-            return _refused(self.flown, "noise that the linear model does not see moves the limit too far", d)
-        shares = self.shares(pilot, proposals)
-        per_line = pilot.flights / len(pilot.facet) + 1.0 + 1.0 / BETWEEN
-        number = self.lines_needed(pilot, proposals, precision)
-        number = int(np.clip(min(number, (most - self.flown.flights) / per_line), FEWEST, MOST))
-        strata = strata_of(shares) if self.facets.shared else np.arange(len(shares))
-        of_stratum = np.bincount(strata, shares)
-        lines_of = np.maximum(np.rint(number * of_stratum), EACH).astype(np.int64)
-        stratum, number = np.repeat(np.arange(len(of_stratum)), lines_of), int(lines_of.sum())
-        facet = draw_members(stratum, strata, shares, self.generator) if self.facets.shared else stratum
-        within = shares / of_stratum[strata] if self.facets.shared else 1.0
-        shares = (lines_of / number)[strata] * within
-        uniform, normal = self.generator.random(number), self.generator.standard_normal((number, d - 1))
-        across = np.empty((number, d - 1))
-        for j, proposal in enumerate(proposals):
-            mine = facet == j
-            across[mine] = proposal.draw(uniform[mine], normal[mine])
-        lines = self.follow(facet, across, proposals)
-        weights = lines.weights(proposals) / shares[facet]
-        value, low, high = weights_interval(weights, stratum, confidence)
-        refusal = self.doubt(lines, weights, value, proposals, shares)
-        if refusal:
-            return _refused(self.flown, refusal, d)
-        parts = np.array([weights[facet == j].sum() for j in range(len(shares))]) / number
-        point = self.likely(lines, weights, proposals)
-        return Rare(value, low, high, self.flown.flights, "", point, int(np.count_nonzero(parts > 0.01 * value)))
-
-    def unseen_scatter(self, facet: int, proposals: list[Proposal]) -> float:
-        """Return the variance of the logarithm of a line's probability by noise that the linear model does not see."""
-        if self.unseen is None:
-            return 0.0
-        proposal = proposals[facet]
-        at, by = self.unseen.scatter(self.facets, facet, self.flown.limit)
-        square = np.mean((at + by @ proposal.mean) ** 2) + np.mean(by**2, axis=0) @ proposal.spread**2
-        return float(square * hazard_at(proposal.constant) ** 2)
-
-    def lines_needed(self, pilot: _Lines, proposals: list[Proposal], precision: float) -> float:
-        """Return the lines that a relative standard error needs, from the scatter about the fit of the pilot."""
-        j = int(np.argmax(self.means(pilot)))
-        if self.few[j]:
-            return self.few_lines_needed(pilot, precision)
-        mine = (pilot.facet == j) & np.isfinite(pilot.entry) & (pilot.entry > pilot.begin)
-        t, proposal = pilot.entry[mine], proposals[j]
-        if len(t) < 8:
-            return math.inf if len(proposal.mean) or self.unseen is not None else 0.0
-        hazard = np.abs(t) + 1.0 / np.maximum(np.abs(t), 1.0)
-        scatter = float(np.std(hazard * (t - self.entry(j, pilot.across[mine], proposal))))
-        freedom = max(len(t) - 2.0 * len(proposal.mean) - 2.0, 1.0)
-        scatter *= math.sqrt(len(t) / freedom)
-        normal = self.generator.standard_normal((DRAWS, len(proposal.mean)))
-        fitted = proposal.improved(normal, partial(self.mass_of_fit, j))[1]
-        return (math.expm1(min(scatter**2, 20.0)) + fitted) / precision**2
-
-    def few_lines_needed(self, pilot: _Lines, precision: float) -> float:
-        """Return the same where half-spaces follow the linear model: from the scatter about it, and its shares'."""
-        facets, mine = self.facets, self.few[pilot.facet] & np.isfinite(pilot.entry) & (pilot.entry > pilot.begin)
-        if np.count_nonzero(mine) < 8:
-            return math.inf
-        facet = pilot.facet[mine]
-        expected = facets.entries(facet, facets.feet(facet, pilot.across[mine])) + self.shift
-        scatter = float(np.std(pilot.entry[mine] - expected)) * hazard_at(float(np.min(facets.distances)))
-        masses, variations = facets.expected_masses(
-            self.generator.standard_normal((SHARED_DRAWS, facets.directions.shape[1])), self.shift
+    def _weighed(
+        self, plan: Plan, laid: Laid, widened: Widened, levels: Levels | None, search: Search,
+        confidence: float, allowed: float,
+    ) -> Rare:  # fmt: skip
+        """Compare the routes, and state what they agree on."""
+        flown, corner = self.flown, search.corner <= search.far
+        scatter = math.inf if levels is None else levels.scatter
+        stated = partial(
+            Rare, flights=flown.flights, refusal="", point=laid.point, sides=laid.sides, power=widened.power(allowed)
         )
-        shared = float(masses @ variations / np.sum(masses))
-        return (math.expm1(min(scatter**2, 20.0)) + shared) / precision**2
+        if laid.doubt:
+            failures = widened.failed & widened.seen
+            if levels is not None and scatter <= ROUGHEST and not search.jumps and not corner:
+                return stated(levels.value, *levels.interval(confidence), by_levels=True)
+            if self.cheap and widened.counted(failures) >= COUNTED:
+                return stated(*widened.probability(failures, confidence), by_levels=True)
+            return _refused(flown, laid.doubt, self.dimensions)
+        if scatter > ROUGHEST:
+            levels = None
+        smooth = None if search.jumps or corner else levels
+        left, above, reason = self._left_out(plan, laid, widened, smooth, search.corner, confidence)
+        if reason:
+            return _refused(flown, reason, self.dimensions)
+        value, low, high = laid.value + left[0], max(laid.low, left[1]), laid.high + left[2] + above
+        if levels is None:
+            return stated(value, low, high)
+        reach = float(stats.t.ppf(0.5 + 0.5 * AGREE, len(levels.estimates) - 1)) * scatter
+        difference = math.log(levels.value / value)
+        of_levels = levels.interval(confidence)
+        if difference > reach:
+            return stated(levels.value, min(low, of_levels[0]), max(high, of_levels[1]), by_levels=True)
+        if difference < -reach and not search.jumps and not left[0] > 0.0:
+            low = min(low, of_levels[0])
+        return stated(value, low, high)
 
-    def doubt(self, lines: _Lines, weights: Array, value: float, proposals: list[Proposal], shares: Array) -> str:
-        """Say what contradicts the estimate; nothing where nothing does."""
-        if self.flown.failed:
-            return f"{self.flown.failed} of {self.flown.flights} flights failed"
-        if not value > 0.0:
-            return "no flight fails where the linear model expects it"
-        if len(lines.before):
-            return BEFORE
-        largest = float(np.max(weights) / np.sum(weights))
-        if largest > HEAVIEST:
-            return f"a single line carries {100.0 * largest:.0f} % of the estimate"
-        agreement = self.agreement(lines, weights, proposals, shares)
-        if not 1.0 / DISAGREEMENT < agreement < DISAGREEMENT:
-            return f"the lines of the estimate have {agreement:.2g} times the probability that the first ones had"
-        if np.mean(lines.beyond[np.isfinite(lines.entry)]) < 0.5:
-            return "most flights beyond the crossing do not fail"
-        return ""
+    def _left_out(
+        self, plan: Plan, laid: Laid, widened: Widened, levels: Levels | None, corner: float, confidence: float
+    ) -> tuple[tuple[float, float, float], float, str]:
+        """Return what lines leave out: the probability of failures on none, and that on few lines, or a refusal.
 
-    def agreement(self, lines: _Lines, weights: Array, proposals: list[Proposal], shares: Array) -> float:
-        """Return the weights of lines in the major cells over those that the fit of the pilot predicts."""
-        predicted = np.zeros(len(lines.facet))
-        major = (shares[lines.facet] > MINOR) | self.facets.shared
-        for j, proposal in enumerate(proposals):
-            mine = (lines.facet == j) & major
-            v = lines.across[mine]
-            predicted[mine] = proposal.ratio(v) * self.mass(j, v, self.entry(j, v, proposal))
-        return float(np.sum(weights[major]) / np.sum(predicted / shares[lines.facet]))
+        The first has an interval and is part of the event's; lines contain the second on average, so that it widens the
+        interval upwards alone.
+        """
+        places, nothing = widened.places, (0.0, 0.0, 0.0)
+        weights = np.where(widened.failed & widened.seen, ratio(places.points), 0.0)
+        most = CHECKED_MANY if self.cheap else CHECKED_FEW
+        picked = np.argsort(-weights, kind="stable")[: min(most, int(np.count_nonzero(weights)))]
+        late, heavy = ~widened.seen & ~widened.foreseen, np.zeros(len(weights), dtype=bool)
+        if len(picked):
+            late[picked], heavy[picked] = plan.left_out(Places(places.points[picked], places.noise[picked]), laid)
+        whole = widened.probability(late | heavy, confidence)
+        if widened.counted(late | heavy) >= COUNTED and whole[0] > MUCH * laid.value:
+            return whole, 0.0, ""
+        on_none, on_few = widened.probability(late, confidence), widened.probability(heavy, confidence)
+        if levels is not None and widened.counted(heavy) < COUNTED:
+            above = self._on_few_lines(plan, laid, levels)
+        else:  # few flights: a single one far from all others shows nothing
+            above = on_few[2] if self.cheap or on_few[1] > 0.0 else 0.0
+        if on_none[0] > RELEVANT * laid.value:
+            left = on_none
+        else:
+            left, above = nothing, above + on_none[2]
+        surely = left == nothing or widened.counted(late) >= COUNTED
+        if (self.cheap or corner == math.inf) and surely and (above <= MUCH * laid.value or levels is not None):
+            return left, above, ""
+        nearest = min(corner, float(np.min(np.linalg.norm(places.points[late | heavy], axis=1), initial=math.inf)))
+        where = f"{nearest:.2g} sigma from the nominal"
+        return left, above, f"a flight fails {where} where no failure is expected, by a jump or a gate"
 
-    def likely(self, lines: _Lines, weights: Array, proposals: list[Proposal]) -> Array:
-        """Return the most likely point of failure: the mean of the entries of the heaviest cell, by their weights."""
-        j = int(np.argmax(np.bincount(lines.facet, weights, len(self.facets.distances))))
-        mine = (lines.facet == j) & (weights > 0.0)
-        share = weights[mine] / weights[mine].sum()
-        across = lines.across[mine]
-        if self.facets.shared and len(share) < 2 * self.facets.directions.shape[1]:
-            across = np.repeat(proposals[j].mean[None], len(share), axis=0)  # the mean of few is no centre
-        feet = self.facets.feet(lines.facet[mine], across)
-        centre = share @ feet
-        along = float(share @ lines.entry[mine])
-        return np.asarray(centre + along * self.facets.directions[j])
+    def _on_few_lines(self, plan: Plan, laid: Laid, levels: Levels) -> float:
+        """Return the probability of points by levels that are on few lines of the estimate."""
+        picked = np.linspace(0, len(levels.points) - 1, min(OF_LEVELS, len(levels.points))).astype(np.int64)
+        places = Places(levels.points[picked], self.flown.new_noise(len(picked)))
+        weights = levels.weights[picked] / np.sum(levels.weights[picked])
+        return levels.value * float(np.sum(weights[plan.left_out(places, laid)[1]]))

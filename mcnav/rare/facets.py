@@ -23,7 +23,7 @@ Chertkov, 2019); these here are not zero where an event has moved away from the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Final
@@ -74,6 +74,8 @@ class Facets:
 
     turned: Array | None = None
     shared: bool = False
+    bends: bool = False
+    """Whether the linear model is no linear function of standard normals: of errors that are not normal."""
 
     @cached_property
     def bases(self) -> Array:
@@ -170,7 +172,7 @@ class Facets:
         return replace(self, directions=directions, distances=np.append(self.distances, distance))
 
 
-def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:
+def linear_facets(linear: Outputs, limit: Limit, dimensions: int, jumps: Sequence[tuple[Array, float]] = ()) -> Facets:
     """Return the half-spaces of the linear model, and behind the nearest one the opposite side of space.
 
     Parameters
@@ -178,6 +180,8 @@ def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:
     linear : callable
         The model, exact where the sources are normal; with other distributions it bends, and each half-space touches
         it in the point nearest to zero.
+    jumps : sequence of (ndarray, float)
+        Directions and distances of further planes, across which it jumps.
     """
     zero, axes = np.zeros((1, dimensions)), OFF * np.vstack([np.eye(dimensions), -np.eye(dimensions)])
     ends = linear(np.vstack([zero, axes, 0.5 * axes])) - linear(zero)
@@ -189,6 +193,7 @@ def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:
         starts = np.vstack([zero, axes]) if bends and dimensions <= MOST_STARTS else zero
         points = [point for n, c in zip(limit.normals, limit.offsets, strict=True) for start in starts
                   if (point := nearest_point(linear, n, float(c), start)) is not None]  # fmt: skip
+    points += jumps
     directions, distances = np.zeros((0, dimensions)), np.zeros(0)
     nearest = min((beta for _, beta in points), default=np.inf)
     # two sides of one output are equally far, but for rounding: they keep the order of the limit on every machine
@@ -198,7 +203,7 @@ def linear_facets(linear: Outputs, limit: Limit, dimensions: int) -> Facets:
     foreseen = len(distances)
     if len(distances) and not np.any(directions @ directions[0] < -SAME):
         directions, distances = np.vstack([directions, -directions[0]]), np.append(distances, distances[0])
-    return Facets(directions, distances, foreseen)
+    return Facets(directions, distances, foreseen, bends=bends)
 
 
 def half_spaces(limit: Limit, mean: Array, gradient: Array) -> list[tuple[Array, float]]:

@@ -10,7 +10,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.statistics.estimates import Estimate
 
-ROOTS: Final = 0.0015
+ROOTS: Final = 0.003
 """Relative error of the estimate by the tolerance of the crossings and by the few lines that set the interval.
 
 With it 95 % intervals were measured to hold as `mcnav docs method` says; without it they hold in 94 %.

@@ -32,7 +32,7 @@ RADII: Final = {
 NAMED: Final = 3
 """Causes that are named beside a number."""
 
-TONES: Final = {"met": "agrees", "not met": "differs", "undecided": "undecided"}
+TONES: Final = {"met": "agrees", "not met": "differs", "undecided": "undecided", "met for the known ways": "undecided"}
 
 
 @dataclass(frozen=True)
@@ -223,6 +223,7 @@ EXCEEDANCE: Final[tuple[ResultColumn[RequirementRow], ...]] = (
     ResultColumn("exceedance_from", lambda row: row.entry.exceedance.low if row.entry.exceedance else None),
     ResultColumn("exceedance_to", lambda row: row.entry.exceedance.high if row.entry.exceedance else None),
     ResultColumn("exceedance_flights", lambda row: row.entry.exceedance.flights if row.entry.exceedance else None),
+    ResultColumn("exceedance_power", lambda row: row.entry.exceedance.power if row.entry.exceedance else None),
     ResultColumn("exceedance_refusal", lambda row: row.entry.exceedance.refusal if row.entry.exceedance else ""),
 )  # fmt: skip
 """Columns of runs in which counting could not be expected to decide a requirement."""
@@ -275,7 +276,9 @@ def _caption(summary: Summary, explained: bool, confidence: str) -> str:
     if any(entry.exceedance is not None for entry in summary.requirements):
         parts.append(
             "Exceedance: probability beyond the limits, with its two-sided interval, by flights along lines that the "
-            "linear model chose and by a search in other places; sigmas are those of the sources."
+            "linear model chose and by a search in other places; sigmas are those of the sources. Met for the known "
+            "ways: the search would miss a second way to fail, as likely as what is allowed, in more than one of ten "
+            "runs."
         )
     if explained:
         when = ", over time at the epoch with the largest estimate" if over_time else ""

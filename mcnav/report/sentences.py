@@ -61,7 +61,7 @@ def tone(summary: Summary) -> str:
 
 def tone_of(counts: Tally) -> str:
     """Return ``agrees`` when all requirements are met, ``differs`` when one is not met, else ``undecided``."""
-    return "differs" if counts.not_met else "undecided" if counts.undecided else "agrees"
+    return "differs" if counts.not_met else "agrees" if counts.met == counts.of else "undecided"
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,9 @@ def more_samples(needed: int, samples: int) -> str:
 
 
 def _on_requirements(counts: Tally) -> str:
-    others = ((counts.not_met, "not met"), (counts.undecided, "undecided"))
+    others = (
+        (counts.not_met, "not met"), (counts.undecided, "undecided"), (counts.met_as_known, "met for the known ways")
+    )  # fmt: skip
     rest = [f"{count} {words}" for count, words in others if count]
     requirements = ", ".join([f"{counts.met} of {counts.of} met", *rest])
     return f"Requirements: {requirements}."

@@ -17,7 +17,7 @@ from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.linear_range import BeyondRange
 from mcnav.analysis.mean_errors import mean_errors, nominal_values
 from mcnav.analysis.multivariate import MultivariateTests
-from mcnav.analysis.requirements import METHOD, RequirementResult
+from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.summary import Beyond, CombinationEntry, Joint, Summary, tally
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
@@ -292,7 +292,7 @@ def _requirement(judged: RequirementResult, names: Sequence[str]) -> Keys:
     entry = {**_named(result.pop("requirement"), names), **result, "finding": judged.finding.value}
     if exceedance is not None:
         exceedance["from"], exceedance["to"] = exceedance.pop("low"), exceedance.pop("high")
-        entry["exceedance"] = {**exceedance, "method": METHOD}
+        entry["exceedance"] = exceedance
     at_the_end = () if judged.requirement.epochs else ("epochs", "time", "samples")
     unsaid = [key for key in ("when", "about") if not getattr(judged.requirement, key)]
     return {key: value for key, value in entry.items() if key not in (*at_the_end, *unsaid)}

@@ -44,7 +44,7 @@ FURTHER: Final[dict[Subject, tuple[tuple[str, str], ...]]] = {
 }  # fmt: skip
 """Questions after each verdict, and the sections that answer them."""
 
-FINDINGS: Final = ("not met", "undecided", "met")
+FINDINGS: Final = ("not met", "undecided", "met for the known ways", "met")
 """Findings on requirements, the worst first."""
 
 
@@ -114,7 +114,10 @@ def status(summary: Summary, subject: Subject) -> str:
         return summary.smoother.verdict if summary.smoother else ""
     if subject == "requirements":
         counts = summary.counts
-        return "" if counts is None else "not met" if counts.not_met else "undecided" if counts.undecided else "met"
+        if counts is None:
+            return ""
+        worst = ("not met", counts.not_met), ("undecided", counts.undecided), ("as known", counts.met_as_known)
+        return next((words for words, count in worst if count), "met")
     if summary.unsettled:
         return "no valid model"
     if summary.beyond_range:

@@ -6,6 +6,7 @@ before they existed. Only fields that were set are written.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, Self
 
@@ -159,7 +160,8 @@ class FaultRecord(Record):
 class ExceedanceRecord(Record):
     """See `mcnav.analysis.requirements.Exceedance`; ``requirement`` is the number of the requirement, from zero.
 
-    ``point`` is the most likely way to fail in standard normals, shape (d,); none where it is not known.
+    ``point`` is the most likely way to fail in standard normals, shape (d,); none where it is not known. ``by_levels``:
+    see `mcnav.rare.estimate.Rare`.
     """
 
     requirement: Count
@@ -171,6 +173,8 @@ class ExceedanceRecord(Record):
     way: Mapping[Words, float] = {}
     sides: Count = 0
     point: Vector | None = None
+    power: Number = math.nan
+    by_levels: bool = False
 
 
 class ModelRecord(Record):

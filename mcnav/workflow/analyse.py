@@ -24,6 +24,8 @@ from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSqu
 from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_range import BeyondRange, limits_of
 from mcnav.analysis.requirements import (
+    LEVELS,
+    METHOD,
     Exceedance,
     Requirement,
     RequirementResult,
@@ -212,8 +214,9 @@ class _Judge:
         for record in self.manifest.model.exceedance or ():
             if record.requirement == number:
                 exceedance = Exceedance(
-                    record.estimate, record.low, record.high, record.flights, record.refusal, record.way, record.sides
-                )
+                    record.estimate, record.low, record.high, record.flights, record.refusal, record.way, record.sides,
+                    record.power, LEVELS if record.by_levels else METHOD,
+                )  # fmt: skip
                 origin = self.model.origin
                 if requirement.epochs:
                     origin = None if self.histories is None else self.histories.origin

@@ -27,7 +27,8 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, is_linear_over_time
 from mcnav.execution.soundness import isolated
 from mcnav.rare.estimate import estimate_probability
-from mcnav.rare.facets import BEHIND, linear_facets
+from mcnav.rare.facets import BEHIND
+from mcnav.rare.jumps import known_facets
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.statistics.bisection import root_between
@@ -47,6 +48,12 @@ FLIGHTS, NOISY_FLIGHTS = 1_000, 2_000
 SHARE: Final = 5
 MOST_FLIGHTS: Final = 4_000
 """Flights of a campaign with noise, which scatters entries: one flight for so many samples, and at most so many."""
+
+CHEAP: Final = 2_048
+"""Samples of a chunk from which an engine simulates many together, so that tens of thousands of flights are cheap.
+
+It is part of the engine: the time that flights take would differ from one run to the next, and so would results.
+"""
 
 MOST_NORMALS: Final = 400
 """Standard normals of errors and noise on which a requirement depends, at most."""
@@ -262,8 +269,11 @@ def estimate_exceedances(
             continue
         if not (noisy and over_time) and not _is_beyond_counting(normals, event, requirement, system, confidence):
             continue
-        refused = _refused(number, reason)
-        records.append(refused if reason else _estimate(number, normals, event, system.draws.samples, confidence))
+        if reason:
+            records.append(_refused(number, reason))
+            continue
+        allowed = allowed_share(requirement)
+        records.append(_estimate(number, normals, event, draws.samples, confidence, allowed))
     return tuple(records)
 
 
@@ -321,7 +331,7 @@ def _is_beyond_counting(
     """Return whether counting samples cannot decide a requirement, if the linear model is right."""
     if not normals.dimensions:
         return False
-    facets = linear_facets(normals.linear, event.limit, normals.dimensions)
+    facets = known_facets(normals.linear, event.limit, normals.dimensions)
     distances = facets.distances[: facets.foreseen]
     if not len(distances) or not 0.0 < float(np.min(distances)) < RAREST:
         return False
@@ -339,12 +349,14 @@ def _is_counted(expected: float, requirement: Requirement, system: PreparedSyste
     return needed is not None and needed <= independent
 
 
-def _estimate(number: int, normals: _Normals, event: Event, samples: int, confidence: float) -> ExceedanceRecord:
+def _estimate(
+    number: int, normals: _Normals, event: Event, samples: int, confidence: float, allowed: float
+) -> ExceedanceRecord:
     """Estimate the probability beyond the limits of one requirement, with flights in proportion to the samples."""
     most = FLIGHTS if normals.noise is None else int(np.clip(samples // SHARE, NOISY_FLIGHTS, MOST_FLIGHTS))
     rare = estimate_probability(
         normals.fly, normals.linear, event.limit, normals.dimensions, normals.seed, confidence=confidence,
-        most=most, noisy=normals.noise is not None,
+        most=most, noisy=normals.noise is not None, cheap=normals.engine.chunk >= CHEAP, allowed=allowed,
     )  # fmt: skip
     record = ExceedanceRecord(
         requirement=number, estimate=rare.estimate, low=rare.low, high=rare.high, flights=rare.flights,
@@ -352,7 +364,8 @@ def _estimate(number: int, normals: _Normals, event: Event, samples: int, confid
     if rare.refusal:
         return record.completed({"refusal": rare.refusal})
     way = most_likely_way(*normals.departures(rare.point))
-    return record.completed({"way": way, "sides": rare.sides, "point": rare.point})
+    known = {"way": way, "sides": rare.sides, "point": rare.point, "power": rare.power, "by_levels": rare.by_levels}
+    return record.completed(known)
 
 
 @dataclass(frozen=True)

@@ -302,6 +302,7 @@ def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
         (["run", DEMO, "--out", "file/inside"], "error: file/inside: cannot be written to"),
         (["run", DEMO, "--out", "x" * 300], "File name too long"),
         (["run", DEMO, "--check"], "accept: is missing; --check needs requirements"),
+        (["run", DEMO, "--known-ways"], "--known-ways: says what --check accepts; add --check"),
         (["report", "nowhere"], "error: nowhere: holds no run"),
         (["compare", "nowhere"], "error: nowhere: holds no run (there is no such folder)"),
         (["partials", "nowhere.toml"], "error: nowhere.toml: no such file"),

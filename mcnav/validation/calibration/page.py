@@ -55,6 +55,7 @@ TITLES: Final = {
     ("filter", "false alarm"): "Filters: false alarms",
     ("filter", "power"): "Filters: power, and naming of the largest neglected error",
     ("rare", "coverage"): "Rare events: coverage of intervals",
+    ("rare", "power"): "Rare events: finding of a second way to fail",
     ("identify", "coverage"): "Identification: coverage of intervals",
     ("identify", "false alarm"): "Identification: false alarms",
     ("identify", "power"): "Identification: what is identified, and what is noticed",
@@ -145,10 +146,11 @@ OTHERS: Final[Mapping[str, tuple[Markup, ...]]] = {
     ),
     "rare": (
         Markup(
-            "Rare events: functions of standard normals whose probabilities, from 2e-7 to 1e-4, are known exactly; "
-            "each is estimated by some thousand flights that the linear model, the first normal alone, chooses. Of "
-            "those with jumps, second ways to fail and noise that decides, of which it knows nothing, the statement "
-            "is right where nothing is stated as well. <em>Noise</em>: normals that no flight chooses."
+            "Rare events: functions of standard normals whose probabilities, from 2e-7 to 1e-4, are known exactly. "
+            "The linear model is the first normal alone. Each is estimated by lines, levels and widened errors; with "
+            "<em>noise</em>, normals that no flight chooses, by some thousand flights of lines and widened errors. "
+            "The linear model knows nothing of jumps, second ways to fail and the outsides of balls: a refusal is "
+            "right there as well. Whether few flights find a second half-space is a rate of its own."
         ),
     ),
     "identify": (

@@ -1,0 +1,115 @@
+"""Flights with all errors widened: what fails away from the half-spaces, its probability, and the power of the search.
+
+A flight has ``u = s z`` with standard normals z and a factor s, uniform in `FACTORS`. A half-space ``n . u > b`` fails
+it with the probability ``Phi(-b / s)`` in any number of dimensions d: of 300 flights ten lie beyond 4.75 sigmas. With
+r = |u|, the ratio of the density of standard normals to that of the flights is
+
+    w(r) = f(r) / mean_s [ f(r / s) / s ],      f the density of a chi variable with d degrees of freedom,
+
+so that the mean of w over the flights that fail somewhere is the probability of failing there. It scatters little where
+the distance from the nominal decides, as outside of a ball in many errors, which no half-space describes.
+
+The search finds a half-space at b in no particular direction with the probability
+
+    1 - product_i [ 1 - C(b / r_i) ],      C(x) = I((d - 1) / 2, 1 / 2; 1 - x^2) / 2      (share of directions within)
+
+over the flights i that do not fail, or fail unforeseen: one that fails as foreseen shows nothing of a second reason.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from mcnav._dataclasses import dataclass
+from mcnav._types import Array
+from mcnav.rare.flights import Flown, Places
+from mcnav.rare.interval import weights_interval
+
+FACTORS: Final = (1.2, 3.5)
+"""Least and largest factor: up to where errors are still of the size that a model is made for."""
+
+STRATA: Final = 8
+"""Groups of flights with similar factors."""
+
+NODES: Final = 200
+"""Factors by which the density of the flights is summed."""
+
+
+@dataclass(frozen=True)
+class Widened:
+    """Flights with widened errors.
+
+    Attributes
+    ----------
+    places : Places
+        Their n points and noise.
+    failed, foreseen : ndarray of bool, shape (n,)
+        Which lie beyond the limit, or have no result; and of which a model expects it.
+    seen : ndarray of bool, shape (n,)
+        Which have a result.
+    """
+
+    places: Places
+    failed: NDArray[np.bool_]
+    foreseen: NDArray[np.bool_]
+    seen: NDArray[np.bool_]
+
+    @property
+    def unforeseen(self) -> Places:
+        """Those that fail where nothing expects it."""
+        return self.places[self.failed & ~self.foreseen]
+
+    def power(self, probability: float) -> float:
+        """Return the probability of finding a half-space of so much probability, in no particular direction."""
+        points = self.places.points
+        distance, dimensions = float(-special.ndtri(probability)), points.shape[1]
+        showing = self.seen & ~(self.failed & self.foreseen)
+        radii = np.linalg.norm(points[showing], axis=1)
+        if dimensions == 1:
+            shares = np.where(radii > distance, 0.5, 0.0)
+        else:
+            square = np.clip(1.0 - (distance / np.maximum(radii, distance)) ** 2, 0.0, 1.0)
+            shares = 0.5 * special.betainc(0.5 * (dimensions - 1.0), 0.5, square)
+        return float(-np.expm1(np.sum(np.log1p(-shares))))
+
+    def probability(self, some: NDArray[np.bool_], confidence: float) -> tuple[float, float, float]:
+        """Return the probability of points as some of the flights have, shape (n,), and the ends of its interval."""
+        weights = np.where(some, ratio(self.places.points), 0.0)
+        strata = np.arange(len(weights)) * STRATA // len(weights)
+        largest = float(np.max(weights))
+        if not largest > 0.0:
+            return 0.0, 0.0, 0.0
+        value, low, high = weights_interval(weights / largest, strata, confidence)
+        return largest * value, largest * low, largest * high
+
+    def counted(self, some: NDArray[np.bool_]) -> float:
+        """Return how many independent points of equal weight such a probability is worth."""
+        weights = ratio(self.places.points[some])
+        return float(np.sum(weights) ** 2 / np.sum(weights**2)) if len(weights) else 0.0
+
+
+def draw_widened(count: int, dimensions: int, generator: np.random.Generator) -> Array:
+    """Draw points, shape (count, d), with factors in strata."""
+    factors = FACTORS[0] + (FACTORS[1] - FACTORS[0]) * (np.arange(count) + generator.random(count)) / count
+    return np.asarray(factors[:, None] * generator.standard_normal((count, dimensions)))
+
+
+def ratio(points: Array) -> Array:
+    """Return the ratio of the standard normals' density to that of the flights at points, shape (n, d)."""
+    dimensions = points.shape[1]
+    squares = np.sum(points**2, axis=1)
+    factors = FACTORS[0] + (FACTORS[1] - FACTORS[0]) * (np.arange(NODES) + 0.5) / NODES
+    exponents = 0.5 * squares[:, None] * (1.0 - factors**-2) - dimensions * np.log(factors)
+    return np.asarray(np.exp(-special.logsumexp(exponents, axis=1) + math.log(NODES)))
+
+
+def fly_widened(flown: Flown, points: Array, foreseen: NDArray[np.bool_]) -> Widened:
+    """Fly points, each with noise of its own."""
+    places = Places(points, flown.new_noise(len(points)))
+    margins = flown(places.points, places.noise)
+    return Widened(places, ~(margins <= 0.0), foreseen, ~np.isnan(margins))
