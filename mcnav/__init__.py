@@ -25,17 +25,23 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mcnav.analysis.allocation import Allocation
     from mcnav.analysis.linear_answer import LinearAnswer
-    from mcnav.config.read import Campaign, read_campaign
     from mcnav.contract.history import Epochs, History, Panel
     from mcnav.contract.quantities import Output, Source
     from mcnav.contract.samples import SimulationResult
     from mcnav.errors import CampaignError, RunFolderError
+    from mcnav.frames.answers import LinearResult, lincov
+    from mcnav.frames.campaigns import Campaign, read_campaign
+    from mcnav.frames.comparison import CovarianceVerdict, compare
+    from mcnav.frames.linear import partials, propagate_covariance
+    from mcnav.frames.simulation import simulate
     from mcnav.identification.identify import IdentifiedNoise, identify_noise
     from mcnav.judgement.verdict import Judgement
     from mcnav.logs.imu_log import ImuLog, read_imu_log
     from mcnav.logs.tables import read_table
     from mcnav.logs.track import Track, read_track
     from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign, sweep
+    from mcnav.sampling.errors import Errors
+    from mcnav.sampling.sizes import fixed, normal, student_t, table, triangular, truncated_normal, uniform
     from mcnav.studies.allocate import allocate
     from mcnav.studies.judge import judge_recording
     from mcnav.studies.lincov import linear_covariance
@@ -71,7 +77,7 @@ _HOMES = {
     "White": "mcnav.systems.closed_loop.declarations",
     "Allocation": "mcnav.analysis.allocation",
     "RunComparison": "mcnav.workflow.compare",
-    "Campaign": "mcnav.config.read",
+    "Campaign": "mcnav.frames.campaigns",
     "CampaignError": "mcnav.errors",
     "Epochs": "mcnav.contract.history",
     "Flown": "mcnav.systems.user.flown",
@@ -97,7 +103,7 @@ _HOMES = {
     "judge_recording": "mcnav.studies.judge",
     "linear_covariance": "mcnav.studies.lincov",
     "open_run": "mcnav.notebook",
-    "read_campaign": "mcnav.config.read",
+    "read_campaign": "mcnav.frames.campaigns",
     "read_imu_log": "mcnav.logs.imu_log",
     "read_table": "mcnav.logs.tables",
     "read_track": "mcnav.logs.track",
@@ -107,6 +113,21 @@ _HOMES = {
     "summary_of": "mcnav.workflow.stored_summary",
     "sweep": "mcnav.notebook",
     "Track": "mcnav.logs.track",
+    "Errors": "mcnav.sampling.errors",
+    "CovarianceVerdict": "mcnav.frames.comparison",
+    "compare": "mcnav.frames.comparison",
+    "fixed": "mcnav.sampling.sizes",
+    "LinearResult": "mcnav.frames.answers",
+    "lincov": "mcnav.frames.answers",
+    "normal": "mcnav.sampling.sizes",
+    "partials": "mcnav.frames.linear",
+    "propagate_covariance": "mcnav.frames.linear",
+    "simulate": "mcnav.frames.simulation",
+    "student_t": "mcnav.sampling.sizes",
+    "table": "mcnav.sampling.sizes",
+    "triangular": "mcnav.sampling.sizes",
+    "truncated_normal": "mcnav.sampling.sizes",
+    "uniform": "mcnav.sampling.sizes",
 }
 
 __all__ = [
@@ -116,7 +137,9 @@ __all__ = [
     "CampaignError",
     "ClosedLoop",
     "Correction",
+    "CovarianceVerdict",
     "Epochs",
+    "Errors",
     "Filter",
     "Flown",
     "FlownRun",
@@ -127,6 +150,7 @@ __all__ = [
     "Innovations",
     "Judgement",
     "LinearAnswer",
+    "LinearResult",
     "Measurement",
     "Output",
     "Panel",
@@ -142,13 +166,19 @@ __all__ = [
     "White",
     "allocate",
     "check_scenario",
+    "compare",
     "compare_runs",
     "export_run",
+    "fixed",
     "fly",
     "identify_noise",
     "judge_recording",
+    "lincov",
     "linear_covariance",
+    "normal",
     "open_run",
+    "partials",
+    "propagate_covariance",
     "read_campaign",
     "read_imu_log",
     "read_table",
@@ -156,8 +186,14 @@ __all__ = [
     "report_run",
     "run_campaign",
     "samples_of",
+    "simulate",
+    "student_t",
     "summary_of",
     "sweep",
+    "table",
+    "triangular",
+    "truncated_normal",
+    "uniform",
 ]
 
 _EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult"}

@@ -22,7 +22,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from mcnav._threads import one_thread
-from mcnav.config.read import Campaign, campaign_from
+from mcnav.config.documents import Description
+from mcnav.config.read import campaign_from
 from mcnav.config.sweep_values import POINTS
 from mcnav.errors import reading_file, suggestion
 from mcnav.report import sentences
@@ -264,7 +265,7 @@ def open_run(path: str | Path) -> FlownRun:
 
 
 def fly(
-    campaign: str | Path | Campaign | Mapping[str, Any],
+    campaign: Description,
     folder: str | Path,
     *,
     engine: str | None = None,
@@ -299,13 +300,13 @@ def fly(
 
 
 def run_campaign(
-    campaign: str | Path | Campaign | Mapping[str, Any], path: str | Path, engine: str | None, jobs: int, **options: Any
+    campaign: Description, path: str | Path, engine: str | None, jobs: int, **options: Any
 ) -> workflow.Run:
     """Run a campaign in any of the forms that `fly` takes, with the options of `mcnav.workflow.run.run_campaign`."""
     return workflow.run_campaign(campaign_from(campaign), Path(path), engine, jobs, **options)
 
 
-def check_scenario(campaign: str | Path | Campaign | Mapping[str, Any]) -> list[Check]:
+def check_scenario(campaign: Description) -> list[Check]:
     """Check the scenario of a campaign in any of the forms that `fly` takes; see `mcnav.systems.user.conformance`.
 
     Raises `CampaignError` when the campaign cannot be read.
@@ -314,7 +315,7 @@ def check_scenario(campaign: str | Path | Campaign | Mapping[str, Any]) -> list[
 
 
 def sweep(
-    campaign: str | Path | Campaign | Mapping[str, Any],
+    campaign: Description,
     varied: Mapping[str, str | Sequence[object]],
     *,
     against: str | Sequence[str] = (),

@@ -10,6 +10,7 @@ import re
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import lru_cache
 from importlib.resources import files
 from types import ModuleType
@@ -149,6 +150,26 @@ class UnitError(ValueError):
     """Quantity that cannot be read, or of the wrong dimension; the message states what came and what is expected."""
 
 
+class PlainNumbers:
+    """Record of whether `quantity` has read a number without a unit as SI."""
+
+    read = False
+
+
+_plain_numbers: ContextVar[PlainNumbers | None] = ContextVar("numbers without a unit that are SI", default=None)
+
+
+@contextmanager
+def numbers_in_si(wanted: bool = True) -> Iterator[PlainNumbers]:
+    """Let `quantity` take numbers without a unit as SI while the block runs, if that is wanted."""
+    numbers = PlainNumbers()
+    before = _plain_numbers.set(numbers if wanted else None)
+    try:
+        yield numbers
+    finally:
+        _plain_numbers.reset(before)
+
+
 @contextmanager
 def _hidden(package: str) -> Iterator[None]:
     """Let imports find no such package, unless it is loaded already."""
@@ -278,7 +299,7 @@ def quantity(text: object, unit: str, shares: bool = False) -> float:
     Parameters
     ----------
     text : object
-        A string with a unit; a number for a pure number.
+        A string with a unit; a number for a pure number, and within `numbers_in_si` for any other.
     unit : str
         SI unit.
     shares : bool
@@ -301,10 +322,13 @@ def quantity(text: object, unit: str, shares: bool = False) -> float:
     words, example = dimension_of(unit)
     expected = f'expected {words} such as "{example}"' + (' or a share such as "1 %"' if shares else "")
     if isinstance(text, (int, float)) and not isinstance(text, bool):
+        plain = _plain_numbers.get()
         if unit != "1":
-            raise UnitError(f"got {text!r} without a unit; {expected}")
+            if plain is None:
+                raise UnitError(f"got {text!r} without a unit; {expected}")
+            plain.read = True
         try:
-            text = repr(float(text))
+            text = f"{float(text)!r} {unit if unit != '1' else ''}"
         except OverflowError:
             raise UnitError(f"got a number beyond 1e308; {expected}") from None
     if not isinstance(text, str):
@@ -330,6 +354,24 @@ def quantity(text: object, unit: str, shares: bool = False) -> float:
     if not math.isfinite(value):
         raise UnitError(f"got {_quoted(text)}, which is not finite; {expected}")
     return value
+
+
+def si_unit(unit: str) -> str:
+    """Return the SI unit of a unit's dimension.
+
+    Raises `UnitError` when it is not a unit, or of a dimension that no quantity here has.
+
+    >>> si_unit("deg/h"), si_unit("km"), si_unit("ppm")
+    ('rad/s', 'm', '1')
+    """
+    for target, usual in USUAL.items():
+        if unit in usual:
+            return target
+    result = _unit(unit)
+    for target in DIMENSIONS:
+        if _unit(target).dimensionality == result.dimensionality:
+            return target
+    raise UnitError(f"{_quoted(unit)} is {_words(result)}, which no error source has")
 
 
 def parted(text: str) -> tuple[float, str]:

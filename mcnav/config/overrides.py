@@ -19,14 +19,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Final
 
 from mcnav.config.campaign import Campaign
 from mcnav.config.distributions import SCIPY
-from mcnav.config.read import UNNAMED, parse_campaign
+from mcnav.config.documents import UNNAMED, Description, Document, document_of
+from mcnav.config.read import parse_campaign
 from mcnav.config.table_of_values import TABLE
-from mcnav.config.toml import Content, load_file, load_mapping
+from mcnav.config.toml import Content
 from mcnav.errors import CampaignError, Problem, suggestion
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, NEGLECTED
 from mcnav.systems.ins.sensors.quantity import LEVEL_AXES
@@ -91,7 +91,7 @@ def override(document: Mapping[str, Any], values: Mapping[str, Value], file: str
     return result
 
 
-def vary(campaign: str | Path | Campaign | Mapping[str, Any], values: Mapping[str, Value]) -> Campaign:
+def vary(campaign: Description, values: Mapping[str, Value]) -> Campaign:
     """Read a campaign with some keys set to other values.
 
     Parameters
@@ -107,8 +107,7 @@ def vary(campaign: str | Path | Campaign | Mapping[str, Any], values: Mapping[st
     CampaignError
         Lists every mistake that was found.
     """
-    content, file, stem = document_of(campaign)
-    return parse_campaign(override(content, values, file), file, stem)
+    return parse_document(document_of(campaign), values)
 
 
 class VariedCampaign:
@@ -127,28 +126,19 @@ class VariedCampaign:
         As it is.
     """
 
-    def __init__(self, campaign: str | Path | Campaign | Mapping[str, Any]) -> None:
-        self._content, self._file, self._stem = document_of(campaign)
+    def __init__(self, campaign: Description) -> None:
+        self._document = document_of(campaign)
         self.campaign = self.at({})
 
     def at(self, values: Mapping[str, Value]) -> Campaign:
         """Read it with some keys set to other values, by path; `CampaignError` as `vary`."""
-        return parse_campaign(override(self._content, values, self._file), self._file, self._stem)
+        return parse_document(self._document, values)
 
 
-def document_of(campaign: str | Path | Campaign | Mapping[str, Any]) -> tuple[Content, str, str]:
-    """Return the content of a campaign file, its path for messages and relative paths, and its stem.
-
-    Raises `CampaignError` when it cannot be read.
-    """
-    if isinstance(campaign, Mapping):
-        return load_mapping(campaign, UNNAMED), UNNAMED, UNNAMED
-    if isinstance(campaign, Campaign):
-        if campaign.file in ("", UNNAMED):
-            return load_mapping(campaign.resolved, UNNAMED), UNNAMED, campaign.name
-        campaign = campaign.file
-    path = Path(campaign)
-    return load_file(path), str(path), path.stem
+def parse_document(document: Document, values: Mapping[str, Value]) -> Campaign:
+    """Read a document with some keys set to other values, by path; see `vary`."""
+    content = override(document.content, values, document.file)
+    return parse_campaign(content, document.file, document.stem, code=document.code)
 
 
 def _set(table: Content, names: list[str], value: Value, above: tuple[str, ...]) -> None:

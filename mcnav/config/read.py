@@ -6,23 +6,25 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from pydantic import TypeAdapter
 
 from mcnav.config.campaign import Campaign, check_stored_samples
+from mcnav.config.documents import SI, Description, document_of
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import check_requirements, read_requirements
 from mcnav.config.schema import CampaignFile, CampaignTable, UntilTable
-from mcnav.config.sources import KnownSources, check_names, read_correlations, read_errors, read_joint
+from mcnav.config.sources import KnownSources, check_names, read_correlations, read_errors, read_joint, with_units
 from mcnav.config.start_times import StartTimesPlan, read_start_times
 from mcnav.config.stopping import StoppingRule, read_stopping_rule
 from mcnav.config.table_of_values import StoredTable, stored_table
-from mcnav.config.toml import Content, load_file, load_mapping
+from mcnav.config.toml import Content, load_file
 from mcnav.contract.members import lacks_scenario
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, has_start_times
 from mcnav.entries.context import EarlierFile, FileContext
+from mcnav.entries.inputs import SourceFile
 from mcnav.entries.validation import validate, validate_entry
 from mcnav.errors import CampaignError, Problem
 from mcnav.sampling.distributions import Distribution, Normal
@@ -41,9 +43,7 @@ from mcnav.systems.registry import (
     is_code,
     scenario_type,
 )  # fmt: skip
-
-UNNAMED: Final = "campaign"
-"""Name of a campaign without a file, and of its file in messages."""
+from mcnav.units import PlainNumbers, numbers_in_si
 
 __all__ = ["Campaign", "campaign_from", "parse_campaign", "read_campaign"]
 
@@ -80,14 +80,12 @@ def read_campaign(
     return parse_campaign(content, str(path), path.stem, overrides, earlier, confined=not execute)
 
 
-def campaign_from(
-    described: str | Path | Campaign | Mapping[str, Any], overrides: Mapping[str, Any] | None = None
-) -> Campaign:
-    """Return the campaign of a file, a `Campaign`, or a dictionary shaped like a file.
+def campaign_from(described: Description, overrides: Mapping[str, Any] | None = None) -> Campaign:
+    """Return the campaign of a file, of one that has been read, of objects, or of a dictionary.
 
     Parameters
     ----------
-    described : str, Path, Campaign or mapping
+    described : str, Path, Campaign, mcnav.Campaign or mapping
         Paths in a mapping are relative to the current folder.
     overrides : mapping, optional
         Top-level entries that replace those described; for a `Campaign`, ``samples`` and ``seed`` only.
@@ -99,9 +97,10 @@ def campaign_from(
     """
     if isinstance(described, Campaign):
         return described.with_overrides(overrides) if overrides else described
-    if isinstance(described, Mapping):
-        return parse_campaign(load_mapping(described, UNNAMED), UNNAMED, UNNAMED, overrides)
-    return read_campaign(Path(described), overrides)
+    if isinstance(described, (str, Path)):
+        return read_campaign(described, overrides)
+    document = document_of(described)
+    return parse_campaign(document.content, document.file, document.stem, overrides, code=document.code)
 
 
 def parse_campaign(
@@ -111,13 +110,23 @@ def parse_campaign(
     overrides: Mapping[str, Any] | None = None,
     earlier: Mapping[str, EarlierFile] | None = None,
     confined: bool = False,
+    code: Mapping[str, SourceFile] | None = None,
 ) -> Campaign:
-    """Check the content of a campaign file and build the campaign; see `read_campaign`."""
+    """Check the content of a campaign file, with code that is given besides; see `read_campaign`."""
     content = {**content, **(overrides or {})}
-    context = FileContext(file, Path(file).parent, earlier or {}, content, confined)
+    context = FileContext(file, Path(file).parent, earlier or {}, content, confined, code or {})
+    with numbers_in_si(content.get("units") == SI) as numbers:
+        return _parse(context, stem, numbers)
+
+
+def _parse(context: FileContext, stem: str, numbers: PlainNumbers) -> Campaign:
+    """Read all tables of a file; see `parse_campaign`."""
+    content = context.content
     whole = validate(CampaignFile, content, context)
     table = whole or _readable_part(content, context)
     described, known = _read_scenario(content.get("scenario"), context)
+    if content.get("units") == SI and isinstance(content.get("errors"), dict) and known is not None:
+        content["errors"] = with_units(content["errors"], known.sources)
     distributions = _read_distributions(described, known, context)
     _check_use(None if described is None else described.scenario, context)
     if whole is not None:
@@ -153,6 +162,8 @@ def parse_campaign(
         for source in sources
         if isinstance(each := distributions.get(source.name), EmpiricalDistribution)
     }
+    if not numbers.read:  # then the file without this key is the same campaign
+        content.pop("units", None)
     return _campaign(table, stem, described, model, until, requirements, start_times, columns, context)
 
 
@@ -338,6 +349,7 @@ def _resolve(content: Mapping[str, Any], table: CampaignTable, name: str, descri
         "design": str(table.design),
         "tolerance": content.get("tolerance", table.tolerance),
         "confidence": content.get("confidence", table.confidence),
+        **({"units": content["units"]} if "units" in content else {}),
         **({"store": table.store} if table.store != "samples" else {}),
         **({"sample_timeout": content["sample_timeout"]} if "sample_timeout" in content else {}),
         "scenario": dict(described.resolved),

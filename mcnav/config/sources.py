@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from mcnav._dataclasses import dataclass
 from mcnav.config.distributions import ENTRY, KIND, implausible
@@ -82,6 +82,30 @@ def _by_source(group: str, members: Sequence[str], entry: object, context: FileC
             context.problem(f"errors.{group}.{axis}", f"unknown axis; expected {', '.join(axes)}")
         return {axes[axis]: Entry(value, f"{group}.{axis}") for axis, value in entry.items() if axis in axes}
     return {name: Entry(entry, group) for name in members}
+
+
+SIZES: Final = ("sigma", "half_width", "limit", "value", "loc", "scale")
+"""Keys of distributions that have the unit of their source."""
+
+
+def with_units(entries: Mapping[str, Any], sources: Sequence[Source]) -> dict[str, Any]:
+    """Write numbers of ``[errors]`` that are SI as text with the unit of their source, or of their group.
+
+    >>> with_units({"altitude": 5e3}, [Source("altitude", "m", "km", 1e3)])
+    {'altitude': '5000.0 m'}
+    """
+    units = {source.group: source.unit for source in sources} | {source.name: source.unit for source in sources}
+
+    def written(entry: Any, unit: str) -> Any:
+        if isinstance(entry, list):
+            return [written(value, unit) for value in entry]
+        if isinstance(entry, dict):
+            stated = entry.keys() & {KIND, *SIZES}
+            return {key: written(value, unit if not stated or key in SIZES else "") for key, value in entry.items()}
+        number = isinstance(entry, (int, float)) and not isinstance(entry, bool)
+        return f"{float(entry)!r} {unit}" if number and unit not in ("", "1") else entry
+
+    return {name: written(entry, units.get(name, "")) for name, entry in entries.items()}
 
 
 def read_errors(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mcnav._dataclasses import dataclass
+from mcnav.entries.inputs import SourceFile
 from mcnav.errors import CampaignError, Problem, suggestion
 from mcnav.units import UnitError, quantity
 
@@ -34,6 +35,8 @@ class FileContext:
         Files of an earlier run by setting: a copy replaces a file that has changed since.
     content : mapping
         The whole file.
+    code : mapping of str to SourceFile
+        Python files by name that are given with the campaign and not read from its folder.
     confined : bool
         Whether files may be read in the folder of the campaign only, also where links lead elsewhere: that of a run.
     problems : list of Problem
@@ -43,8 +46,9 @@ class FileContext:
     file: str
     folder: Path
     earlier: Mapping[str, EarlierFile] = field(default_factory=dict)
-    content: Mapping[str, Any] = field(default_factory=dict)
+    content: dict[str, Any] = field(default_factory=dict)
     confined: bool = False
+    code: Mapping[str, SourceFile] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
 
     def problem(self, key: str, message: str) -> None:

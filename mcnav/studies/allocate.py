@@ -12,18 +12,17 @@ Linear answers may be wrong. With a simulation of the campaign as it is they are
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations
 from math import comb
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from mcnav.analysis.allocation import Allocation, GradeChange, GradeMove, GradeSearch, worst_of
 from mcnav.analysis.rejections import OnLinear
 from mcnav.analysis.simulated_requirements import Basis
 from mcnav.config.data_sheet import DataSheetNumber, GradedValue, next_grade, shown
-from mcnav.config.overrides import document_of
-from mcnav.config.read import Campaign
+from mcnav.config.documents import Description, document_of
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.executors import JOBS
 from mcnav.files import indented_json, to_json, write_texts
@@ -52,7 +51,7 @@ Move = tuple[DataSheetNumber, GradedValue]
 
 
 def allocate(
-    campaign: str | Path | Campaign | Mapping[str, Any], progress: Progress = SILENT, confirm: int = 0,
+    campaign: Description, progress: Progress = SILENT, confirm: int = 0,
     basis: Basis | None = None, jobs: int = JOBS, samples: int | None = None,
 ) -> Allocation:  # fmt: skip
     """Find the numbers of a campaign's data sheet with which its requirements are just met, for normal errors.
@@ -83,7 +82,7 @@ def allocate(
         or when the simulation bounds no requirement.
     """
     progress.phase(Phase.PREPARING)
-    variations = Variations(*document_of(campaign), progress)
+    variations = Variations(document_of(campaign), progress)
     answer = variations.base
     judged = _judged(variations)
     plan = ConfirmationPlan(confirm, samples or samples_of(variations.campaign), jobs, progress)
@@ -202,7 +201,7 @@ def _irreducible(moves: Sequence[Move], meets: Callable[[Sequence[Move]], bool])
 
 
 def write_allocation(
-    campaign: str | Path | Campaign | Mapping[str, Any], path: Path, progress: Progress = SILENT, confirm: int = 0,
+    campaign: Description, path: Path, progress: Progress = SILENT, confirm: int = 0,
     jobs: int = JOBS,
 ) -> tuple[Allocation, list[Path]]:  # fmt: skip
     """Write the allocation of a campaign as ``allocate.json`` and a page; see `allocate`."""

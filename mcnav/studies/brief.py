@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from mcnav._threads import one_thread
 from mcnav.analysis.brief import Advice, FilterRemedy
@@ -13,8 +12,8 @@ from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.rejections import OnLinear
 from mcnav.analysis.simulated_requirements import Basis
 from mcnav.analysis.summary import Summary
-from mcnav.config.overrides import document_of
-from mcnav.config.read import parse_campaign
+from mcnav.config.documents import Description, document_of
+from mcnav.config.overrides import parse_document
 from mcnav.errors import CampaignError, reading_file
 from mcnav.execution.executors import JOBS
 from mcnav.files import write_texts
@@ -87,7 +86,7 @@ def write_brief(
 
 
 def advise(
-    campaign: str | Path | Mapping[str, Any], progress: Progress = SILENT, run: Summary | None = None,
+    campaign: Description, progress: Progress = SILENT, run: Summary | None = None,
     confirm: int = CONFIRMED, jobs: int = JOBS,
 ) -> Advice:  # fmt: skip
     """Find what would help a campaign: other numbers, and another filter.
@@ -102,8 +101,8 @@ def advise(
     jobs : int
         Workers of a simulation.
     """
-    content, file, stem = document_of(campaign)
-    described, allocation, lacks = parse_campaign(content, file, stem), None, ""
+    document = document_of(campaign)
+    described, allocation, lacks = parse_document(document, {}), None, ""
     samples = None if run is None else min(run.samples + run.failed, MOST_SAMPLES)
     if run is None or confirm:
         try:
@@ -122,8 +121,8 @@ def advise(
     if answer.filter is None or settled or not is_ins(described.scenario):
         return Advice(allocation, lacks=lacks)
     now = FilterRemedy("as it is", answer.filter, sigma_at(answer, answer.filter))
-    remedies = find_remedies(content, answer, file, stem)
+    remedies = find_remedies(document, answer)
     if samples is not None and confirm and remedies:
-        best = confirmed(remedies[0], content, file, stem, ConfirmationPlan(1, samples, jobs, progress))
+        best = confirmed(remedies[0], document, ConfirmationPlan(1, samples, jobs, progress))
         remedies = sorted([best, *remedies[1:]], key=lambda remedy: remedy.rank)
     return Advice(allocation, now, tuple(remedies), lacks)

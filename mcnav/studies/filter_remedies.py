@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from mcnav.analysis.brief import FilterRemedy
 from mcnav.analysis.filter_causes import kind_of, shares_by_kind
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_filter import LinearVerdict
-from mcnav.config.read import parse_campaign
-from mcnav.config.toml import Content
+from mcnav.config.documents import Document
+from mcnav.config.overrides import parse_document
 from mcnav.errors import CampaignError
 from mcnav.studies.confirmed_changes import ConfirmationPlan
 from mcnav.studies.lincov import answer_linearly
@@ -24,20 +24,20 @@ MOST: Final = 4
 Entries = Mapping[str, Sequence[str]]
 
 
-def find_remedies(content: Content, answer: LinearAnswer, file: str, stem: str) -> list[FilterRemedy]:
+def find_remedies(document: Document, answer: LinearAnswer) -> list[FilterRemedy]:
     """Answer campaigns whose filter knows more; the best remedy first, as `FilterRemedy.rank` has it.
 
     Parameters
     ----------
-    content, file, stem
-        As `mcnav.config.overrides.document_of` returns them.
+    document : Document
+        The campaign.
     answer : LinearAnswer
         Of the campaign as it is, whose filter departs from the truth.
     """
     remedies = []
-    for words, entries in _changes(content, answer, file, stem):
+    for words, entries in _changes(document, answer):
         try:
-            then = answer_linearly(parse_campaign(changed(content, entries), file, stem))
+            then = answer_linearly(parse_document(changed(document, entries), {}))
         except CampaignError:
             continue  # an error may have no state
         if then.filter is not None and answer.filter is not None:
@@ -45,26 +45,27 @@ def find_remedies(content: Content, answer: LinearAnswer, file: str, stem: str) 
     return sorted(remedies, key=lambda remedy: remedy.rank)
 
 
-def confirmed(remedy: FilterRemedy, content: Content, file: str, stem: str, plan: ConfirmationPlan) -> FilterRemedy:
+def confirmed(remedy: FilterRemedy, document: Document, plan: ConfirmationPlan) -> FilterRemedy:
     """Simulate a remedy, and return it with the verdict of the samples on its filter."""
-    summary = plan.simulate(parse_campaign(changed(content, remedy.entries), file, stem))
+    summary = plan.simulate(parse_document(changed(document, remedy.entries), {}))
     return replace(remedy, simulated=summary.filter, samples=summary.samples)
 
 
-def changed(content: Content, entries: Entries) -> Content:
+def changed(document: Document, entries: Entries) -> Document:
     """Return a campaign with other entries of ``[filter]``; one that is empty is taken out."""
-    table = {**content["filter"], **{name: list(value) for name, value in entries.items()}}
-    return {**content, "filter": {name: value for name, value in table.items() if value != []}}
+    table = {**document.content["filter"], **{name: list(value) for name, value in entries.items()}}
+    kept = {name: value for name, value in table.items() if value != []}
+    return replace(document, content={**document.content, "filter": kept})
 
 
-def _changes(content: Content, answer: LinearAnswer, file: str, stem: str) -> Iterator[tuple[str, Entries]]:
+def _changes(document: Document, answer: LinearAnswer) -> Iterator[tuple[str, Entries]]:
     """Yield entries of filters that know more, with the change in words."""
-    table = content["filter"]
+    table = document.content["filter"]
     estimates, considers = [*table["estimates"]], [*table.get("considers", ())]
     if "believes" in table:
         yield "believes the true sizes", {"believes": []}
     kinds = [kind for kind in _kinds(answer) if kind not in (*estimates, *considers)]
-    kinds = [kind for kind in kinds if _is_accepted(changed(content, {"estimates": [*estimates, kind]}), file, stem)]
+    kinds = [kind for kind in kinds if _is_accepted(changed(document, {"estimates": [*estimates, kind]}))]
     for kind in kinds[:MOST]:
         yield f"estimates {kind} too", {"estimates": [*estimates, kind]}
         yield f"considers {kind}", {"considers": [*considers, kind]}
@@ -72,9 +73,9 @@ def _changes(content: Content, answer: LinearAnswer, file: str, stem: str) -> It
         yield f"estimates all {len(kinds)} kinds of unmodelled errors", {"estimates": [*estimates, *kinds]}
 
 
-def _is_accepted(content: Mapping[str, Any], file: str, stem: str) -> bool:
+def _is_accepted(document: Document) -> bool:
     try:
-        parse_campaign(content, file, stem)
+        parse_document(document, {})
     except CampaignError:
         return False
     return True

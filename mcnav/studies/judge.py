@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mcnav._threads import one_thread
+from mcnav.config.documents import Description
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.contract.recorded import FilteredRecord, RecordingError
 from mcnav.contract.scenario import ScenarioError
@@ -32,7 +32,7 @@ JSON, PAGE = "judge.json", "judge.html"
 
 
 def judge_recording(
-    campaign: str | Path | Campaign | Mapping[str, Any], files: RecordingFiles, simulated: int = SIMULATED,
+    campaign: Description, files: RecordingFiles, simulated: int = SIMULATED,
     seed: int = 0,
 ) -> Judgement:  # fmt: skip
     """Take the filter of a campaign through a recorded flight, and judge the record.

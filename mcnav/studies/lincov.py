@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ from mcnav.analysis.requirements import requirements_from, smallest_limits
 from mcnav.analysis.vector_sizes import components_of, linear_sizes
 from mcnav.analysis.what_if import WhatIf
 from mcnav.analysis.withheld import with_rejections
-from mcnav.config.overrides import document_of
+from mcnav.config.documents import Description, document_of
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.config.toml import Content
 from mcnav.contract.gates import RejectionLaws
@@ -73,7 +73,7 @@ HISTORY_POINTS: Final = 61
 """Times at which a scenario without epochs of its own is read out."""
 
 
-def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times: Array | None = None) -> LinearAnswer:
+def linear_covariance(campaign: Description, times: Array | None = None) -> LinearAnswer:
     """Compute the linear covariance of a campaign and judge its requirements for normal errors.
 
     Parameters
@@ -321,7 +321,7 @@ def changeable_content(campaign: Campaign) -> tuple[Content, str]:
     """
     beside = f"beside {Path(campaign.file).name}"
     try:
-        content = document_of(campaign)[0]
+        content = document_of(campaign).content
     except CampaignError:  # it was read from no file
         content = {}
     names = OF_SIZES if campaign.tables else (*OF_SIZES, "errors")  # columns of tables have other paths there

@@ -26,6 +26,7 @@ from mcnav.analysis.accuracy_measures import (
 from mcnav.analysis.crossings import find_crossings, words_that_meet
 from mcnav.analysis.rejections import OnLinear
 from mcnav.analysis.sweep import JustMet, Point, Sweep, Variable
+from mcnav.config.documents import Description
 from mcnav.config.overrides import VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.config.sweep_values import POINTS, read_variables
@@ -75,9 +76,7 @@ class SweepPlan:
     jobs: int = JOBS
 
 
-def run_sweep(
-    campaign: str | Path | Campaign | Mapping[str, object], plan: SweepPlan, progress: Progress = SILENT
-) -> Sweep:
+def run_sweep(campaign: Description, plan: SweepPlan, progress: Progress = SILENT) -> Sweep:
     """Compute the linear answers of a sweep, and the values at which its limits are just met.
 
     Raises
@@ -90,7 +89,7 @@ def run_sweep(
 
 
 def write_sweep(
-    campaign: str | Path | Campaign | Mapping[str, object], plan: SweepPlan, path: Path, confirmed: int | None = None,
+    campaign: Description, plan: SweepPlan, path: Path, confirmed: int | None = None,
     progress: Progress = SILENT,
 ) -> tuple[Sweep, list[Path]]:  # fmt: skip
     """Write a sweep as ``sweep.csv``, ``sweep.json`` and, last, a page.

@@ -14,9 +14,9 @@ from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, judge_
 from mcnav.analysis.linear_covariance import Moments, covariance_over_time
 from mcnav.analysis.linear_range import limits_of
 from mcnav.config.data_sheet import DataSheetNumber, believed_numbers, data_sheet_numbers
-from mcnav.config.overrides import Value, override
-from mcnav.config.read import Campaign, parse_campaign
-from mcnav.config.toml import Content
+from mcnav.config.documents import Document
+from mcnav.config.overrides import Value, parse_document
+from mcnav.config.read import Campaign
 from mcnav.contract.linear import SharedTables
 from mcnav.contract.scenario import can_have_filter, knows_covariance
 from mcnav.errors import CampaignError
@@ -29,16 +29,14 @@ class Variations:
 
     Parameters
     ----------
-    content, file, stem
-        As `mcnav.config.overrides.document_of` returns them.
+    document : Document
+        The campaign.
     scales : sequence of float
         By requirement, what linear errors are multiplied by (`mcnav.analysis.simulated_requirements`); empty: by one.
     """
 
-    def __init__(
-        self, content: Content, file: str, stem: str, progress: Progress, scales: Sequence[float] = ()
-    ) -> None:
-        self.content, self._file, self._stem = content, file, stem
+    def __init__(self, document: Document, progress: Progress, scales: Sequence[float] = ()) -> None:
+        self._document, self.content = document, document.content
         self.scales = tuple(scales)
         self._limits = [record.limits for record in self.read({}).requirements]
         self.campaign = self.at({})
@@ -54,7 +52,7 @@ class Variations:
 
     def read(self, values: Mapping[str, Value]) -> Campaign:
         """Read the campaign with some keys set; `CampaignError` where it is refused."""
-        return parse_campaign(override(self.content, values, self._file), self._file, self._stem)
+        return parse_document(self._document, values)
 
     def at(self, values: Mapping[str, Value]) -> Campaign:
         """Read the campaign with some keys set and limits over their scales; `CampaignError` where it is refused."""
@@ -69,7 +67,7 @@ class Variations:
 
     def rescaled(self, scales: Sequence[float]) -> Variations:
         """Return the same with other scales."""
-        return Variations(self.content, self._file, self._stem, self._progress, scales)
+        return Variations(self._document, self._progress, scales)
 
     def as_measured(self, result: LinearRequirement, place: int) -> LinearRequirement:
         """Return a requirement whose limit was divided by a scale with its own limit, and the value times the scale."""

@@ -77,7 +77,7 @@ def read_class(table: UserTable, entries: Mapping[str, Any], context: FileContex
         raise ScenarioError("type", "expected a file and class such as 'my_module.py:Boost'")
     if not is_inside(named["file"]):
         raise ScenarioError("type", f"got {table.type!r}; {OUTSIDE}")
-    code = read_code(context.folder / named["file"])
+    code = context.code.get(named["file"]) or read_code(context.folder / named["file"])
     settings = _read_settings(entries, settings_of(load_class(code, named["name"])), context)
     if settings is None:
         return None

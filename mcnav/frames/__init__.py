@@ -1,0 +1,15 @@
+"""The four functions of a covariance analysis in Python, on labelled frames: draw, simulate, linearise, compare.
+
+===============  =========================================================  ====================
+word             function                                                   room below
+===============  =========================================================  ====================
+sampler          `Errors.draw` in `mcnav.frames.errors`                     `mcnav.sampling`
+runner           `simulate` in `mcnav.frames.simulation`                    `mcnav.execution`
+partials         `partials` in `mcnav.frames.linear`                        `mcnav.systems`
+P S P'           `propagate_covariance` in `mcnav.frames.linear`            `mcnav.lincov`
+analysis         `compare` in `mcnav.frames.comparison`                     `mcnav.analysis`
+===============  =========================================================  ====================
+
+Rows and columns are named after error sources and outputs. Values are in SI units and radians; the units are in
+``frame.attrs["units"]``.
+"""

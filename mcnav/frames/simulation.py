@@ -1,0 +1,115 @@
+"""The runner: draws through a system, by workers of joblib."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from mcnav._threads import one_thread
+from mcnav.contract.quantities import Output
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.frames.systems import Simulated, System, system_of
+from mcnav.sampling.errors import SAMPLING
+
+REASON: Final = "reason"
+"""Column of results that says why a sample failed; there is one where any did."""
+
+WORTH: Final = 2.0
+"""Time that the samples still to be simulated must take, s, for further workers: starting them takes about one."""
+
+
+def simulate(
+    system: Simulated,
+    draws: pd.DataFrame,
+    jobs: int = 2,
+    outputs: Sequence[str | Output] = (),
+) -> pd.DataFrame:
+    """Run every draw through a system: the nonlinear truth and indicated trajectories of each sample.
+
+    Parameters
+    ----------
+    system : callable, object, class, mapping, str, Path or Campaign
+        A function of errors, shape (n, sources) to (n, outputs); an object with ``propagate`` or ``fly``; a class of
+        these, or a subclass of `mcnav.ClosedLoop`; the table of a scenario, ``{"type": "reentry", "trajectory": 4}``;
+        or a campaign.
+    draws : DataFrame, shape (n, sources)
+        Errors, SI, by the names of their sources; of `mcnav.Errors.draw` or one's own. A function gets its columns in
+        this order; other systems find them by name, and sources without a column are zero.
+    jobs : int
+        Workers. They are started where the samples take some seconds; results have the same bits for any number.
+    outputs : sequence of str or Output, optional
+        Names of what a function returns; by default its attribute ``outputs``, the columns of the frame that it
+        returns, or y1, y2, …
+
+    Returns
+    -------
+    DataFrame, shape (n, outputs)
+        SI, with the index of the draws. A sample that failed is a row of NaN; a further column ``reason`` then says
+        why. ``attrs`` has ``units`` by output, and ``failed``, the number of such samples.
+
+    Raises
+    ------
+    TypeError, ValueError, CampaignError
+        When it is no system, or has no source of a column.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> draws = mc.Errors({"angle": 0.01, "speed": 0.5}).draw(1000, seed=1)
+    >>> def impact(errors):
+    ...     return ((100.0 + errors[:, 1]) ** 2 * np.sin(1.2 + 2.0 * errors[:, 0]) / 9.80665)[:, None]
+    >>> mc.simulate(impact, draws, outputs=["range"]).std().round(1)["range"]
+    np.float64(11.7)
+    """
+    if not isinstance(draws, pd.DataFrame) or draws.empty:
+        raise TypeError("draws must be a frame with a row a sample and a column an error source, as Errors.draw makes")
+    if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
+        raise ValueError(f"jobs must be a whole number of at least 1; got {jobs!r}")
+    errors = draws.to_numpy(float)
+    names = tuple(map(str, draws.columns))
+    prepared = system_of(system, names, errors[:64], outputs)
+    placed = np.zeros((len(errors), len(prepared.sources)))
+    placed[:, [prepared.sources.index(name) for name in names]] = errors
+    seed = draws.attrs.get(SAMPLING, {}).get("seed", 0)
+    result = _run(prepared, Batch(np.arange(len(placed)), placed, seed), jobs)
+    table = pd.DataFrame(result.values, index=draws.index, columns=[output.name for output in prepared.outputs])
+    if result.failures:
+        table[REASON] = ["" if row not in result.failures else str(result.failures[row]) for row in range(len(table))]
+    table.attrs = {
+        "units": {output.name: output.unit for output in prepared.outputs},
+        "failed": len(result.failures),
+        **({SAMPLING: draws.attrs[SAMPLING]} if SAMPLING in draws.attrs else {}),
+    }
+    return table
+
+
+def _run(system: System, samples: Batch, jobs: int) -> SimulationResult:
+    """Simulate samples in chunks of the system; the first one tells whether further workers are worth their start."""
+    places = [slice(begin, begin + system.chunk) for begin in range(0, len(samples.errors), system.chunk)]
+    begun = time.perf_counter()
+    results = [_simulate(system, samples[places[0]])]
+    left = places[1:]
+    if jobs > 1 and (time.perf_counter() - begun) * len(left) > WORTH:
+        from joblib import Parallel, delayed
+
+        workers = Parallel(n_jobs=jobs, backend=system.backend)
+        results += workers(delayed(_simulate)(system, samples[place]) for place in left)
+    else:
+        with warnings.catch_warnings():
+            warnings.simplefilter("once")
+            results += [_simulate(system, samples[place]) for place in left]
+    failures: dict[int, Any] = {}
+    for place, result in zip(places, results, strict=True):
+        failures |= {place.start + row: failure for row, failure in result.failures.items()}
+    return SimulationResult(np.concatenate([result.values for result in results]), failures)
+
+
+def _simulate(system: System, samples: Batch) -> SimulationResult:
+    """Simulate one chunk, with one thread for linear algebra, on whose number sums depend."""
+    with one_thread():
+        return system.simulate(samples)
