@@ -79,7 +79,7 @@ class _Module:
     def __init__(self, defined: Any) -> None:
         self._imports: dict[str, str] = {}
         self._definitions: dict[str, str] = {}
-        self._home = sys.modules.get(getattr(defined, "__module__", ""), ModuleType("nowhere"))
+        self._module = getattr(defined, "__module__", "")
         self._add(getattr(defined, "__name__", "?"), defined)
 
     @property
@@ -94,7 +94,7 @@ class _Module:
             return
         if isinstance(value, ModuleType):
             self._imports[name] = f"import {value.__name__}" + ("" if value.__name__ == name else f" as {name}")
-        elif isinstance(value, (type, FunctionType)) and value.__module__ == self._home.__name__:
+        elif isinstance(value, (type, FunctionType)) and value.__module__ == self._module:
             self._define(name, value)
         elif getattr(sys.modules.get(getattr(value, "__module__", None) or ""), str(name), None) is value:
             self._imports[name] = f"from {value.__module__} import {name}"
@@ -108,7 +108,7 @@ class _Module:
         text = source_of(value)
         if value.__name__ != name:
             raise NoSource(f"{value.__name__} goes by another name, {name}")
-        known = vars(self._home)
+        known = functions_of(value)[0].__globals__  # `source_of` has found one
         for other in sorted(_globals_of(compile(text, name, "exec", dont_inherit=True)) - {name}):
             if other in known:
                 self._add(other, known[other])
@@ -145,12 +145,7 @@ def source_of(defined: Any) -> str:
     name = defined.__name__
     if "<locals>" in defined.__qualname__ or not name.isidentifier():
         raise NoSource(f"{name} is defined within a function")
-    if isinstance(defined, FunctionType):
-        functions = [inspect.unwrap(defined)]
-    else:
-        members = (getattr(member, "__func__", getattr(member, "fget", member)) for member in vars(defined).values())
-        functions = [member for member in members if isinstance(member, FunctionType)]
-    for function in functions:
+    for function in functions_of(defined):
         lines = linecache.getlines(function.__code__.co_filename)
         if not lines:
             continue
@@ -162,3 +157,11 @@ def source_of(defined: Any) -> str:
                 begin = min([node.lineno, *(mark.lineno for mark in node.decorator_list)])  # type: ignore[attr-defined]
                 return textwrap.dedent("".join(lines[begin - 1 : node.end_lineno])).rstrip("\n")
     raise NoSource(f"the text of {name} is not kept by Python")
+
+
+def functions_of(defined: Any) -> list[FunctionType]:
+    """Return a function, or those that a class defines."""
+    if isinstance(defined, FunctionType):
+        return [inspect.unwrap(defined)]
+    members = (getattr(member, "__func__", getattr(member, "fget", member)) for member in vars(defined).values())
+    return [member for member in members if isinstance(member, FunctionType)]
