@@ -18,6 +18,7 @@ from mcnav.systems.closed_loop.own_update import COVARIANCE, UPDATE
 from mcnav.systems.closed_loop.quantities import Block, Values, spread
 from mcnav.systems.closed_loop.readout import standard_outputs
 from mcnav.systems.closed_loop.structure import Structure, measurements_of, phases_of, read_structure
+from mcnav.systems.guard import call_user
 
 OF_TRUTH: Final = ("time", "truth", "command", "parameters", "noise")
 OF_NAVIGATOR: Final = ("time", "estimate", "sensed", "parameters", "command", "memory")
@@ -111,7 +112,7 @@ def read_start(instance: Any, name: str, structure: Structure) -> Array:
     x = np.zeros(structure.size)
     if hasattr(instance, "start"):
         try:
-            started = instance.start()
+            started = call_user(instance.start)
             remembered = structure.memory if structure.remembers else Block("what is remembered", ())
             if isinstance(started, Mapping):
                 memory = {name: started[name] for name in remembered.names if name in started}
@@ -120,7 +121,7 @@ def read_start(instance: Any, name: str, structure: Structure) -> Array:
             before = np.zeros((structure.truth.size, 1))
             x[structure.truth.whole] = spread(structure.truth, started, 1, "start", before)[:, 0]
         except Exception as failure:
-            raise ScenarioError("type", f"{name}.start: {failure}") from failure
+            raise ScenarioError("type", f"{name}.start: {failure.__cause__ or failure}") from failure
     places, counterparts = structure.pairs
     x[places] = x[counterparts]
     return x

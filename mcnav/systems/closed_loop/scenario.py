@@ -40,6 +40,7 @@ from mcnav.systems.closed_loop.start_times import Starts, check_starts, plan_sta
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.strapdown.shown import instrument_sources, shown_units
 from mcnav.systems.closed_loop.timeline import read_timeline
+from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.code import UserScenarioSpec
 
@@ -189,12 +190,12 @@ class ClosedLoopScenario:
     @contextmanager
     def _running(self) -> Iterator[None]:
         """Run code of the user's without errors; what fails is a `ScenarioError`."""
-        with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
+        with self._object.recording(self.spec.code.file, LINEARIZING), np.errstate(all="ignore"):
             try:
                 yield
             except ScenarioError:
                 raise
-            except (Exception, SystemExit) as failure:
+            except Exception as failure:
                 message = f"its flight without any error failed: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
 
@@ -330,13 +331,13 @@ class ClosedLoopScenario:
         self.plan  # noqa: B018  its failure is told first
         instants = {number: epoch for epoch, number in enumerate(self._chosen)}
         setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
-        with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
+        with self._object.recording(self.spec.code.file, LINEARIZING), np.errstate(all="ignore"):
             try:
                 result = check_repeatable(setup)
                 return (*remarks_on(setup, self._sigmas_of_times), *self._departures(setup, result))
             except ScenarioError:
                 raise
-            except (Exception, SystemExit) as failure:
+            except Exception as failure:
                 message = f"flights with small errors failed: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
 
