@@ -100,7 +100,7 @@ def _mentions_code(argument: str) -> bool:
     with suppress(OSError, ValueError):
         if path.is_file():
             with path.open("rb") as file:
-                content = file.read(_LARGEST)
+                content = file.read(_LARGEST).replace(b"\0", b"")  # of UTF-16
             return any(sign in content for sign in (b".py", rb"\u", rb"\U"))
     return False
 
@@ -232,7 +232,9 @@ def supervised() -> Iterator[None]:
     except OSError as failure:
         print(f"error: standard output: {failure.strerror}", file=sys.stderr)
         status = ENDED_BY_CODE
-    _own[0].numbers[ENDED] = status + 1  # whatever follows
+    _own[0].numbers[ENDED] = status + 1  # whatever follows, and says
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     atexit._run_exitfuncs()
     os._exit(status)
 

@@ -19,6 +19,7 @@ A command notes for its supervisor where its threads are (`mcnav._supervision`).
 from __future__ import annotations
 
 import mmap
+import multiprocessing
 import os
 import signal
 import sys
@@ -27,13 +28,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from typing import Any, Final, ParamSpec, TypeVar
+from typing import Any, Final, NoReturn, ParamSpec, TypeVar
 
 import numpy as np
 
 from mcnav import _supervision
 from mcnav._dataclasses import dataclass
 from mcnav._interrupts import interrupts
+from mcnav._subprocess import is_worker
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.timeouts import SampleTimeout, Stopped
@@ -45,7 +47,10 @@ COPY_RETURNS: Final = 0.1
 """Seconds within which a copy of the process comes back that the code has made and does not end."""
 
 LINEARIZING: Final = "while it was linearized"
-"""What a user's code does that simulates the nominal and small errors."""
+TRYING: Final = "while it was tried out"
+"""What a user's code does that simulates the nominal and small errors, and other samples than the campaign's."""
+
+COPIED: Final = "made a copy of the program by fork that came back (it was ended; end copies by os._exit)"
 
 _HANDLED: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -56,6 +61,11 @@ class CodeMisbehaved(ScenarioError):
 
 class Halted(Exception):
     """What a user's code raised to end more than a sample, such as SystemExit: the cause of this exception."""
+
+
+def raised_by(failure: BaseException) -> BaseException:
+    """Return what a user's code raised; other exceptions as they are."""
+    return failure.__cause__ if isinstance(failure, Halted) and failure.__cause__ is not None else failure
 
 
 def call_user(function: Callable[Parameters, Result], *values: Parameters.args, **named: Parameters.kwargs) -> Result:
@@ -75,8 +85,7 @@ def call_user(function: Callable[Parameters, Result], *values: Parameters.args, 
         raise Halted from halt
     finally:
         if os.getpid() != process:
-            _copies()[0] = 1
-            os._exit(0)
+            _end_copy()
     if interrupts.received and threading.current_thread() is threading.main_thread() and not interrupts.deferred:
         raise KeyboardInterrupt
     return result
@@ -92,7 +101,7 @@ def _may_be_interrupted() -> bool:
 def simulating(batch: Batch, noise: bool) -> str:
     """Say what a user's code does that simulates samples."""
     if not noise:
-        return "while it simulated beside the samples"
+        return TRYING
     first, last = int(batch.index[0]), int(batch.index[-1])
     return f"while it simulated sample{f' {first:,}' if first == last else f's {first:,} to {last:,}'}"
 
@@ -129,7 +138,9 @@ class _Process:
         if self.folder != (folder := _folder()):
             with suppress(OSError):
                 os.chdir(self.folder)
-            return f"changed the current folder to {folder or 'one that is gone'}; name files by settings of type Path"
+            return (
+                f"changed the current folder (to {folder or 'one that is gone'}; name files by settings of type Path)"
+            )
         return ""
 
     def spoilt_files(self) -> str:
@@ -167,7 +178,7 @@ def _file(number: int) -> tuple[int, int] | None:
 @cache
 def _copies() -> mmap.mmap:
     """Return memory that copies of this process share with it: a byte that is one when a copy has come back."""
-    os.register_at_fork(after_in_parent=_count_copy)
+    os.register_at_fork(before=_end_copy_again, after_in_parent=_count_copy, after_in_child=_be_copy)
     return mmap.mmap(-1, 1)
 
 
@@ -183,11 +194,14 @@ class _Running:
         The process before the first of them.
     copies : int
         Copies of the process that have been made.
+    copy : bool
+        This process is a copy that was made while they ran.
     """
 
     threads: dict[int, tuple[int, str]]
     before: _Process | None = None
     copies: int = 0
+    copy: bool = False
 
 
 _running: Final = _Running({})
@@ -198,13 +212,29 @@ def _count_copy() -> None:
     _running.copies += 1
 
 
+def _be_copy() -> None:
+    _running.copy = bool(_running.threads)
+
+
+def _end_copy_again() -> None:
+    """End a copy that makes another one: it has come back to where it was made. Those of multiprocessing may."""
+    if _running.copy and multiprocessing.parent_process() is None:
+        _end_copy()
+
+
+def _end_copy() -> NoReturn:
+    """End this copy of a process, and tell the process that it came back."""
+    _copies()[0] = 1
+    os._exit(0)
+
+
 @contextmanager
 def in_user_code(file: str, doing: str) -> Iterator[None]:
     """Run code of the user's file; ``doing`` says what it does, such as ``while it was read``.
 
     Raises `CodeMisbehaved` when it has changed what it must not.
     """
-    thread = threading.get_ident()
+    process, thread = os.getpid(), threading.get_ident()
     notes = _supervision.own_notes()
     with _lock:
         outer = thread in _running.threads
@@ -220,18 +250,20 @@ def in_user_code(file: str, doing: str) -> Iterator[None]:
         before = ""
         if notes is not None and line < _supervision.PLACES:
             before = notes.read(line) if outer else ""
-            notes.write(line, f"{file}\t{doing}")
+            notes.write(line, before if outer and doing == TRYING else f"{file}\t{doing}")
     raised = True
     try:
         with np.errstate():
             yield
         raised = False
     finally:
+        if os.getpid() != process:
+            _end_copy()
         if notes is not None and line < _supervision.PLACES:
             notes.write(line, before)
         refused = "" if outer else _leave(thread, copies, file, doing)
         if refused and not raised:
-            raise CodeMisbehaved("type", f"{file} {refused}")
+            raise CodeMisbehaved("type", f"{file} {refused} {doing}")
 
 
 def _leave(thread: int, copies: int, file: str, doing: str) -> str:
@@ -246,9 +278,11 @@ def _leave(thread: int, copies: int, file: str, doing: str) -> str:
         _wait_for_copy()
     if _copies()[0]:
         _copies()[0] = 0
-        changed = "made a copy of the program (fork) that came back, and was ended; end it by os._exit"
+        changed = COPIED
     if spoilt and _supervision.own_notes() is not None:  # no other words would be read
-        _supervision.give_up(f"{file} {spoilt}, {doing}")
+        _supervision.give_up(f"{file} {spoilt} {doing}")
+    if spoilt and is_worker() and _file(_canary()) is None:  # nor can its pool hear of it
+        os._exit(1)
     return spoilt or changed
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.samples import SimulationResult
-from mcnav.systems.guard import Halted
+from mcnav.systems.guard import raised_by
 from mcnav.systems.timeouts import SampleTimeout, within_limit
 
 LONGEST_REASON: Final = 200
@@ -59,7 +59,7 @@ def simulate_each(
         except MemoryError:
             raise
         except Exception as error:
-            text = "".join(traceback.format_exception(_of_code(error), limit=-12))
+            text = "".join(traceback.format_exception(raised_by(error), limit=-12))
             text = text if len(text) <= LONGEST_TRACEBACK else "..." + text[-LONGEST_TRACEBACK:]
             failures[row] = Failure(Reason.RAISED, format_exception(error, file), text)
         else:
@@ -122,7 +122,7 @@ def format_exception(failure: BaseException, file: str) -> str:
     >>> format_exception(ValueError("no fuel"), "boost.py")
     'ValueError: no fuel'
     """
-    failure, place = _of_code(failure), ""
+    failure, place = raised_by(failure), ""
     if isinstance(failure, SyntaxError):
         place = f" (line {failure.lineno})"
     trace = failure.__traceback__
@@ -137,8 +137,3 @@ def format_exception(failure: BaseException, file: str) -> str:
     text = " ".join(f"{type(failure).__name__}: {words}".split())
     text = "".join(c if c.isprintable() else "?" for c in text)
     return (text if len(text) <= LONGEST_REASON else text[: LONGEST_REASON - 3] + "...") + place
-
-
-def _of_code(failure: BaseException) -> BaseException:
-    """Return what a user's code raised."""
-    return failure.__cause__ if isinstance(failure, Halted) and failure.__cause__ is not None else failure

@@ -99,7 +99,7 @@ class UserScenario:
         where, file = f"{self.spec.name}.{attribute}", self.spec.code.file
         with in_user_code(file, f"while it gave {where}"):
             try:
-                entries = call_user(getattr, self._instance, attribute, None)
+                entries: Any = call_user(getattr, self._instance, attribute, None)
             except Exception as failure:
                 raise ScenarioError("type", f"{where}: {format_exception(failure, file)}") from failure
         _check_entries(where, entries, kind)
@@ -124,7 +124,7 @@ class UserScenario:
 
     def chunk(self, default: int) -> int:
         """Return the samples of a chunk that the class declares; `ScenarioError` when it is no such number."""
-        chunk = getattr(self._instance, "chunk", default)
+        chunk = call_user(getattr, self._instance, "chunk", default)
         # index, status, errors, outputs and the linear ones
         most = min(MOST_SAMPLES, MOST_NUMBERS // (2 + len(self.sources) + 2 * len(self.outputs)))
         if not isinstance(chunk, int) or isinstance(chunk, bool) or not 1 <= chunk <= most:

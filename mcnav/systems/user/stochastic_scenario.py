@@ -308,7 +308,7 @@ class TimedUserScenario(StochasticUserScenario):
     @property
     def groups(self) -> Mapping[str, tuple[str, ...]]:
         """Return the class's groups of outputs; `ScenarioError` when they are no table."""
-        given = getattr(self._instance, "groups", {})
+        given = call_user(getattr, self._instance, "groups", {})
         try:
             return {name: tuple(members) for name, members in given.items()}
         except (AttributeError, TypeError):
@@ -322,7 +322,7 @@ class TimedUserScenario(StochasticUserScenario):
         Raises `ScenarioError` when they are not outputs of the class.
         """
         names = tuple(output.name for output in self.outputs)
-        given = getattr(self._instance, "filter_outputs", None)
+        given = call_user(getattr, self._instance, "filter_outputs", None)
         if given is None:
             return tuple(output.name for output in self.outputs if output.of == "navigation")
         listed = () if isinstance(given, str) else tuple(given)
@@ -334,7 +334,7 @@ class TimedUserScenario(StochasticUserScenario):
     @property
     def believed(self) -> Mapping[str, float]:
         """Return the class's shares of variances that its filter believes in; `ScenarioError` when they are wrong."""
-        given = getattr(self._instance, "believed", {})
+        given = call_user(getattr, self._instance, "believed", {})
         known = {source.name for source in self.sources} | self.noise.keys()
         try:
             shares = {name: float(share) for name, share in given.items()}
