@@ -1,13 +1,22 @@
 """``mcnav`` and ``python -m mcnav``."""
 
-from mcnav._interrupts import interruptible
+import sys
+
+from mcnav import _supervision
 from mcnav._streams import tolerate
 
 
 def main() -> None:
-    """Run the command line; its import takes long enough to be interrupted."""
+    """Run the command line, as the child of a supervisor if it may execute a user's code.
+
+    Its import takes long enough to be interrupted.
+    """
     tolerate()
-    with interruptible():
+    if not _supervision.attach() and _supervision.names_code(sys.argv[1:]):
+        sys.exit(_supervision.supervise())
+    from mcnav._interrupts import interruptible  # which a supervisor does without
+
+    with _supervision.supervised(), interruptible():
         from mcnav import cli
 
         cli.main()

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import field
 from typing import Any, Final
 
+from mcnav import _supervision
 from mcnav._dataclasses import dataclass
 
 INTERRUPTED: Final = 130
@@ -34,11 +35,31 @@ class Interrupts:
         The command resumes where it stopped.
     deferred : bool
         The first signal interrupts later.
+    heeded : bool
+        This process listens to signals.
+    arrived : int
+        Signals that have arrived, those of the supervisor included.
+    counted : int
+        Signals among them: a terminal sends one to this process and to its supervisor, which passes it on.
     """
 
     received: list[int] = field(default_factory=list)
     resumes: bool = False
     deferred: bool = False
+    heeded: bool = False
+    arrived: int = 0
+    counted: int = 0
+
+    def count(self) -> bool:
+        """Count a signal that has arrived; return whether it is a new one.
+
+        Of the signals that the supervisor has passed on, any number came from the terminal as well.
+        """
+        self.arrived += 1
+        notes = _supervision.own_notes()
+        passed_on = 0 if notes is None else notes.numbers[_supervision.PASSED_ON]
+        before, self.counted = self.counted, max(self.counted, passed_on, self.arrived - passed_on)
+        return self.counted > before
 
     @property
     def status(self) -> int:
@@ -53,6 +74,7 @@ def listen() -> None:
     """Interrupt the command at a signal; end it at once at a second one, and where a library ignored the first."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
+    interrupts.heeded = True
     sys.unraisablehook = _end_if_ignored
     threading.excepthook = _print_before_a_signal
 
@@ -61,6 +83,7 @@ def listen() -> None:
 def interruptible() -> Iterator[None]:
     """After a signal, end the process with one message, however the block ends and whatever its threads do."""
     listen()
+    _supervision.unblock_signals()
     try:
         yield
     finally:
@@ -69,9 +92,11 @@ def interruptible() -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: object) -> None:
+    if not interrupts.count():
+        return
     interrupts.received.append(number)
     if len(interrupts.received) > 1:  # files are written whole, and workers end with this process
-        os._exit(interrupts.status)
+        _supervision.end(interrupts.status)
     if not interrupts.deferred:
         raise KeyboardInterrupt
 
@@ -121,4 +146,4 @@ def _end() -> None:
     atexit._run_exitfuncs()  # temporary folders, semaphores; an ordinary exit would join threads first
     with suppress(OSError):
         sys.stdout.flush()
-    os._exit(interrupts.status)
+    _supervision.end(interrupts.status)

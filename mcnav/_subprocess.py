@@ -16,18 +16,30 @@ from typing import Any, Final
 from mcnav._streams import tolerate
 
 _PR_SET_PDEATHSIG: Final = 1
+_workers: Final[list[int]] = []
 _TRACKERS_SILENT: Final = "ignore:resource_tracker"
 
 
 def end_with_parent(parent: int) -> None:
-    """End this worker process when its parent ends, even when the parent is killed.
+    """End this worker process when its parent ends, even when the parent is killed; the parent handles Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    tolerate()  # classes of users print
+    _workers.append(os.getpid())
+    follow_parent(parent)
+
+
+def is_worker() -> bool:
+    """Return whether this process is a worker, whose end its parent notices."""
+    return os.getpid() in _workers
+
+
+def follow_parent(parent: int) -> None:
+    """End this process when its parent ends, even when the parent is killed.
 
     On Linux the kernel ends it at once; elsewhere a thread checks the parent twice a second.
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
-    tolerate()  # classes of users print
 
     def watch() -> None:
         while os.getppid() == parent:

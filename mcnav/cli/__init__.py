@@ -31,11 +31,13 @@ def _prepare_process() -> None:
     Their sums use one thread; idle threads of their pools would use processor time. pydantic would look for plugins
     in all packages, and scipy imports parts of numpy that no command uses. A command ends before collecting its many
     lasting objects would free memory; at its end they are frozen, because the interpreter would look through all of
-    them once more, which took a fifth of a second.
+    them once more, which took a fifth of a second. joblib's workers would print their stacks when a user's code crashes
+    in them; its samples say that they have failed.
     """
     for variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    os.environ.setdefault("PYTHONFAULTHANDLER", "")
     load_when_used()
     gc.set_threshold(GARBAGE_THRESHOLD, 50, 50)
     atexit.register(gc.freeze)

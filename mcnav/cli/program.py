@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
@@ -13,6 +14,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from mcnav._interrupts import RESUMES, interrupts
+from mcnav._supervision import STORES, own_notes
 from mcnav.cli.printing import err, print_line
 
 CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY = 1, 2, 3, 4
@@ -109,6 +111,21 @@ def _reported_errors(file: Path | None, given: Path | None) -> Iterator[None]:
         raise failure(str(Problem(str(file or given or ""), "", str(problem)))) from None
     except OSError as problem:
         raise failure(f"{problem.filename or 'a file'}: {problem.strerror or problem}") from None
+    except BaseException as problem:
+        if interrupts.received or (line := _of_own_code(problem)) is None:
+            raise
+        raise failure(str(Problem(str(file or ""), "scenario", line))) from None
+
+
+def _of_own_code(problem: BaseException) -> str | None:
+    """Describe an exception that a user's code has raised; none for others."""
+    if "mcnav.systems.user.code" not in sys.modules:
+        return None
+    from mcnav.systems.sample_loop import format_exception
+    from mcnav.systems.user.code import file_that_raised
+
+    code = file_that_raised(problem)
+    return None if code is None else f"{code}: {format_exception(problem, code)}"
 
 
 class SuggestingCommand(TyperCommand):
@@ -151,6 +168,8 @@ def command(
         @wraps(function)
         def command(*arguments: Parameters.args, **options: Parameters.kwargs) -> Result:
             interrupts.resumes = resumes
+            if (notes := own_notes()) is not None:
+                notes.numbers[STORES] = resumes
             file, folder = (
                 each if isinstance(each := options.get(name), Path) else None for name in ("campaign", "folder")
             )

@@ -10,6 +10,9 @@ class ScenarioError(ValueError):
         super().__init__(message)
         self.key = key
 
+    def __reduce__(self) -> tuple[type[ScenarioError], tuple[str, str]]:
+        return type(self), (self.key, str(self))
+
 
 class SimulationFailed(ArithmeticError):
     """Failure of a sample that a derivative needs."""

@@ -38,6 +38,7 @@ from mcnav.store.histories import FIRST_SMOOTHED_MARK, SMOOTHED_MARK, STORED, fi
 from mcnav.store.inputs import check_unchanged
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import MOST_REASONS, STORED_ROWS, Summary, summary_chunk
+from mcnav.systems.guard import CodeMisbehaved
 from mcnav.systems.sample_loop import simulate_alone
 from mcnav.systems.timeouts import SampleTimeout, time_limit
 
@@ -137,7 +138,7 @@ def simulate_batch(
     with time_limit(timeout):
         try:
             result = simulate(batch)
-        except MemoryError:
+        except (MemoryError, CodeMisbehaved):
             raise
         except (Exception, SampleTimeout):
             result = simulate_alone(lambda row: simulate(batch[row : row + 1]), len(batch.errors), outputs)

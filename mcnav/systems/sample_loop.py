@@ -12,6 +12,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.samples import SimulationResult
+from mcnav.systems.guard import raised_by
 from mcnav.systems.timeouts import SampleTimeout, within_limit
 
 LONGEST_REASON: Final = 200
@@ -57,8 +58,8 @@ def simulate_each(
             failures[row] = Failure(Reason.DIVERGED, str(reason))
         except MemoryError:
             raise
-        except (Exception, SystemExit) as error:
-            text = "".join(traceback.format_exception(error, limit=-12))
+        except Exception as error:
+            text = "".join(traceback.format_exception(raised_by(error), limit=-12))
             text = text if len(text) <= LONGEST_TRACEBACK else "..." + text[-LONGEST_TRACEBACK:]
             failures[row] = Failure(Reason.RAISED, format_exception(error, file), text)
         else:
@@ -121,7 +122,7 @@ def format_exception(failure: BaseException, file: str) -> str:
     >>> format_exception(ValueError("no fuel"), "boost.py")
     'ValueError: no fuel'
     """
-    place = ""
+    failure, place = raised_by(failure), ""
     if isinstance(failure, SyntaxError):
         place = f" (line {failure.lineno})"
     trace = failure.__traceback__

@@ -13,9 +13,12 @@ import faulthandler
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final, TypeVar
+
+from mcnav._supervision import LATE, own_notes
 
 Result = TypeVar("Result")
 
@@ -86,11 +89,17 @@ def within_limit(call: Callable[[], Result]) -> Result:
     if not _silent:
         _silent.append(os.open(os.devnull, os.O_WRONLY))
     earlier = signal.signal(signal.SIGALRM, stop)
-    faulthandler.dump_traceback_later(PATIENCE * seconds + 0.5, exit=True, file=_silent[0])
+    longest = PATIENCE * seconds + 0.5
+    faulthandler.dump_traceback_later(longest, exit=True, file=_silent[0])
     signal.setitimer(signal.ITIMER_REAL, seconds, seconds)  # again and again: some code swallows the first
+    notes = own_notes()
+    if notes is not None:
+        notes.numbers[LATE] = int(time.monotonic() + longest)
     try:
         return call()
     finally:
+        if notes is not None:
+            notes.numbers[LATE] = 0
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         faulthandler.cancel_dump_traceback_later()
         signal.signal(signal.SIGALRM, earlier)

@@ -26,6 +26,7 @@ from mcnav.systems.closed_loop.sizes import LoopSizes, difference_steps
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.timeline import read_timeline
 from mcnav.systems.conditions import Conditions
+from mcnav.systems.guard import in_user_code, simulating
 from mcnav.systems.sample_loop import join_results, simulate_alone
 from mcnav.systems.timeouts import SampleTimeout, within_limit
 from mcnav.systems.user.code import UserScenarioSpec
@@ -106,8 +107,9 @@ class ClosedLoopEngine:
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples; without noise their final outputs alone."""
-        setup, noisy = self.set_up(), noise and self.noisy
-        return self.each_alone(batch, lambda rows: simulate(setup, batch[rows], noisy, over_time=noise))
+        with in_user_code(self.spec.code.file, simulating(batch, noise)):
+            setup, noisy = self.set_up(), noise and self.noisy
+            return self.each_alone(batch, lambda rows: simulate(setup, batch[rows], noisy, over_time=noise))
 
     def set_up(self) -> Setup:
         """Put together what samples share."""
@@ -121,7 +123,7 @@ class ClosedLoopEngine:
             return within_limit(lambda: some(slice(count)))
         except MemoryError:
             raise
-        except (Exception, SystemExit, SampleTimeout):
+        except (Exception, SampleTimeout):
             return simulate_alone(lambda row: some(slice(row, row + 1)), count, self.outputs, self.spec.code.file)
 
 
@@ -161,4 +163,5 @@ class ConditionalLoop:
 
             return self.engine.each_alone(batch[begin:end], of_piece)
 
-        return join_results([together(begin) for begin in range(0, len(normals), self.engine.chunk)])
+        with in_user_code(self.engine.spec.code.file, simulating(batch, noise=True)):
+            return join_results([together(begin) for begin in range(0, len(normals), self.engine.chunk)])

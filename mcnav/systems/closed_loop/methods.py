@@ -8,6 +8,7 @@ from typing import Any
 
 from mcnav._dataclasses import dataclass
 from mcnav.contract.scenario import ScenarioError
+from mcnav.systems.guard import call_user
 
 Frame = Mapping[str, Callable[[], Any]]
 """Arguments by name, each made when a method names it."""
@@ -23,7 +24,7 @@ class Method:
 
     def __call__(self, frame: Frame) -> Any:
         """Call it with what it names."""
-        return self.function(**{name: frame[name]() for name in self.names})
+        return call_user(self.function, **{name: frame[name]() for name in self.names})
 
 
 def read_method(function: Any, where: str, known: Sequence[str], other: str = "") -> Method:

@@ -18,6 +18,8 @@ from mcnav.systems.closed_loop.own_update import COVARIANCE, UPDATE
 from mcnav.systems.closed_loop.quantities import Block, Values, spread
 from mcnav.systems.closed_loop.readout import standard_outputs
 from mcnav.systems.closed_loop.structure import Structure, measurements_of, phases_of, read_structure
+from mcnav.systems.guard import call_user, raised_by
+from mcnav.systems.sample_loop import format_exception
 
 OF_TRUTH: Final = ("time", "truth", "command", "parameters", "noise")
 OF_NAVIGATOR: Final = ("time", "estimate", "sensed", "parameters", "command", "memory")
@@ -111,7 +113,7 @@ def read_start(instance: Any, name: str, structure: Structure) -> Array:
     x = np.zeros(structure.size)
     if hasattr(instance, "start"):
         try:
-            started = instance.start()
+            started = call_user(instance.start)
             remembered = structure.memory if structure.remembers else Block("what is remembered", ())
             if isinstance(started, Mapping):
                 memory = {name: started[name] for name in remembered.names if name in started}
@@ -120,7 +122,7 @@ def read_start(instance: Any, name: str, structure: Structure) -> Array:
             before = np.zeros((structure.truth.size, 1))
             x[structure.truth.whole] = spread(structure.truth, started, 1, "start", before)[:, 0]
         except Exception as failure:
-            raise ScenarioError("type", f"{name}.start: {failure}") from failure
+            raise ScenarioError("type", f"{name}.start: {raised_by(failure)}") from failure
     places, counterparts = structure.pairs
     x[places] = x[counterparts]
     return x
@@ -147,7 +149,7 @@ def _sized(maps: Maps, start: Array) -> Maps:
         try:
             return method(frame)
         except Exception as failure:
-            raise ScenarioError("type", f"{method.where}: {type(failure).__name__}: {failure}") from failure
+            raise ScenarioError("type", f"{method.where}: {format_exception(failure, '')}") from failure
 
     command, memory = None, 0
     phase = {"phase": lambda: maps.phases[0]}

@@ -40,6 +40,7 @@ from mcnav.systems.closed_loop.start_times import Starts, check_starts, plan_sta
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.strapdown.shown import instrument_sources, shown_units
 from mcnav.systems.closed_loop.timeline import read_timeline
+from mcnav.systems.guard import LINEARIZING, in_user_code
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.code import UserScenarioSpec
 
@@ -110,6 +111,11 @@ class ClosedLoopScenario:
         self._begun = begun
         self._ends: dict[float, tuple[Array, Array]] = {}
         self._object = spec.build_current()
+        with in_user_code(spec.code.file, f"while {spec.name} was read"):
+            self._read(spec, sizes)
+
+    def _read(self, spec: UserScenarioSpec, sizes: LoopSizes) -> None:
+        """Read what the class declares."""
         self._instance = with_navigator(self._object.value)
         self.maps = maps_of(self._instance, spec.name, sizes)
         self._start = read_start(self._instance, spec.name, self.maps.structure)
@@ -189,12 +195,12 @@ class ClosedLoopScenario:
     @contextmanager
     def _running(self) -> Iterator[None]:
         """Run code of the user's without errors; what fails is a `ScenarioError`."""
-        with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
+        with self._object.recording(self.spec.code.file, LINEARIZING), np.errstate(all="ignore"):
             try:
                 yield
             except ScenarioError:
                 raise
-            except (Exception, SystemExit) as failure:
+            except Exception as failure:
                 message = f"its flight without any error failed: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
 
@@ -334,14 +340,14 @@ class ClosedLoopScenario:
         """
         self.plan  # noqa: B018  its failure is told first
         instants = {number: epoch for epoch, number in enumerate(self._chosen)}
-        setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
-        with self._object.recording(self.spec.code.file), np.errstate(all="ignore"):
+        with self._object.recording(self.spec.code.file, LINEARIZING), np.errstate(all="ignore"):
             try:
+                setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
                 result = check_repeatable(setup)
                 return (*remarks_on(setup, self._sigmas_of_times), *self._departures(setup, result))
             except ScenarioError:
                 raise
-            except (Exception, SystemExit) as failure:
+            except Exception as failure:
                 message = f"flights with small errors failed: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
 
@@ -450,5 +456,7 @@ class ClosedLoopScenario:
 
 def without_errors(spec: UserScenarioSpec) -> LoopSizes:
     """Return the sizes of a loop without errors."""
-    none = Sizes.none(maps_of(with_navigator(spec.build_current().value), spec.name))
+    loop = spec.build_current().value
+    with in_user_code(spec.code.file, f"while {spec.name} was read"):
+        none = Sizes.none(maps_of(with_navigator(loop), spec.name))
     return LoopSizes(none, replace(none))

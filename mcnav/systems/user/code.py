@@ -18,6 +18,7 @@ from mcnav._dataclasses import dataclass
 from mcnav._imports import load_at_once
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile, OpenedFiles, SourceFile, find_inputs, record_opened_files
+from mcnav.systems.guard import CodeMisbehaved, call_user, in_user_code
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.measured_noise import MeasuredNoise
 from mcnav.systems.user.settings import Value, to_argument
@@ -43,12 +44,12 @@ class Loaded:
     noise: MeasuredNoise | None = None
 
     @contextmanager
-    def recording(self, code: str) -> Iterator[None]:
-        """Record the files that the object reads.
+    def recording(self, code: str, doing: str) -> Iterator[None]:
+        """Record the files that the object reads; see `in_user_code`.
 
         Raises `ScenarioError` when a file changes while it is being read, or is not a regular file.
         """
-        with record_opened_files() as opened:
+        with in_user_code(code, doing), record_opened_files() as opened:
             try:
                 yield
             finally:
@@ -91,10 +92,11 @@ class UserScenarioSpec:
             return known
         loaded = _load_class(self.code, self.name)
         built = Loaded(None, dict(loaded.inputs))
-        with built.recording(self.code.file):
+        with built.recording(self.code.file, f"while {self.name} was made"):
             try:
-                instance = loaded.value(**{name: to_argument(value) for name, value in self.settings})
-            except (Exception, SystemExit) as failure:
+                settings = {name: to_argument(value) for name, value in self.settings}
+                instance = call_user(loaded.value, **settings)
+            except Exception as failure:
                 message = f"{self.name} cannot be made: {format_exception(failure, self.code.file)}"
                 raise ScenarioError("type", message) from failure
         return _cache(_objects, self, replace(built, value=instance))
@@ -147,6 +149,16 @@ def classes_in(code: SourceFile) -> list[str]:
     return [value.__name__ for value in classes if any(hasattr(value, method) for method in METHODS)]
 
 
+def file_that_raised(failure: BaseException) -> str | None:
+    """Return the user's file in whose code an exception was raised; none for other exceptions."""
+    files, trace = {code.file for code, _ in _classes}, failure.__traceback__
+    while trace is not None:
+        if (file := trace.tb_frame.f_code.co_filename) in files:
+            return file
+        trace = trace.tb_next
+    return None
+
+
 def _own_classes(module: types.ModuleType) -> list[type]:
     defined = (value for value in vars(module).values() if isinstance(value, type))
     return [value for value in defined if value.__module__ == module.__name__]
@@ -160,10 +172,12 @@ def _execute(code: SourceFile) -> tuple[types.ModuleType, OpenedFiles]:
     linecache.cache[code.file] = (len(code.text), None, code.text.splitlines(keepends=True), code.file)
     load_at_once()
     try:
-        with record_opened_files() as opened:
-            exec(compile(code.text, code.file, "exec"), module.__dict__)
-    except (Exception, SystemExit) as failure:
-        del sys.modules[module.__name__]
+        with in_user_code(code.file, "while it was read"), record_opened_files() as opened:
+            call_user(exec, compile(code.text, code.file, "exec"), module.__dict__)
+    except CodeMisbehaved:
+        raise
+    except Exception as failure:
+        sys.modules.pop(module.__name__, None)
         message = f"{code.file} cannot be executed: {format_exception(failure, code.file)}"
         raise ScenarioError("type", message) from failure
     return module, opened

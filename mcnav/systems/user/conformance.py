@@ -17,7 +17,9 @@ from mcnav.contract.linear import LinearModel
 from mcnav.contract.members import lacks_engine, lacks_scenario
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.systems.finite_differences import differentiate
+from mcnav.systems.guard import raised_by
 from mcnav.systems.histories import check_history
+from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.noise_soundness import check_noise, check_without_noise, find_unsettled_noise
 from mcnav.systems.user.scenario import is_users
 from mcnav.systems.user.soundness import LARGEST, SAME, SEED, apart, same
@@ -81,13 +83,13 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
         except (_Broken, ScenarioError) as wrong:
             checks.append(Check(name, False, str(wrong)))
         except Exception as wrong:  # the scenario is someone else's code: whatever it raises is a finding
-            checks.append(Check(name, False, f"{type(wrong).__name__}: {wrong}"))
+            checks.append(Check(name, False, format_exception(wrong, "")))
 
     tried("names and units", lambda: _names_and_units(scenario))
     try:
         prepared = scenario.engine(scenario.engines[0], errors)
     except Exception as wrong:
-        return [*checks, Check("flies", False, str(wrong) or type(wrong).__name__)]
+        return [*checks, Check("flies", False, str(raised_by(wrong)) or type(wrong).__name__)]
     if lines := lacks_engine(prepared):
         return [*checks, *(Check("contract", False, line) for line in lines)]
     checks.append(Check("contract", True, f"scenario and engine {scenario.engines[0]} have what is asked of them"))

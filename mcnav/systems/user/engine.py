@@ -14,6 +14,7 @@ from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.systems.guard import call_user, in_user_code, simulating
 from mcnav.systems.sample_loop import simulate_alone, simulate_each
 from mcnav.systems.timeouts import SampleTimeout, within_limit
 from mcnav.systems.user.code import UserScenarioSpec
@@ -35,24 +36,27 @@ class UserEngine:
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples."""
-        errors = batch.errors
+        with in_user_code(self.spec.code.file, simulating(batch, noise)):
+            return self._simulate(batch.errors)
+
+    def _simulate(self, errors: Array) -> SimulationResult:
         instance, file = self.spec.build().value, self.spec.code.file
         if not hasattr(instance, "propagate"):
             values = np.empty((len(errors), self.outputs))
             failures = simulate_each(
-                lambda row: _check_row(instance.fly(errors[row].copy()), self.outputs),
+                lambda row: _check_row(call_user(instance.fly, errors[row].copy()), self.outputs),
                 range(len(errors)), values, file=file,
             )  # fmt: skip
             return SimulationResult(values, failures)
 
         def propagate(errors: Array) -> SimulationResult:
-            return self._result(instance.propagate(errors), len(errors))
+            return self._result(call_user(instance.propagate, errors), len(errors))
 
         try:
             return within_limit(lambda: propagate(errors.copy()))
         except MemoryError:
             raise
-        except (Exception, SystemExit, SampleTimeout):
+        except (Exception, SampleTimeout):
             rows = len(errors)
             alone = simulate_alone(lambda row: propagate(errors[row : row + 1].copy()), rows, self.outputs, file)
             return replace(alone, fallback_count=rows if rows > 1 else 0)

@@ -32,6 +32,7 @@ from mcnav.compiled.target import target
 from mcnav.entries.inputs import InputFile, content_of, own_modules
 from mcnav.progress import duration, note
 from mcnav.records import Record
+from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.user.code import Loaded, UserScenarioSpec
 
 FORMAT: Final = 2
@@ -127,7 +128,7 @@ def keep(
     name = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()
     known = _read(kind, name, key, loaded.inputs)
     began = time.perf_counter()
-    with loaded.recording(spec.code.file):
+    with loaded.recording(spec.code.file, LINEARIZING):
         if known is not None:
             if repeats(known):
                 return known

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from mcnav.cache import Cache
+from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.user import noise_measurement
 from mcnav.systems.user.code import Loaded, UserScenarioSpec
 from mcnav.systems.user.kept import Kind, Simulated, keep
@@ -32,7 +33,7 @@ def noise_of(loaded: Loaded, spec: UserScenarioSpec, engine: StochasticUserEngin
         When a simulation fails, or a file changes that the class reads.
     """
     if loaded.noise is None:
-        with loaded.recording(spec.code.file):
+        with loaded.recording(spec.code.file, LINEARIZING):
             probes = Probes.of(engine, sources)
 
         def simulate() -> Simulated:

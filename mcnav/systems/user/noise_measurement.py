@@ -74,7 +74,7 @@ class Probes:
         fly = engine.linear_flight if engine.own_linear else engine.flight
         try:
             nominal = fly(np.zeros(sources), noise)
-        except (Exception, SystemExit) as failure:
+        except Exception as failure:
             raise ScenarioError("type", _message(engine, failure)) from failure
         return cls(engine, sources, noise.used, nominal if engine.own_linear else np.zeros(nominal.shape))
 
@@ -133,7 +133,7 @@ def respond(probes: Probes, number: int) -> Array | str:
         return probes.response(number)
     except OtherVariates:
         raise
-    except (Exception, SystemExit) as failure:
+    except Exception as failure:
         return _message(probes.engine, failure)
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Final, TypeGuard, get_args
+from typing import Any, Final, TypeGuard, TypeVar, get_args
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import Capability, Scenario, ScenarioError, is_differenced
 from mcnav.entries.inputs import InputFile, with_unique_names
 from mcnav.systems.finite_differences import DifferencedModel, differentiate
+from mcnav.systems.guard import LINEARIZING, call_user, in_user_code
 from mcnav.systems.histories import check_history
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.code import UserScenarioSpec
@@ -35,6 +36,8 @@ from mcnav.systems.user.engine import UserEngine
 from mcnav.systems.user.returned import numbers_of
 from mcnav.systems.user.settings import NAME, check_unit
 from mcnav.systems.user.stochastic_engine import StochasticUserEngine
+
+Entry = TypeVar("Entry", Source, Output)
 
 VECTORISED_CHUNK: Final = 8_192
 SINGLE_CHUNK: Final = 128
@@ -83,15 +86,24 @@ class UserScenario:
         self.spec = spec
         self._object = spec.build_current()
         self._instance = self._object.value
-        for attribute, kind in (("sources", Source), ("outputs", Output)):
-            _check_entries(f"{spec.name}.{attribute}", getattr(self._instance, attribute, None), kind)
+        self.sources: tuple[Source, ...] = self._declared("sources", Source)
+        self.outputs: tuple[Output, ...] = self._declared("outputs", Output)
         if not (hasattr(self._instance, "propagate") or hasattr(self._instance, "fly")):
             raise ScenarioError("type", f"{spec.name} has neither propagate, for many samples, nor fly, for one")
-        self.sources: tuple[Source, ...] = tuple(self._instance.sources)
-        self.outputs: tuple[Output, ...] = tuple(self._instance.outputs)
         self.engines = ("vectorised",) if hasattr(self._instance, "propagate") else ("single",)
         nominal = np.array([source.nominal for source in self.sources])
         self.sizes = nominal if sizes is None else np.where(sizes > 0.0, sizes, nominal)
+
+    def _declared(self, attribute: str, kind: type[Entry]) -> tuple[Entry, ...]:
+        """Read the sources or outputs of the class; `ScenarioError` when they are not declared as they must be."""
+        where, file = f"{self.spec.name}.{attribute}", self.spec.code.file
+        with in_user_code(file, f"while it gave {where}"):
+            try:
+                entries: Any = call_user(getattr, self._instance, attribute, None)
+            except Exception as failure:
+                raise ScenarioError("type", f"{where}: {format_exception(failure, file)}") from failure
+        _check_entries(where, entries, kind)
+        return tuple(entries)
 
     @property
     def can(self) -> frozenset[Capability]:
@@ -112,7 +124,7 @@ class UserScenario:
 
     def chunk(self, default: int) -> int:
         """Return the samples of a chunk that the class declares; `ScenarioError` when it is no such number."""
-        chunk = getattr(self._instance, "chunk", default)
+        chunk = call_user(getattr, self._instance, "chunk", default)
         # index, status, errors, outputs and the linear ones
         most = min(MOST_SAMPLES, MOST_NUMBERS // (2 + len(self.sources) + 2 * len(self.outputs)))
         if not isinstance(chunk, int) or isinstance(chunk, bool) or not 1 <= chunk <= most:
@@ -171,10 +183,10 @@ class UserScenario:
     def given_partials(self) -> Array:
         """Partial derivatives that the class provides, shape (*leading_shape, outputs, sources)."""
         shape = (*self.leading_shape, len(self.outputs), len(self.sources))
-        with self._object.recording(self.spec.code.file):
+        with self._object.recording(self.spec.code.file, LINEARIZING):
             try:
-                partials = numbers_of(self._instance.partials(), "partials")
-            except (Exception, SystemExit) as failure:
+                partials = numbers_of(call_user(self._instance.partials), "partials")
+            except Exception as failure:
                 message = f"partials: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
         if partials.shape != shape or not np.isfinite(partials).all():
@@ -186,7 +198,7 @@ class UserScenario:
     def _model(self) -> LinearModel:
         """Linear model from the partial derivatives that the class provides."""
         partials = self.given_partials.reshape(-1, len(self.outputs), len(self.sources))[-1]
-        with self._object.recording(self.spec.code.file):
+        with self._object.recording(self.spec.code.file, LINEARIZING):
             nominal = without_noise(self._engine)(np.zeros((1, len(self.sources))))
         if nominal.failures:
             raise ScenarioError("type", f"its flight without any error failed: {nominal.failures[0]}")
@@ -220,13 +232,13 @@ class UserScenario:
 
     @cached_property
     def _history(self) -> History:
-        with self._object.recording(self.spec.code.file):
+        with self._object.recording(self.spec.code.file, LINEARIZING):
             try:
-                history = self._instance.history()
+                history = call_user(self._instance.history)
                 if not isinstance(history, History):
                     raise TypeError(f"history must return a History of mcnav; got {type(history).__name__}")
                 return check_history(history)
-            except (Exception, SystemExit) as failure:
+            except Exception as failure:
                 raise ScenarioError("type", f"history: {format_exception(failure, self.spec.code.file)}") from failure
 
 

@@ -18,7 +18,9 @@ from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.conditions import Conditions
+from mcnav.systems.guard import LINEARIZING, call_user, in_user_code, simulating
 from mcnav.systems.sample_loop import SampleFailed, simulate_each
+from mcnav.systems.timeouts import Result, SampleTimeout, within_limit
 from mcnav.systems.user.code import UserScenarioSpec
 from mcnav.systems.user.flown import Flown, record_of
 from mcnav.systems.user.returned import numbers_of
@@ -68,9 +70,10 @@ class StochasticUserEngine:
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples, with their noise or without."""
-        if not noise:
-            return self.without_noise(batch.errors)[0]
-        return self.with_noise_of(batch, lambda row: sample_noise(batch.seed, int(batch.index[row])))
+        with in_user_code(self.spec.code.file, simulating(batch, noise)):
+            if not noise:
+                return self.without_noise(batch.errors)[0]
+            return self.with_noise_of(batch, lambda row: sample_noise(batch.seed, int(batch.index[row])))
 
     def with_noise_of(self, batch: Batch, noise: Callable[[int], np.random.Generator]) -> SimulationResult:
         """Simulate samples with the noise of a generator for each row."""
@@ -131,7 +134,8 @@ class StochasticUserEngine:
         There are none where the class draws no normals, or more than `MOST_NORMALS`: all noise is random then. Raises
         `ScenarioError` where a flight with one of them fails.
         """
-        of_normals = self._of_normals()
+        with in_user_code(self.spec.code.file, LINEARIZING):
+            of_normals = self._of_normals()
         last = of_normals.shape[1] - 1
         rows = of_normals[:, [last] * len(outputs) if epochs is None else list(epochs), list(outputs)]
         return ConditionalFlights(replace(self, linear=None, filter=None), Conditions.on(rows.T))
@@ -169,22 +173,32 @@ class StochasticUserEngine:
     def nominal(self) -> Flown:
         """Simulate without errors and noise; what ``fly`` raises is raised."""
         instance = self.spec.build().value
-        return self._fly(instance, np.zeros(len(instance.sources)), ScaledNoise(0, 0, 0.0))
+        none = np.zeros(len(instance.sources))
+        return self._once(lambda: self._fly(instance, none, ScaledNoise(0, 0, 0.0)))
 
     def flight(self, errors: Array, noise: np.random.Generator) -> Array:
         """Call ``fly`` of the class with the errors of one sample, shape (sources,); return shape (m, outputs)."""
-        return np.asarray(self._fly(self.spec.build().value, errors, noise).errors.reshape(-1, len(self.outputs)))
+        flown = self._once(lambda: self._fly(self.spec.build().value, errors, noise))
+        return np.asarray(flown.errors.reshape(-1, len(self.outputs)))
 
     def response(self, seed: int, index: int, stream: int = SAMPLES, scale: float = SCALE) -> Array:
         """Compute the linear response to a sample's noise by differences, shape (m, outputs)."""
-        return self._response(self.spec.build().value, (seed, index, stream), scale)
+        return self._once(lambda: self._response(self.spec.build().value, (seed, index, stream), scale))
 
     def linear_flight(self, errors: Array, noise: np.random.Generator) -> Array:
         """Call ``fly_linear`` of the class with the errors of one sample, shape (sources,); return shape (m, outputs).
 
         Raises `ValueError` when it returns something else than finite numbers of that shape.
         """
-        return self._fly_linear(self.spec.build().value, errors, noise)
+        return self._once(lambda: self._fly_linear(self.spec.build().value, errors, noise))
+
+    def _once(self, call: Callable[[], Result]) -> Result:
+        """Call a function that simulates once; `TimeoutError` when it exceeds the time limit of a sample."""
+        with in_user_code(self.spec.code.file, LINEARIZING):
+            try:
+                return within_limit(call)
+            except SampleTimeout as late:
+                raise TimeoutError(str(late)) from None
 
     @property
     def own_linear(self) -> bool:
@@ -200,7 +214,7 @@ class StochasticUserEngine:
         return np.asarray(self.linear.nominal + self.linear.partials @ errors + response)
 
     def _fly_linear(self, instance: Any, errors: Array, noise: np.random.Generator) -> Array:
-        values = numbers_of(instance.fly_linear(errors.copy(), noise), "fly_linear")
+        values = numbers_of(call_user(instance.fly_linear, errors.copy(), noise), "fly_linear")
         if values.shape != self.shape or not np.isfinite(values).all():
             raise ValueError(f"fly_linear must return finite numbers of shape {self.shape}; got {values.shape}")
         return values.reshape(-1, len(self.outputs))
@@ -218,7 +232,7 @@ class StochasticUserEngine:
 
     def _fly(self, instance: Any, errors: Array, noise: np.random.Generator) -> Flown:
         """Call ``fly`` with the errors of one sample; `ValueError` when the shape of what it returns is wrong."""
-        returned = instance.fly(errors.copy(), noise) if self.noisy else instance.fly(errors.copy())
+        returned = call_user(instance.fly, errors.copy(), *((noise,) if self.noisy else ()))
         flown = returned if isinstance(returned, Flown) else Flown(returned)
         values = numbers_of(flown.errors, "fly")
         if values.shape != self.shape:
@@ -247,7 +261,8 @@ class ConditionalFlights:
             drawn = sample_noise(*key, NORMALS).standard_normal((1, known))
             return GivenNoise(*key, self.conditions.met(drawn, normals[row : row + 1])[0])
 
-        return self.engine.with_noise_of(batch, noise)
+        with in_user_code(self.engine.spec.code.file, simulating(batch, noise=True)):
+            return self.engine.with_noise_of(batch, noise)
 
 
 def without_linear(engine: Engine) -> Engine:

@@ -27,6 +27,7 @@ from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output
 from mcnav.contract.scenario import Capability, Scenario, ScenarioError, can_have_noise, is_differenced
 from mcnav.systems.finite_differences import SHARES
+from mcnav.systems.guard import LINEARIZING, call_user
 from mcnav.systems.sample_loop import SampleFailed, format_exception
 from mcnav.systems.user.code import UserScenarioSpec
 from mcnav.systems.user.flown import Flown, record_of, schema_of, spread_out
@@ -127,10 +128,10 @@ class StochasticUserScenario(UserScenario):
         if not self.gives_noise_covariance:
             covariance = self.measured_noise.covariance
             return {NOISE: covariance.reshape(*self.leading_shape, *covariance.shape[1:])}
-        with self._object.recording(self.spec.code.file):
+        with self._object.recording(self.spec.code.file, LINEARIZING):
             try:
-                covariance = self._instance.noise_covariance()
-            except (Exception, SystemExit) as failure:
+                covariance = call_user(self._instance.noise_covariance)
+            except Exception as failure:
                 message = f"noise_covariance: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
         named = covariance if isinstance(covariance, Mapping) else {NOISE: covariance}
@@ -179,7 +180,7 @@ class StochasticUserScenario(UserScenario):
         """Call ``fly`` for one sample, shape (m, outputs); `ScenarioError` when it fails."""
         try:
             return self._engine.flight(errors, noise)
-        except (Exception, SystemExit) as failure:
+        except Exception as failure:
             message = f"its flight without any error failed: {format_exception(failure, self.spec.code.file)}"
             raise ScenarioError("type", message) from failure
 
@@ -187,7 +188,7 @@ class StochasticUserScenario(UserScenario):
         """Call ``fly_linear`` for one sample, shape (m, outputs); `ScenarioError` when it fails."""
         try:
             return self._engine.linear_flight(errors, noise)
-        except (Exception, SystemExit) as failure:
+        except Exception as failure:
             message = f"fly_linear: {format_exception(failure, self.spec.code.file)}"
             raise ScenarioError("type", message) from failure
 
@@ -195,7 +196,7 @@ class StochasticUserScenario(UserScenario):
         """Compute the linear response to noise by differences, shape (m, outputs); `ScenarioError` when they fail."""
         try:
             return self._engine.response(seed, index, stream, *scale)
-        except (Exception, SystemExit) as failure:
+        except Exception as failure:
             message = f"with its noise scaled down: {format_exception(failure, self.spec.code.file)}"
             raise ScenarioError("type", message) from failure
 
@@ -241,12 +242,12 @@ class TimedUserScenario(StochasticUserScenario):
     def _epochs(self) -> Epochs:
         """Read the class's epochs: `Epochs`, or times in seconds."""
         try:
-            given = self._instance.epochs
-            given = given() if callable(given) else given
+            given = call_user(getattr, self._instance, "epochs")
+            given = call_user(given) if callable(given) else given
             epochs = given if isinstance(given, Epochs) else Epochs("time [s]", given)
             times = numbers_of(epochs.times, "epochs")
             events = {str(name): float(time) for name, time in epochs.events.items()}
-        except (Exception, SystemExit) as failure:
+        except Exception as failure:
             raise ScenarioError("type", f"epochs: {format_exception(failure, self.spec.code.file)}") from failure
         rising = times.ndim == 1 and np.isfinite(times).all() and bool(np.all(np.diff(times) > 0.0))
         if not rising or not 2 <= len(times) <= MOST_EPOCHS or not str(epochs.label).strip():
@@ -307,7 +308,7 @@ class TimedUserScenario(StochasticUserScenario):
     @property
     def groups(self) -> Mapping[str, tuple[str, ...]]:
         """Return the class's groups of outputs; `ScenarioError` when they are no table."""
-        given = getattr(self._instance, "groups", {})
+        given = call_user(getattr, self._instance, "groups", {})
         try:
             return {name: tuple(members) for name, members in given.items()}
         except (AttributeError, TypeError):
@@ -321,7 +322,7 @@ class TimedUserScenario(StochasticUserScenario):
         Raises `ScenarioError` when they are not outputs of the class.
         """
         names = tuple(output.name for output in self.outputs)
-        given = getattr(self._instance, "filter_outputs", None)
+        given = call_user(getattr, self._instance, "filter_outputs", None)
         if given is None:
             return tuple(output.name for output in self.outputs if output.of == "navigation")
         listed = () if isinstance(given, str) else tuple(given)
@@ -333,7 +334,7 @@ class TimedUserScenario(StochasticUserScenario):
     @property
     def believed(self) -> Mapping[str, float]:
         """Return the class's shares of variances that its filter believes in; `ScenarioError` when they are wrong."""
-        given = getattr(self._instance, "believed", {})
+        given = call_user(getattr, self._instance, "believed", {})
         known = {source.name for source in self.sources} | self.noise.keys()
         try:
             shares = {name: float(share) for name, share in given.items()}
@@ -346,10 +347,10 @@ class TimedUserScenario(StochasticUserScenario):
 
     @cached_property
     def _nominal(self) -> Flown:
-        with self._object.recording(self.spec.code.file):
+        with self._object.recording(self.spec.code.file, LINEARIZING):
             try:
                 return self._engine.nominal()
-            except (Exception, SystemExit) as failure:
+            except Exception as failure:
                 message = f"its flight without any error failed: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
 
