@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from mcnav.logs.tables import read_table
     from mcnav.logs.track import Track, read_track
     from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign, sweep
-    from mcnav.sampling.errors import Errors
-    from mcnav.sampling.sizes import fixed, normal, student_t, table, triangular, truncated_normal, uniform
+    from mcnav.sampler.errors import Errors
+    from mcnav.sampler.sizes import fixed, normal, student_t, table, triangular, truncated_normal, uniform
     from mcnav.studies.allocate import allocate
     from mcnav.studies.judge import judge_recording
     from mcnav.studies.lincov import linear_covariance
@@ -113,21 +113,21 @@ _HOMES = {
     "summary_of": "mcnav.workflow.stored_summary",
     "sweep": "mcnav.notebook",
     "Track": "mcnav.logs.track",
-    "Errors": "mcnav.sampling.errors",
+    "Errors": "mcnav.sampler.errors",
     "CovarianceVerdict": "mcnav.frames.comparison",
     "compare": "mcnav.frames.comparison",
-    "fixed": "mcnav.sampling.sizes",
+    "fixed": "mcnav.sampler.sizes",
     "LinearResult": "mcnav.frames.answers",
     "lincov": "mcnav.frames.answers",
-    "normal": "mcnav.sampling.sizes",
+    "normal": "mcnav.sampler.sizes",
     "partials": "mcnav.frames.linear",
     "propagate_covariance": "mcnav.frames.linear",
     "simulate": "mcnav.frames.simulation",
-    "student_t": "mcnav.sampling.sizes",
-    "table": "mcnav.sampling.sizes",
-    "triangular": "mcnav.sampling.sizes",
-    "truncated_normal": "mcnav.sampling.sizes",
-    "uniform": "mcnav.sampling.sizes",
+    "student_t": "mcnav.sampler.sizes",
+    "table": "mcnav.sampler.sizes",
+    "triangular": "mcnav.sampler.sizes",
+    "truncated_normal": "mcnav.sampler.sizes",
+    "uniform": "mcnav.sampler.sizes",
 }
 
 __all__ = [

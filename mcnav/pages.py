@@ -26,12 +26,12 @@ def _file(page: Page) -> str:
     """Find the file of a page.
 
     >>> _file("tutorial-noise"), _file("guide")
-    ('tutorials/NOISE.md', 'GUIDE.md')
+    ('docs/tutorials/NOISE.md', 'docs/GUIDE.md')
     """
-    for prefix, folder in (("tutorial-", "tutorials"), ("howto-", "howto")):
+    for prefix, folder in (("tutorial-", "docs/tutorials"), ("howto-", "docs/howto")):
         if page.startswith(prefix):
             return f"{folder}/{page.removeprefix(prefix).upper().replace('-', '_')}.md"
-    return _ELSEWHERE.get(page, f"{page.upper().replace('-', '_')}.md")
+    return _ELSEWHERE.get(page, f"docs/{page.upper().replace('-', '_')}.md")
 
 
 PAGES: Final[dict[Page, str]] = {page: _file(page) for page in get_args(Page)}

@@ -25,8 +25,8 @@ from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability
-from mcnav.sampling.distributions import Normal
-from mcnav.sampling.error_model import ErrorModel
+from mcnav.sampler.distributions import Normal
+from mcnav.sampler.error_model import ErrorModel
 
 WALK, FIX = 1.0, 4.0
 """Variances that the truth gains in a second, and of a fix's noise."""

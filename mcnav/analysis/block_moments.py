@@ -15,7 +15,7 @@ import numpy as np
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
-from mcnav.lincov.block_sums import BlockSums, Normalization
+from mcnav.linear.block_sums import BlockSums, Normalization
 from mcnav.statistics.chunked import scatter, squared_distances, stretches_of_blocks
 from mcnav.statistics.shape import power_sums
 from mcnav.statistics.whitening import Whitening

@@ -9,7 +9,7 @@ import numpy as np
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
-from mcnav.lincov.covariance import propagated_variances
+from mcnav.linear.covariance import propagated_variances
 
 ROUNDING: Final = 1e-9
 """Cross-term up to which correlations contribute nothing."""

@@ -29,9 +29,9 @@ from mcnav.analysis.ellipsoid import Ellipsoid, compare_ellipsoid, name_combinat
 from mcnav.analysis.floor import COMBINED, agreement_floor, cancelled
 from mcnav.analysis.multivariate import MultivariateTests, compare_jointly
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Judgement, Verdict, combine_verdicts
-from mcnav.lincov.block_sums import BlockSums, Normalization
-from mcnav.lincov.covariance import propagated_covariance
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.linear.block_sums import BlockSums, Normalization
+from mcnav.linear.covariance import propagated_covariance
+from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.chunked import STRETCH
 from mcnav.statistics.estimates import Estimate, block_begins
 from mcnav.statistics.interim_sizes import confidence_of_each

@@ -8,7 +8,7 @@ from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.block_moments import ErrorSums, ReducedSamples
 from mcnav.analysis.comparison import Model
-from mcnav.lincov.covariance import propagated_variances
+from mcnav.linear.covariance import propagated_variances
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from mcnav._types import Array
 from mcnav.analysis.floor import filter_floor, negligible
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.filter_sums import FilterMeans
 
 
@@ -134,7 +134,7 @@ class FilterEvidence:
     failed : int
         Samples that failed.
     design : str
-        One of `mcnav.sampling.designs.DESIGNS`.
+        One of `mcnav.sampler.designs.DESIGNS`.
     sampling : SamplingDesign
         What it and the sources' distributions allow.
     linear : LinearFilter, optional
@@ -177,7 +177,7 @@ def independent_share(design: str, sampling: SamplingDesign) -> float:
     Parameters
     ----------
     design : str
-        One of `mcnav.sampling.designs.DESIGNS`.
+        One of `mcnav.sampler.designs.DESIGNS`.
     """
     length = sampling.block_length
     if np.isinf(sampling.fewest_blocks) or design == "sobol":

@@ -11,7 +11,7 @@ import numpy as np
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.contract.linear import LinearSystem
-from mcnav.lincov.covariance import propagated_variances
+from mcnav.linear.covariance import propagated_variances
 
 NOMINAL: Final = "nominal_errors"
 """Name of the cause of a mean error that a system has without any error."""

@@ -21,8 +21,8 @@ from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Verdict
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult
-from mcnav.lincov.partials import Propagate
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.linear.partials import Propagate
+from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.bisection import root_between
 
 Simulator = Callable[[float], Propagate]

@@ -13,7 +13,7 @@ from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
 from mcnav._types import Array
 from mcnav.analysis.block_moments import BlockMoments, ReducedSamples
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.chi_square import Containment, containment, distribution_test, mean_interval
 from mcnav.statistics.chunked import STRETCH, RunningScatter
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio

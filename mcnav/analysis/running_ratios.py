@@ -13,7 +13,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.analysis.block_moments import BlockMoments
 from mcnav.analysis.comparison import Comparison
 from mcnav.analysis.decision_rule import ratio_interval
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate
 
 POINTS: Final = 40

@@ -150,7 +150,7 @@ class Unscented(_Simulated):
 
 
 class SecondOrder(_Simulated):
-    """Terms of higher order; see `mcnav.lincov.higher_order`."""
+    """Terms of higher order; see `mcnav.linear.higher_order`."""
 
     mean_shift: Gaps | None = None
     quadratic: Table | None = None
@@ -159,7 +159,7 @@ class SecondOrder(_Simulated):
 
 
 class HigherOrder(_Simulated):
-    """Moments of a fitted polynomial in closed form; see `mcnav.lincov.nonlinear_corrections`."""
+    """Moments of a fitted polynomial in closed form; see `mcnav.linear.nonlinear_corrections`."""
 
     mean: Gaps | None = None
     covariance: Table | None = None
@@ -324,7 +324,7 @@ class SobolIndices(_Simulated):
 
 
 class SimulatedBudget(_Entry):
-    """The budget that was simulated; see `mcnav.lincov.nonlinear_corrections`."""
+    """The budget that was simulated; see `mcnav.linear.nonlinear_corrections`."""
 
     model_config = ConfigDict(extra="allow")
 

@@ -34,7 +34,7 @@ COMMON: Final = 0.5
 
 @dataclass(frozen=True)
 class Curvature:
-    """Outputs as quadratic functions of normal sources: see `mcnav.lincov.higher_order.SecondOrder.along_axes`.
+    """Outputs as quadratic functions of normal sources: see `mcnav.linear.higher_order.SecondOrder.along_axes`.
 
     ``centre`` has shape (outputs,), ``slopes`` and ``curvatures`` (outputs, r).
     """

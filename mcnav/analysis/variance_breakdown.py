@@ -24,7 +24,7 @@ import numpy as np
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Model
-from mcnav.lincov.covariance import propagated_variances
+from mcnav.linear.covariance import propagated_variances
 
 TERMS: Final = (
     "sampled_sigmas", "sampled_correlations", "sampled_noise", "partials", "second_order", "third_order", "rest"
@@ -41,7 +41,7 @@ class Predicted:
     partials : ndarray, shape (outputs, sources)
         P by differences.
     quadratic, third_order : ndarray, shape (outputs, outputs)
-        Corrections of the covariance by second and third derivatives; see `mcnav.lincov.higher_order`.
+        Corrections of the covariance by second and third derivatives; see `mcnav.linear.higher_order`.
     unscented : ndarray, shape (outputs, outputs)
         Covariance by the unscented transform.
     """

@@ -51,7 +51,7 @@ def partials(
     Example: mcnav partials campaigns/11_cruise.toml --method variational
     """
     from mcnav.config.read import read_campaign
-    from mcnav.lincov.partials import compare_partials
+    from mcnav.linear.partials import compare_partials
     from mcnav.report import export, terminal
 
     if start_times:

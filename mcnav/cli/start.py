@@ -85,8 +85,8 @@ def run(
     Example: mcnav run campaigns/11_cruise.toml --samples 1000
     """
     from mcnav.config.read import read_campaign
-    from mcnav.execution.executors import open_executor
     from mcnav.report import progress
+    from mcnav.runner.executors import open_executor
     from mcnav.workflow.run import engine_of, run_campaign
 
     options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store}

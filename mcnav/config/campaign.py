@@ -18,7 +18,7 @@ from mcnav.entries.context import FileContext
 from mcnav.entries.inputs import InputFile, SourceFile
 from mcnav.entries.validation import validate
 from mcnav.errors import CampaignError, Problem
-from mcnav.sampling.error_model import ErrorModel
+from mcnav.sampler.error_model import ErrorModel
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.run_files import CAMPAIGN
 from mcnav.systems.user.scenario import is_users
@@ -36,7 +36,7 @@ class Campaign:
     samples, seed : int
         With a stopping rule, samples are the largest number.
     design : str
-        One of `mcnav.sampling.designs.DESIGNS`.
+        One of `mcnav.sampler.designs.DESIGNS`.
     tolerance, confidence : float
         Criterion of agreement between linear covariance and Monte Carlo.
     start_times : StartTimesPlan

@@ -15,7 +15,7 @@ from mcnav.config.toml import Content, load_file, load_mapping
 from mcnav.contract.quantities import Output, Source
 from mcnav.entries.inputs import SourceFile
 from mcnav.errors import CampaignError, Problem
-from mcnav.sampling.sizes import ErrorSize, in_si, size_of
+from mcnav.sampler.sizes import ErrorSize, in_si, size_of
 
 UNNAMED: Final = "campaign"
 """Name of a campaign without a file, and of its file in messages."""

@@ -27,10 +27,10 @@ from mcnav.entries.context import EarlierFile, FileContext
 from mcnav.entries.inputs import SourceFile
 from mcnav.entries.validation import validate, validate_entry
 from mcnav.errors import CampaignError, Problem
-from mcnav.sampling.distributions import Distribution, Normal
-from mcnav.sampling.error_model import Correlation, CorrelationError, ErrorModel, JointError
-from mcnav.sampling.multivariate_t import MultivariateT
-from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
+from mcnav.sampler.distributions import Distribution, Normal
+from mcnav.sampler.error_model import Correlation, CorrelationError, ErrorModel, JointError
+from mcnav.sampler.multivariate_t import MultivariateT
+from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
 from mcnav.systems.description import ScenarioType

@@ -23,7 +23,7 @@ from mcnav.entries.quantities import (
 )
 from mcnav.entries.rules import OneOfTwo, Rule
 from mcnav.entries.unions import ByForm
-from mcnav.sampling.designs import DESIGNS
+from mcnav.sampler.designs import DESIGNS
 from mcnav.systems.registry import FURTHER_NAMES
 
 QUANTITIES: Final = ("sigma_ratio", "sigma_ratio_paired")

@@ -14,9 +14,9 @@ from mcnav.contract.quantities import Source
 from mcnav.entries.context import FileContext
 from mcnav.entries.validation import validate_entry
 from mcnav.errors import MOST_PROBLEMS, suggestion
-from mcnav.sampling.distributions import Distribution
-from mcnav.sampling.error_model import Correlation
-from mcnav.sampling.multivariate_t import MultivariateT
+from mcnav.sampler.distributions import Distribution
+from mcnav.sampler.error_model import Correlation
+from mcnav.sampler.multivariate_t import MultivariateT
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from mcnav.config.sources import KnownSources
 from mcnav.contract.quantities import Output, Source
 from mcnav.entries.context import FileContext
 from mcnav.errors import suggestion
-from mcnav.lincov.start_times import ErrorSchedule
-from mcnav.sampling.distributions import Distribution
+from mcnav.linear.start_times import ErrorSchedule
+from mcnav.sampler.distributions import Distribution
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class StartTimesPlan:
     samples : int
         Samples of each check.
     weights : ndarray, optional
-        See `mcnav.lincov.start_times.StartTimeStudy`.
+        See `mcnav.linear.start_times.StartTimeStudy`.
     """
 
     count: int

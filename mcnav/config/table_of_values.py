@@ -15,7 +15,7 @@ from mcnav.entries.context import FileContext
 from mcnav.entries.files import OUTSIDE
 from mcnav.errors import suggestion
 from mcnav.files import TextError, read_whole, text_of
-from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
+from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.chunk_files import table_from
 from mcnav.store.run_files import TABLES
 from mcnav.units import UnitError, quantity

@@ -39,7 +39,7 @@ class Source:
     nominal : float
         A usual size, in the SI unit: the scale of the steps that differences take.
     later : bool
-        Whether the scenario had other sources before this one: see `mcnav.sampling.error_model.ErrorModel`.
+        Whether the scenario had other sources before this one: see `mcnav.sampler.error_model.ErrorModel`.
     group : str
         Sources that belong together; an entry of ``[errors]`` with this name holds for each.
     of : str

@@ -3,10 +3,10 @@
 ===============  =========================================================  ====================
 word             function                                                   room below
 ===============  =========================================================  ====================
-sampler          `Errors.draw` in `mcnav.frames.errors`                     `mcnav.sampling`
-runner           `simulate` in `mcnav.frames.simulation`                    `mcnav.execution`
+sampler          `Errors.draw` in `mcnav.frames.errors`                     `mcnav.sampler`
+runner           `simulate` in `mcnav.frames.simulation`                    `mcnav.runner`
 partials         `partials` in `mcnav.frames.linear`                        `mcnav.systems`
-P S P'           `propagate_covariance` in `mcnav.frames.linear`            `mcnav.lincov`
+P S P'           `propagate_covariance` in `mcnav.frames.linear`            `mcnav.linear`
 analysis         `compare` in `mcnav.frames.comparison`                     `mcnav.analysis`
 ===============  =========================================================  ====================
 

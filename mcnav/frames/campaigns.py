@@ -13,7 +13,7 @@ import tomli_w
 from mcnav.config.campaign import Campaign as CheckedCampaign
 from mcnav.config.documents import Document, document_of, written
 from mcnav.config.overrides import Value, override, parse_document
-from mcnav.sampling.errors import Errors
+from mcnav.sampler.errors import Errors
 
 
 class Campaign:

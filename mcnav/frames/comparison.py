@@ -18,8 +18,8 @@ from mcnav.analysis.covariance_comparison import CovarianceComparison, compare_c
 from mcnav.analysis.verdict import Judgement, Verdict
 from mcnav.frames.linear import MEAN, WITHOUT
 from mcnav.frames.simulation import REASON
-from mcnav.sampling.designs import SamplingDesign
-from mcnav.sampling.errors import SAMPLING
+from mcnav.sampler.designs import SamplingDesign
+from mcnav.sampler.errors import SAMPLING
 
 UNLIKE: Final = 10.0
 """Times ``1 / sqrt(n)`` by which the sigma of P times the draws may be off: fourteen standard errors if normal."""
@@ -97,7 +97,7 @@ class CovarianceVerdict:
         if self.verdict == "partly":
             text = "Each sigma is right; the full covariance matrix is not. Do not gate or fuse with it."
         if self.without:
-            text += f" P S P' leaves out the noise of {', '.join(self.without)}; mcnav.lincov has it."
+            text += f" P S P' leaves out the noise of {', '.join(self.without)}; mcnav.linear has it."
         return text + (f" {self.failed:,} of {self.samples + self.failed:,} samples failed." if self.failed else "")
 
     @property

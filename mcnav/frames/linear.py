@@ -14,8 +14,8 @@ from mcnav.contract.errors import SimulationFailed
 from mcnav.contract.quantities import Output
 from mcnav.contract.scenario import ScenarioError
 from mcnav.frames.systems import Simulated, system_of
-from mcnav.lincov.covariance import propagated_covariance
-from mcnav.sampling.errors import Errors, as_errors
+from mcnav.linear.covariance import propagated_covariance
+from mcnav.sampler.errors import Errors, as_errors
 
 MEAN: Final = "mean"
 """Key of ``attrs`` of a propagated covariance under which the linear mean of each output is."""

@@ -14,7 +14,7 @@ from mcnav._threads import one_thread
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.frames.systems import Simulated, System, system_of
-from mcnav.sampling.errors import SAMPLING
+from mcnav.sampler.errors import SAMPLING
 
 REASON: Final = "reason"
 """Column of results that says why a sample failed; there is one where any did."""

@@ -23,8 +23,8 @@ from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario
 from mcnav.errors import suggestion
-from mcnav.execution.chunks import simulate_batch
-from mcnav.lincov.partials import partials_by_differences
+from mcnav.linear.partials import partials_by_differences
+from mcnav.runner.chunks import simulate_batch
 from mcnav.systems.closed_loop.declarations import ClosedLoop
 from mcnav.systems.finite_differences import differentiate
 from mcnav.systems.sample_loop import simulate_alone, simulate_each

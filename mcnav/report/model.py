@@ -155,7 +155,7 @@ class RunAnalysis:
 
     @property
     def higher_order(self) -> HigherOrder | None:
-        """Moments in closed form, SI; none where there are none: see `mcnav.lincov.nonlinear_corrections`."""
+        """Moments in closed form, SI; none where there are none: see `mcnav.linear.nonlinear_corrections`."""
         higher_order = self.summary.higher_order
         return None if higher_order is None or higher_order.sigma is None else higher_order
 

@@ -15,7 +15,7 @@ from mcnav.report.format import percent
 from mcnav.report.mean_words import large_means_of, mean_sentence
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.vector_sizes import size_sentences
-from mcnav.sampling.designs import fewest_samples
+from mcnav.sampler.designs import fewest_samples
 from mcnav.statistics.power import sensible_step
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from mcnav.units import conversion
 
 if TYPE_CHECKING:
     from mcnav.analysis.comparison import Comparison
-    from mcnav.lincov.start_times import StartTimeStudy
+    from mcnav.linear.start_times import StartTimeStudy
 
 
 def minutes(seconds: float) -> str:

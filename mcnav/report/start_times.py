@@ -13,7 +13,7 @@ from markupsafe import Markup
 from mcnav._dataclasses import dataclass
 from mcnav.analysis.comparison import Comparison, OutputComparison
 from mcnav.contract.quantities import KINDS, Output, Source, end_words, kinds_of
-from mcnav.lincov.start_times import StartTimeStudy
+from mcnav.linear.start_times import StartTimeStudy
 from mcnav.report.document import (
     Cell,
     Column,

@@ -24,7 +24,7 @@ from mcnav.report.terminal_parts import COLOURS, fitted
 
 if TYPE_CHECKING:
     from mcnav.analysis.comparison import Comparison
-    from mcnav.lincov.start_times import StartTimeStudy
+    from mcnav.linear.start_times import StartTimeStudy
 
 
 ELSEWHERE = "report.html or --format csv"

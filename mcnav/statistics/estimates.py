@@ -1,6 +1,6 @@
 """Estimates and their standard errors, for samples in independent blocks.
 
-A design of draws (`mcnav.sampling.designs`) guarantees independence between blocks, not within them. The mean of a
+A design of draws (`mcnav.sampler.designs`) guarantees independence between blocks, not within them. The mean of a
 quantity therefore takes its standard error from the spread of its block means, and its interval from Student's t with
 the blocks' degrees of freedom.
 

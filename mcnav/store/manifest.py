@@ -16,7 +16,7 @@ from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.quantities import Of
 from mcnav.contract.scenario import ScenarioError
 from mcnav.records import Json, Matrices, Matrix, Number, Record, Vector
-from mcnav.sampling.designs import DESIGNS, SamplingDesign
+from mcnav.sampler.designs import DESIGNS, SamplingDesign
 from mcnav.store.chunk_files import MOST_SAMPLES, ChunkFile, Count, Digest, SampleSchema, Words
 from mcnav.store.run_files import FORMAT, json_digest, validate
 from mcnav.systems.user.settings import check_unit
@@ -178,7 +178,7 @@ class ExceedanceRecord(Record):
 
 
 class ModelRecord(Record):
-    """The linear model, SI, and what further simulations add to it (`mcnav.lincov.nonlinear_corrections`).
+    """The linear model, SI, and what further simulations add to it (`mcnav.linear.nonlinear_corrections`).
 
     ``processes`` are the covariances that each process of noise adds; none in a scenario without noise. ``filter`` is
     none in a scenario without a filter, ``smoother`` where none follows it. ``faults`` are those of its sensors.
@@ -291,7 +291,7 @@ def _count_keys(value: Any) -> int:
 
 
 class Identity(Record):
-    """Everything that a run's numbers depend on; see `mcnav.execution.identity`."""
+    """Everything that a run's numbers depend on; see `mcnav.runner.identity`."""
 
     model_config = ConfigDict(extra="allow")
 

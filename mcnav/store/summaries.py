@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason, without_numbers
-from mcnav.lincov.block_sums import BlockSums
+from mcnav.linear.block_sums import BlockSums
 from mcnav.store.chunk_files import ChunkFile, rewrite_marks
 
 SUMMARY: Final = "summary"

@@ -24,12 +24,12 @@ from mcnav.analysis.simulated_requirements import Basis
 from mcnav.config.data_sheet import DataSheetNumber, GradedValue, next_grade, shown
 from mcnav.config.documents import Description, document_of
 from mcnav.errors import CampaignError, Problem
-from mcnav.execution.executors import JOBS
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import allocate as tables
 from mcnav.report.gates import rejection_line
 from mcnav.report.html import page_html
+from mcnav.runner.executors import JOBS
 from mcnav.statistics.demonstration import runs_to_show
 from mcnav.studies.allocated_numbers import find_goal
 from mcnav.studies.confirmed_changes import ConfirmationPlan, confirm_goal, confirm_grades

@@ -15,12 +15,12 @@ from mcnav.analysis.summary import Summary
 from mcnav.config.documents import Description, document_of
 from mcnav.config.overrides import parse_document
 from mcnav.errors import CampaignError, reading_file
-from mcnav.execution.executors import JOBS
 from mcnav.files import write_texts
 from mcnav.progress import SILENT, Progress
 from mcnav.report.brief import Links, page
 from mcnav.report.gates import rejection_line
 from mcnav.report.html import page_html
+from mcnav.runner.executors import JOBS
 from mcnav.store.run_files import REPORT
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.allocate import allocate

@@ -13,9 +13,9 @@ from mcnav.analysis.tail_curves import Curvature
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import without_noise
 from mcnav.contract.scenario import can_have_filter, runs_user_code
-from mcnav.lincov.higher_order import second_order
-from mcnav.lincov.partials import QUICK, SimulationFailed
-from mcnav.lincov.polynomial_engine import prepare_engine
+from mcnav.linear.higher_order import second_order
+from mcnav.linear.partials import QUICK, SimulationFailed
+from mcnav.linear.polynomial_engine import prepare_engine
 
 MOST_SIMULATIONS: Final = 2_000
 """Simulations for second derivatives, at most; r directions take ``2 r^2 + 2 r + 1``."""
@@ -45,7 +45,7 @@ def _curvature(campaign: Campaign) -> Curvature | None:
     simulations = 2 * directions**2 + 2 * directions + 1
     if not errors.normal or runs_user_code(scenario) or filtered or simulations > MOST_SIMULATIONS:
         return None
-    from mcnav.execution.chunks import DrawPlan  # with a run's files, which other answers do not need
+    from mcnav.runner.chunks import DrawPlan  # with a run's files, which other answers do not need
 
     draws = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples)
     engine = prepare_engine(scenario, scenario.engines[0], draws.probes(), errors.mean, errors.standard_deviations)

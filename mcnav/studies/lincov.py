@@ -48,7 +48,7 @@ from mcnav.contract.scenario import (
 )
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, to_json, write_texts
-from mcnav.lincov.partials import SimulationFailed
+from mcnav.linear.partials import SimulationFailed
 from mcnav.report.document import Page
 from mcnav.report.gates import gates_entry
 from mcnav.report.html import page_html
@@ -259,8 +259,8 @@ def _check_soundness(campaign: Campaign) -> None:
     """Refuse a user's own scenario that has no linear model."""
     if not is_users(campaign.scenario):
         return
-    from mcnav.execution.chunks import DrawPlan  # with a run's files, which other scenarios do not need
-    from mcnav.execution.soundness import find_doubt
+    from mcnav.runner.chunks import DrawPlan  # with a run's files, which other scenarios do not need
+    from mcnav.runner.soundness import find_doubt
 
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
     doubt = find_doubt(campaign.scenario, draws, campaign.tolerance, campaign.sample_timeout)

@@ -19,14 +19,14 @@ from mcnav.contract.engine import Engine, scales_noise, without_noise
 from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.errors import CampaignError, Problem
-from mcnav.execution.chunks import PROBES
 from mcnav.files import write_texts
-from mcnav.lincov.partials import Propagate
+from mcnav.linear.partials import Propagate
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import linearity as tables
 from mcnav.report.html import page_html
 from mcnav.report.linearity_words import NoiseUse
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.runner.chunks import PROBES
+from mcnav.sampler.designs import SamplingDesign
 
 SAMPLES: Final = 2_000
 LARGEST_ALONE: Final = 100.0

@@ -14,7 +14,7 @@ from mcnav.config.read import parse_campaign
 from mcnav.config.toml import Content
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError, RunFolderError
-from mcnav.lincov.partials import SimulationFailed
+from mcnav.linear.partials import SimulationFailed
 from mcnav.progress import Phase
 from mcnav.report.live import Confirmation, verdicts
 from mcnav.workflow.run import run_campaign

@@ -19,8 +19,8 @@ from mcnav.config.read import read_campaign
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.examples import examples, examples_folder
 from mcnav.errors import CampaignError
-from mcnav.lincov.partials import SimulationFailed
-from mcnav.lincov.polynomial_engine import engine_names
+from mcnav.linear.partials import SimulationFailed
+from mcnav.linear.polynomial_engine import engine_names
 from mcnav.progress import COMPILATION, SILENT
 from mcnav.studies.lincov import linear_covariance
 from mcnav.studies.start_times import write_start_times

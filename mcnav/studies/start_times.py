@@ -20,14 +20,14 @@ from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError, VariableStart, has_start_times
 from mcnav.errors import CampaignError, Problem
-from mcnav.execution.chunks import PROBES
 from mcnav.files import write_texts
-from mcnav.lincov.covariance import propagated_covariance
-from mcnav.lincov.start_times import StartTimeStudy, study_start_times
+from mcnav.linear.covariance import propagated_covariance
+from mcnav.linear.start_times import StartTimeStudy, study_start_times
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import start_times as tables
 from mcnav.report.html import page_html
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.runner.chunks import PROBES
+from mcnav.sampler.designs import SamplingDesign
 
 EVENLY: Final = 6
 """Evenly spaced start times checked by default, besides the best ones."""

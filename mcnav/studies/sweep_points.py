@@ -23,7 +23,7 @@ from mcnav.config.read import Campaign
 from mcnav.contract.linear import CovarianceReadings, LinearModel, SharedTables
 from mcnav.contract.scenario import ScenarioError, can_have_filter, has_epochs, knows_covariance, runs_user_code
 from mcnav.errors import CampaignError, Problem
-from mcnav.lincov.partials import SimulationFailed
+from mcnav.linear.partials import SimulationFailed
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -13,7 +13,7 @@ from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
 from mcnav.entries.inputs import InputFile, SourceFile
 from mcnav.entries.quantities import Table
-from mcnav.sampling.error_model import ErrorModel
+from mcnav.sampler.error_model import ErrorModel
 
 CLASS_IN_FILE: Final = re.compile(r"(?P<file>[^\x00-\x1f\x7f:]{1,200}\.py):(?P<name>[A-Za-z_][A-Za-z0-9_]{0,100})")
 """``type`` of a scenario of the user's own: a file and a class in it."""

@@ -42,10 +42,10 @@ from mcnav.analysis.vector_sizes import components_of, sampled_sizes
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
 from mcnav.errors import RunFolderError, reading_file
-from mcnav.lincov.block_sums import Normalization
+from mcnav.linear.block_sums import Normalization
 from mcnav.report.failures import Failures, failures_in, grouped
 from mcnav.report.model import RunAnalysis
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.store.chunk_files import Samples
 from mcnav.store.histories import STORED, origin_in

@@ -7,11 +7,11 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.scenario import can_have_noise
-from mcnav.execution.soundness import exact_engine, isolated
-from mcnav.lincov.corrections import Corrections
-from mcnav.lincov.nonlinear_corrections import noise_corrections, nonlinear_corrections
-from mcnav.lincov.polynomial_engine import MAP
-from mcnav.lincov.simulated_budget import simulated_budgets
+from mcnav.linear.corrections import Corrections
+from mcnav.linear.nonlinear_corrections import noise_corrections, nonlinear_corrections
+from mcnav.linear.polynomial_engine import MAP
+from mcnav.linear.simulated_budget import simulated_budgets
+from mcnav.runner.soundness import exact_engine, isolated
 from mcnav.workflow.prepare import PreparedSystem, exact_part, scenario_errors
 
 

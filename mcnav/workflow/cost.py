@@ -9,9 +9,9 @@ import numpy as np
 
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario, has_epochs
-from mcnav.execution.executors import JOBS
 from mcnav.progress import duration
-from mcnav.sampling.error_model import ErrorModel
+from mcnav.runner.executors import JOBS
+from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.finite_differences import SHARES
 from mcnav.systems.user.conformance import Check
 from mcnav.systems.user.noise_soundness import RESPONSES

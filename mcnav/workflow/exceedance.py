@@ -25,12 +25,12 @@ from mcnav.contract.engine import (
 )
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, is_linear_over_time
-from mcnav.execution.soundness import isolated
 from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.facets import BEHIND
 from mcnav.rare.jumps import known_facets
-from mcnav.sampling.designs import SamplingDesign
-from mcnav.sampling.error_model import ErrorModel
+from mcnav.runner.soundness import isolated
+from mcnav.sampler.designs import SamplingDesign
+from mcnav.sampler.error_model import ErrorModel
 from mcnav.statistics.bisection import root_between
 from mcnav.store.manifest import ExceedanceRecord
 from mcnav.systems.timeouts import check_stopped

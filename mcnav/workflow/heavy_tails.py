@@ -13,8 +13,8 @@ from mcnav.analysis.comparison import Model
 from mcnav.analysis.heavy_tails import outputs_felt
 from mcnav.contract.engine import Engine
 from mcnav.contract.samples import Batch
-from mcnav.execution.chunks import DrawPlan
-from mcnav.execution.soundness import isolated
+from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.soundness import isolated
 from mcnav.store.chunk_files import Samples
 from mcnav.store.manifest import ModelRecord
 from mcnav.workflow.prepare import PreparedSystem, scenario_errors

@@ -30,12 +30,12 @@ from mcnav.contract.scenario import (
     remarks_of,
 )
 from mcnav.errors import CampaignError, Problem
-from mcnav.execution.chunks import DrawPlan
-from mcnav.execution.soundness import find_doubt
-from mcnav.lincov.partials import SimulationFailed, partials_throughout
-from mcnav.lincov.polynomial import PolynomialFitError
-from mcnav.lincov.polynomial_engine import PolynomialEngine, prepare_engine
-from mcnav.sampling.error_model import ErrorModel
+from mcnav.linear.partials import SimulationFailed, partials_throughout
+from mcnav.linear.polynomial import PolynomialFitError
+from mcnav.linear.polynomial_engine import PolynomialEngine, prepare_engine
+from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.soundness import find_doubt
+from mcnav.sampler.error_model import ErrorModel
 from mcnav.store.manifest import (
     FaultRecord,
     FilterPredictionRecord,

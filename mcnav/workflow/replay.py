@@ -21,16 +21,16 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, can_replay
 from mcnav.entries.context import EarlierFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, shortened
-from mcnav.execution.chunks import DrawPlan
-from mcnav.execution.identity import chunk_digest, identity_of
-from mcnav.execution.processes import IsolatedEngine, end_workers
-from mcnav.execution.soundness import isolated
 from mcnav.files import INPUTS, read_whole, write_whole
-from mcnav.lincov.polynomial import PolynomialFitError
-from mcnav.lincov.polynomial_engine import prepare_engine
+from mcnav.linear.polynomial import PolynomialFitError
+from mcnav.linear.polynomial_engine import prepare_engine
 from mcnav.report.names import humanize
 from mcnav.report.replay import Outcome, Replay, files
 from mcnav.report.requirements import NamedRequirement, stated
+from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.identity import chunk_digest, identity_of
+from mcnav.runner.processes import IsolatedEngine, end_workers
+from mcnav.runner.soundness import isolated
 from mcnav.store.chunk_files import (
     LARGEST_CHUNK,
     STATUS,

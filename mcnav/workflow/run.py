@@ -21,12 +21,12 @@ from mcnav.config.read import Campaign
 from mcnav.config.stopping import StoppingRule
 from mcnav.entries.inputs import InputFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, did_you_mean, near_names
-from mcnav.execution.chunks import ChunkJob, DrawPlan
-from mcnav.execution.identity import check_no_foreign_files, check_resumable, chunk_digest, earlier_digests, identity_of
-from mcnav.execution.processes import end_workers_apart
-from mcnav.execution.runner import ChunkExecutor
-from mcnav.lincov.polynomial_engine import engine_names
+from mcnav.linear.polynomial_engine import engine_names
 from mcnav.progress import SILENT, Phase, Progress, note
+from mcnav.runner.chunks import ChunkJob, DrawPlan
+from mcnav.runner.identity import check_no_foreign_files, check_resumable, chunk_digest, earlier_digests, identity_of
+from mcnav.runner.processes import end_workers_apart
+from mcnav.runner.runner import ChunkExecutor
 from mcnav.store.inputs import check_as_read, check_unchanged, file_records
 from mcnav.store.manifest import CriterionRecord, ExecutionRecord, Identity, Manifest
 from mcnav.store.provenance import commit
@@ -93,7 +93,7 @@ def run_campaign(
     Parameters
     ----------
     engine : str, optional
-        One of `mcnav.lincov.polynomial_engine.engine_names` of the scenario; by default the first.
+        One of `mcnav.linear.polynomial_engine.engine_names` of the scenario; by default the first.
     jobs : int
         Workers.
     fresh : bool
@@ -101,7 +101,7 @@ def run_campaign(
     most_failures : int, optional
         Samples that may fail before the run is stopped.
     executor : ChunkExecutor, optional
-        Used in place of this machine's threads and processes; see `mcnav.execution.dask_cluster`.
+        Used in place of this machine's threads and processes; see `mcnav.runner.dask_cluster`.
     force : bool
         Continue when partial derivatives do not converge; the summary and the report state it.
     report : bool

@@ -8,9 +8,9 @@ from dataclasses import asdict, replace
 
 from mcnav._dataclasses import dataclass
 from mcnav.config.stopping import StoppingRule
-from mcnav.execution.chunks import ChunkJob
-from mcnav.execution.runner import ChunkExecutor, run_chunks
 from mcnav.progress import Phase, Progress
+from mcnav.runner.chunks import ChunkJob
+from mcnav.runner.runner import ChunkExecutor, run_chunks
 from mcnav.statistics.interim_sizes import interim_sizes
 from mcnav.store.chunk_files import ChunkFile
 from mcnav.store.manifest import Manifest, StoppingRecord

@@ -14,8 +14,8 @@ from mcnav.analysis.linear_samples import doubt_noise
 from mcnav.contract.engine import Engine, has_histories, smoother_of
 from mcnav.contract.history import Epochs
 from mcnav.contract.scenario import is_linear_over_time, runs_user_code
-from mcnav.execution.processes import IsolatedEngine
 from mcnav.numerics.power_sums import sum_powers_about_zero
+from mcnav.runner.processes import IsolatedEngine
 from mcnav.statistics.filter_sums import FilterMeans
 from mcnav.store.chunk_files import ChunkFile, Samples
 from mcnav.store.filters import filter_columns, filter_table

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.lincov.covariance import propagated_covariance
+from mcnav.linear.covariance import propagated_covariance
 from mcnav.systems.reentry.ensemble.grid import shared_grid
 from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
 from mcnav.systems.reentry.ensemble.refinement import FINEST

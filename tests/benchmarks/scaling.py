@@ -14,11 +14,11 @@ from pathlib import Path
 from unittest.mock import patch
 
 from mcnav.config.read import Campaign, read_campaign
-from mcnav.execution import dask_cluster as clusters
-from mcnav.execution.chunks import SampleRange, simulate_chunk
-from mcnav.execution.dask_cluster import connect
-from mcnav.execution.runner import run_chunks
 from mcnav.progress import SILENT
+from mcnav.runner import dask_cluster as clusters
+from mcnav.runner.chunks import SampleRange, simulate_chunk
+from mcnav.runner.dask_cluster import connect
+from mcnav.runner.runner import run_chunks
 from mcnav.store import summaries
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse

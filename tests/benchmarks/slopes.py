@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from mcnav.config.read import read_campaign
-from mcnav.execution.chunks import DrawPlan
-from mcnav.lincov.polynomial_engine import prepare_engine
+from mcnav.linear.polynomial_engine import prepare_engine
+from mcnav.runner.chunks import DrawPlan
 from tests.benchmarks import machine
 from tests.benchmarks.inertial.whole_runs import command
 from tests.benchmarks.markdown import number, table

@@ -22,12 +22,12 @@ from tests.benchmarks.spawn import run
 STAGES: Final = {
     "read the campaign, fly its truth": ("mcnav.config.read:read_campaign",),
     "prepare: partials, grid, first draws": ("mcnav.workflow.run:prepare_system",),
-    "draw": ("mcnav.sampling.error_model:ErrorModel.draw",),
-    "fly": ("mcnav.execution.chunks:simulate_batch",),
+    "draw": ("mcnav.sampler.error_model:ErrorModel.draw",),
+    "fly": ("mcnav.runner.chunks:simulate_batch",),
     "errors at 60 epochs": ("mcnav.systems.reentry.scenario:EnsembleEngine.history_sums",),
     "store": (
-        "mcnav.execution.chunks:write_chunk",
-        "mcnav.lincov.sample_reduction:BlockReduction.add",
+        "mcnav.runner.chunks:write_chunk",
+        "mcnav.linear.sample_reduction:BlockReduction.add",
         "mcnav.workflow.run:tables_over_time",
     ),
     "analyse": ("mcnav.workflow.run:analyse",),

@@ -16,12 +16,12 @@ from mcnav.analysis.requirements import Exceedance, Finding, Requirement, Requir
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.errors import RunFolderError
-from mcnav.execution.chunks import DrawPlan
 from mcnav.report.figures.tail import tails
 from mcnav.report.lincov import requirement_rows
 from mcnav.report.model import RunAnalysis
 from mcnav.report.sweep import frame
 from mcnav.report.sweep_page import point_table
+from mcnav.runner.chunks import DrawPlan
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep

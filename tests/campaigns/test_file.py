@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.config.stopping import StoppingRule
 from mcnav.errors import CampaignError
-from mcnav.sampling.distributions import Fixed, StudentT, Triangular, TruncatedNormal, Uniform
+from mcnav.sampler.distributions import Fixed, StudentT, Triangular, TruncatedNormal, Uniform
 from mcnav.systems.closed_loop.scenario import ClosedLoopScenario
 from mcnav.systems.registry import SCENARIO_TYPES
 from tests.conftest import ROOT, content

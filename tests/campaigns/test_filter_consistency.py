@@ -17,8 +17,8 @@ from mcnav._recent import Recent
 from mcnav.analysis.summary import Summary
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.errors import RunFolderError
-from mcnav.execution.chunks import DrawPlan
 from mcnav.report import sentences
+from mcnav.runner.chunks import DrawPlan
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.store.filters import MARK
 from mcnav.store.run_folder import RunFolder

@@ -76,7 +76,7 @@ def test_the_wheel_holds_the_package_and_the_examples(checkout: Path, wheel: zip
     expected |= {f"mcnav/campaigns/{name}" for name in files_in(checkout / "campaigns")}
     found = {name for name in wheel.namelist() if not re.match(r"mcnav-[^/]*\.dist-info/", name)}
     assert found == expected
-    assert {OBJECT, "mcnav/py.typed", "mcnav/GUIDE.md", "mcnav/systems/ins/tables/imu_catalogue.toml"} <= found
+    assert {OBJECT, "mcnav/py.typed", "mcnav/docs/GUIDE.md", "mcnav/systems/ins/tables/imu_catalogue.toml"} <= found
     for name in files_in(checkout / "campaigns"):
         assert wheel.read(f"mcnav/campaigns/{name}") == (ROOT / "campaigns" / name).read_bytes()
 

@@ -18,8 +18,8 @@ import mcnav
 from mcnav.compiled.target import target
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.errors import RunFolderBusy, RunFolderError
-from mcnav.execution.runner import run_chunks
 from mcnav.progress import SILENT, Phase
+from mcnav.runner.runner import run_chunks
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import RunFolder
 from mcnav.systems.reentry import scenario as reentry
@@ -217,7 +217,7 @@ def test_a_run_that_continues_on_another_processor_says_so(tmp_path: Path, monke
 
     for _ in range(2):
         assert run() == ((), target())
-    monkeypatch.setattr("mcnav.execution.identity.target", lambda: "another")
+    monkeypatch.setattr("mcnav.runner.identity.target", lambda: "another")
     for earlier in (target(), f"{target()}, another"):
         (notice,), processors = run()
         assert f"has samples by code for {earlier}, and continues with code for another" in notice

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from mcnav.config.read import read_campaign
-from mcnav.lincov.polynomial_engine import MAP
+from mcnav.linear.polynomial_engine import MAP
 from mcnav.shell_completion import aids, campaigns, engines, keys, outputs, runs, sources, trajectories
 from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.tables.imu_catalogue import catalogue

@@ -13,9 +13,9 @@ from mcnav.analysis.linearity import alone, together
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult
 from mcnav.errors import CampaignError
-from mcnav.lincov.partials import Propagate
+from mcnav.linear.partials import Propagate
 from mcnav.report.linearity_words import answer, linearity_rows
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.sampler.designs import SamplingDesign
 from mcnav.studies.linearity import linearity_study
 from mcnav.studies.start_times import check_start_time, checked_times, start_time_study
 from tests.conftest import campaign

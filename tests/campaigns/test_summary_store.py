@@ -27,9 +27,9 @@ from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.running_ratios import convergence
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError, RunFolderError
-from mcnav.lincov.block_sums import column_count
-from mcnav.lincov.sample_reduction import BlockReduction, reduce_samples
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.linear.block_sums import column_count
+from mcnav.linear.sample_reduction import BlockReduction, reduce_samples
+from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.shape import shape_of_sums
 from mcnav.store import summaries as store
 from mcnav.store.chunk_files import ChunkFile
@@ -51,7 +51,7 @@ def _small() -> Any:
     """Chunks and kept samples small enough for several of them."""
     with (
         patch.object(store, "CHUNK", CHUNK),
-        patch("mcnav.execution.chunks.STORED_ROWS", KEPT),
+        patch("mcnav.runner.chunks.STORED_ROWS", KEPT),
         patch("mcnav.workflow.run.STORED_ROWS", KEPT),
     ):
         yield
@@ -281,7 +281,7 @@ def test_a_summary_is_extended_beyond_its_blocks(tmp_path: Path) -> None:
         doubled.append(times)
         return store.double_blocks(folder, file, identity, times)
 
-    with patch("mcnav.execution.runner.double_blocks", break_off):
+    with patch("mcnav.runner.runner.double_blocks", break_off):
         with pytest.raises(KeyboardInterrupt):
             _run(tmp_path / "one", 1, samples=66_000)
         (tmp_path / "one" / "manifest.json").unlink()

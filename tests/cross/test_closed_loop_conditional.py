@@ -10,7 +10,7 @@ import pytest
 
 from mcnav.contract.engine import conditions_noise
 from mcnav.contract.samples import Batch
-from mcnav.execution.chunks import DrawPlan
+from mcnav.runner.chunks import DrawPlan
 from mcnav.systems.closed_loop.conditional import noise_partials, rows_of
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from tests.closed_loops import campaign

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mcnav.contract.engine import without_noise
-from mcnav.lincov.covariance import propagated_covariance
+from mcnav.linear.covariance import propagated_covariance
 from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
 from mcnav.systems.reentry.ensemble.refinement import refined_grid
 from mcnav.systems.reentry.instruments import Error, measured_force

@@ -17,7 +17,7 @@ from mcnav._types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.contract.engine import Engine
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.execution.chunks import simulate_batch
+from mcnav.runner.chunks import simulate_batch
 from mcnav.systems.ins.ensemble.free import simulate_given, tabulate
 from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise

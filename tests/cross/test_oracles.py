@@ -12,12 +12,12 @@ from scipy import optimize, stats
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.contract.engine import without_noise
 from mcnav.contract.samples import SimulationResult
-from mcnav.lincov.covariance import propagated_covariance
-from mcnav.lincov.sobol import POINTS, REPLICATES, estimate_sobol_indices
-from mcnav.lincov.unscented import unscented_covariance
-from mcnav.sampling.distributions import Distribution, Normal, StudentT, Triangular, TruncatedNormal, Uniform
-from mcnav.sampling.error_model import ErrorModel
-from mcnav.sampling.sobol_net import scrambled_net
+from mcnav.linear.covariance import propagated_covariance
+from mcnav.linear.sobol import POINTS, REPLICATES, estimate_sobol_indices
+from mcnav.linear.unscented import unscented_covariance
+from mcnav.sampler.distributions import Distribution, Normal, StudentT, Triangular, TruncatedNormal, Uniform
+from mcnav.sampler.error_model import ErrorModel
+from mcnav.sampler.sobol_net import scrambled_net
 from mcnav.statistics.estimates import blocked_mean
 from mcnav.validation.calibration.rare_trials import curved
 from tests.conftest import campaign, reentry

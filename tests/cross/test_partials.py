@@ -9,7 +9,7 @@ import pytest
 
 from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.engine import without_noise
-from mcnav.lincov.partials import (
+from mcnav.linear.partials import (
     partials_at_later_starts,
     partials_by_differences,
     partials_by_independent_sets,

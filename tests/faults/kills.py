@@ -35,9 +35,9 @@ from pathlib import Path
 from typing import Final
 from unittest.mock import patch
 
-from mcnav.execution.dask_cluster import connect
 from mcnav.files import write_whole
 from mcnav.progress import Silent
+from mcnav.runner.dask_cluster import connect
 from mcnav.store.chunk_files import chunk_name
 from tests.faults.kinds import BACKENDS, DASK, KINDS, SCHEDULER, STORES, Case
 from tests.faults.remains import left_of, workers_of

@@ -13,9 +13,9 @@ from unittest.mock import patch
 
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.config.templates import new_scenario
-from mcnav.execution.dask_cluster import connect
-from mcnav.execution.runner import ChunkExecutor
 from mcnav.progress import SILENT, Progress
+from mcnav.runner.dask_cluster import connect
+from mcnav.runner.runner import ChunkExecutor
 from mcnav.store import summaries
 from mcnav.systems.ins.aided import AidedReferenceEngine
 from mcnav.workflow.run import run_campaign

@@ -15,11 +15,11 @@ from pathlib import Path
 
 from mcnav.analysis.comparison import Model
 from mcnav.config.read import Campaign
-from mcnav.execution.chunks import ChunkJob, DrawPlan
-from mcnav.lincov.block_sums import Normalization
-from mcnav.lincov.polynomial_engine import prepare_engine
+from mcnav.linear.block_sums import Normalization
+from mcnav.linear.polynomial_engine import prepare_engine
 from mcnav.progress import Silent
-from mcnav.sampling.designs import block_length
+from mcnav.runner.chunks import ChunkJob, DrawPlan
+from mcnav.sampler.designs import block_length
 from mcnav.store.chunk_files import SampleSchema
 from mcnav.store.run_folder import RunFolder
 from tests.conftest import ROOT

@@ -24,11 +24,11 @@ from typer.testing import Result
 
 from mcnav.config.read import read_campaign
 from mcnav.errors import ClusterError, RunFolderError, TooManyFailures
-from mcnav.execution import dask_cluster as clusters
-from mcnav.execution.chunks import ChunkJob
-from mcnav.execution.dask_cluster import Cluster, connect
-from mcnav.execution.runner import run_chunks
 from mcnav.progress import SILENT
+from mcnav.runner import dask_cluster as clusters
+from mcnav.runner.chunks import ChunkJob
+from mcnav.runner.dask_cluster import Cluster, connect
+from mcnav.runner.runner import run_chunks
 from mcnav.store.run_folder import RunFolder
 from tests.commands import in_process
 from tests.conftest import ROOT, campaign
@@ -286,7 +286,7 @@ def test_a_worker_that_ends_before_it_is_ready(tmp_path: Path) -> None:
 
 
 def test_the_library_is_imported_for_clusters_alone() -> None:
-    code = "import sys, mcnav.workflow.run, mcnav.execution.dask_cluster; sys.exit('distributed' in sys.modules)"
+    code = "import sys, mcnav.workflow.run, mcnav.runner.dask_cluster; sys.exit('distributed' in sys.modules)"
     assert run_to_end([sys.executable, "-c", code], env=environment()).returncode == 0
 
 
@@ -357,7 +357,7 @@ def test_files_are_deleted_after_the_last_worker(cluster: Cluster) -> None:
 
 KILLED = """
 import os, signal
-from mcnav.execution.dask_cluster import connect
+from mcnav.runner.dask_cluster import connect
 
 def make(*arguments, make=os.mkdir, **named):
     make(*arguments, **named)

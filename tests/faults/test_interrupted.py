@@ -21,8 +21,8 @@ from mcnav.contract.engine import without_noise
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.execution.processes import IsolatedEngine, end_workers
-from mcnav.lincov.corrections import Corrections
+from mcnav.linear.corrections import Corrections
+from mcnav.runner.processes import IsolatedEngine, end_workers
 from mcnav.systems.timeouts import Stopped, within_limit
 from tests.conftest import ROOT, campaign
 from tests.faults.scenarios import OnAdvance, command, environment

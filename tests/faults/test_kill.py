@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mcnav.config.read import read_campaign
-from mcnav.execution.processes import TRIED_WHOLE
+from mcnav.runner.processes import TRIED_WHOLE
 from tests.commands import invoke
 from tests.faults.kinds import KINDS, Case
 from tests.faults.remains import digests

@@ -19,8 +19,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.errors import RunFolderError
-from mcnav.execution.chunks import simulate_chunk
 from mcnav.progress import Silent
+from mcnav.runner.chunks import simulate_chunk
 from mcnav.store.chunk_files import verify_chunk
 from mcnav.store.run_files import MANIFEST, as_text, json_digest
 from mcnav.store.run_folder import RunFolder
@@ -266,7 +266,7 @@ def test_two_processes_on_one_folder(tmp_path: Path) -> None:
 def flown(samples: int, folder: Path, **more: Any) -> None:
     """Run the small campaign, in this process and without its page, neither of which is at stake."""
     alone = lambda work, missing, jobs: (simulate_chunk(work, place) for place in missing)  # noqa: E731
-    with patch("mcnav.report.page.render", return_value=""), patch("mcnav.execution.runner.run_in_processes", alone):
+    with patch("mcnav.report.page.render", return_value=""), patch("mcnav.runner.runner.run_in_processes", alone):
         run_campaign(small(samples), folder, "reference", 1, **more)
 
 

@@ -10,5 +10,5 @@ from typing import Final
 
 ROOT: Final = Path(__file__).parents[2]
 
-ROOMS: Final = ("mcnav/lincov/", "mcnav/statistics/", "mcnav/systems/ins/")
+ROOMS: Final = ("mcnav/linear/", "mcnav/statistics/", "mcnav/systems/ins/")
 """Folders whose modules are mutated."""

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcnav.lincov.covariance import propagated_covariance
-from mcnav.sampling.error_model import ErrorModel
+from mcnav.linear.covariance import propagated_covariance
+from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.reentry.ensemble.grid import shared_grid
 from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
 from mcnav.systems.reentry.instruments import Error
@@ -72,7 +72,7 @@ def test_linear_covariance_scales_and_stays_symmetric(multiples: np.ndarray, fac
 @settings(max_examples=50)
 @given(st.integers(0, 2**63 - 1), st.integers(0, 10_000), st.integers(1, 50))
 def test_draws_depend_on_seed_and_index_alone(seed: int, begin: int, count: int) -> None:
-    from mcnav.sampling.distributions import Normal
+    from mcnav.sampler.distributions import Normal
 
     model = ErrorModel([s.name for s in SOURCES], {"gyro_drift": Normal(1.0)})
     drawn = model.draw("random", seed, 20_000, begin, begin + count)

@@ -16,7 +16,7 @@ from scipy import stats
 
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.contract.engine import without_noise
-from mcnav.sampling.designs import DESIGNS, SamplingDesign, standard_normals
+from mcnav.sampler.designs import DESIGNS, SamplingDesign, standard_normals
 from mcnav.statistics.correlation import fisher_interval
 from mcnav.statistics.estimates import summed_mean
 

@@ -6,14 +6,14 @@ import os
 import platform
 import sys
 
-from mcnav.execution.memory import keep_freed_memory
+from mcnav.runner.memory import keep_freed_memory
 from tests.conftest import ROOT
 from tests.processes import run_to_end
 
 PAGES = """
 import sys, threading, resource, mmap
 import numpy as np
-from mcnav.execution.memory import keep_freed_memory
+from mcnav.runner.memory import keep_freed_memory
 
 if sys.argv[1] == "keep":
     assert keep_freed_memory()

@@ -12,7 +12,7 @@ from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, sizes_over_time
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.contract.quantities import end_words
-from mcnav.lincov.covariance import propagated_variances
+from mcnav.linear.covariance import propagated_variances
 from mcnav.report.figures.budgets import ALL, development_figure, shares_figure
 from mcnav.report.figures.figure import HALF, Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Cells, Line, Mark, Panel, Points, Rule, Series, Span, axis

@@ -12,7 +12,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison
 from mcnav.contract.history import StartClock
 from mcnav.contract.quantities import Output, end_words
-from mcnav.lincov.start_times import StartTimeStudy
+from mcnav.linear.start_times import StartTimeStudy
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, numbered
 from mcnav.report.figures.palette import FLOWN, INK, LINEAR

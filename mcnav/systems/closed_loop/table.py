@@ -15,7 +15,7 @@ from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
 from mcnav.entries.validation import validate, validate_entry
 from mcnav.errors import suggestion
-from mcnav.sampling.error_model import ErrorModel
+from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.closed_loop.declarations import ClosedLoop
 from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Maps

@@ -1,4 +1,4 @@
-"""User-defined scenarios: a class in a Python file, which `mcnav/SCENARIOS.md` describes.
+"""User-defined scenarios: a class in a Python file, which `mcnav/docs/SCENARIOS.md` describes.
 
 The class declares ``sources`` and ``outputs``. ``propagate`` simulates many samples at once, in threads, and must not
 change ``self``; ``fly`` simulates one, in worker processes. Both take and return SI units. Optional attributes are

@@ -22,7 +22,7 @@ from mcnav.entries.quantities import Table
 from mcnav.entries.values import SettingError
 from mcnav.errors import suggestion
 from mcnav.files import INPUTS, TextError, read_whole, text_of
-from mcnav.sampling.error_model import ErrorModel
+from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.description import CLASS_IN_FILE, ScenarioSpec
 from mcnav.systems.user.code import UserScenarioSpec, load_class
 from mcnav.systems.user.scenario import is_users

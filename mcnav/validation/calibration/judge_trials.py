@@ -28,10 +28,10 @@ from mcnav._types import Array
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.contract.scenario import can_be_recorded
-from mcnav.execution.chunks import DrawPlan
 from mcnav.judgement.assessment import LEVEL, Assessment, assess
 from mcnav.judgement.likelihood import estimate_factor
 from mcnav.judgement.simulation import recorded
+from mcnav.runner.chunks import DrawPlan
 
 SIMULATED: Final = 1000
 

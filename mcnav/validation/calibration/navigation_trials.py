@@ -33,9 +33,9 @@ from mcnav.analysis.requirements import Requirement, judge_requirement, linear_q
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time, largest_linear_quantile
 from mcnav.config.read import parse_campaign
 from mcnav.contract.samples import SimulationResult
-from mcnav.execution.chunks import DrawPlan
 from mcnav.numerics.power_sums import sum_powers_about_zero
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.runner.chunks import DrawPlan
+from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.validation.calibration.cells import LEVEL, Cell, Tally, tally
 from mcnav.validation.calibration.kalman_trials import alarms, covered, detected, out_of_bounds

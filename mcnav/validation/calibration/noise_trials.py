@@ -16,7 +16,7 @@ from mcnav.analysis.comparison import Comparison, compare, correlations
 from mcnav.analysis.linear_samples import doubt_noise
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.analysis.verdict import Verdict
-from mcnav.sampling.designs import SamplingDesign, standard_normals
+from mcnav.sampler.designs import SamplingDesign, standard_normals
 from mcnav.validation.calibration.cells import LEVEL, Cell, Tally, tally
 from mcnav.validation.calibration.noise_systems import CRITERION, NOISY_SYSTEMS, OUTCOME, NoisySystem, curved
 

@@ -27,7 +27,7 @@ from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Mark, Panel, Points, Rule, Series
 from mcnav.report.figures.palette import FLOWN, INK, LINEAR, MUTED
 from mcnav.report.html import page_html
-from mcnav.sampling.designs import DESIGNS
+from mcnav.sampler.designs import DESIGNS
 from mcnav.validation.calibration.filter_trials import FILTER, run_filter_trials
 from mcnav.validation.calibration.identification_trials import IDENTIFY, run_identification_trials
 from mcnav.validation.calibration.identification_trials import SHARE as RECORDS_SHARE

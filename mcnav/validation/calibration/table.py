@@ -9,8 +9,8 @@ from scipy.stats import chi2
 
 from mcnav.analysis import linear_samples as doubts
 from mcnav.identification.fit import PENALTY
-from mcnav.sampling.distributions import tail_weight
-from mcnav.sampling.error_model import HEAVY_TAILS, LONG_TAILS
+from mcnav.sampler.distributions import tail_weight
+from mcnav.sampler.error_model import HEAVY_TAILS, LONG_TAILS
 from mcnav.statistics.power import USUAL_POWER
 from mcnav.statistics.proportions import probability_interval
 from mcnav.validation.calibration.cells import LEVEL, Cell, Tally

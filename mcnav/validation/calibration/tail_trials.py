@@ -24,7 +24,7 @@ from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.analysis.requirements import Finding, Requirement, judge_requirement
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
 from mcnav.analysis.tails import tails
-from mcnav.sampling.designs import SamplingDesign, standard_normals
+from mcnav.sampler.designs import SamplingDesign, standard_normals
 from mcnav.statistics.normal_box import normal_box_probability
 from mcnav.statistics.normal_size import size_quantile
 from mcnav.validation.calibration.cells import LEVEL, Cell, Tally, tally

@@ -12,8 +12,8 @@ from scipy import special
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Comparison, Criterion, compare, correlations
 from mcnav.analysis.requirements import Finding, Requirement, independent_samples, judge_requirement
-from mcnav.sampling.designs import SamplingDesign, standard_normals
-from mcnav.sampling.distributions import Distribution, Normal, StudentT
+from mcnav.sampler.designs import SamplingDesign, standard_normals
+from mcnav.sampler.distributions import Distribution, Normal, StudentT
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.validation.calibration.cells import LEVEL, Cell, Tally, tally
 from mcnav.validation.calibration.systems import SYSTEMS, SyntheticSystem, Truth

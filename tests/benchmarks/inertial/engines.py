@@ -19,7 +19,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.engine import without_noise
 from mcnav.contract.samples import Batch
-from mcnav.execution.memory import keep_freed_memory
+from mcnav.runner.memory import keep_freed_memory
 from mcnav.systems.ins.aided import AidedEngine, AidedReferenceEngine
 from mcnav.systems.ins.ensemble.aided import simulate_aided
 from mcnav.systems.ins.ensemble.free import simulate_given

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from mcnav.contract.engine import without_noise
-from mcnav.lincov.polynomial import fit
-from mcnav.lincov.polynomial_engine import PolynomialEngine
+from mcnav.linear.polynomial import fit
+from mcnav.linear.polynomial_engine import PolynomialEngine
 from mcnav.systems.reentry.ensemble.grid import shared_grid
 from mcnav.systems.reentry.ensemble.transition import linear_response
 from mcnav.systems.reentry.scenario import ENSEMBLE_CHUNK, EnsembleEngine, Flight, Navigation, Reentry

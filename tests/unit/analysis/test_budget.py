@@ -13,13 +13,13 @@ import pytest
 from mcnav.analysis.budget import error_budget, largest_sigmas
 from mcnav.contract.failure import Failure
 from mcnav.contract.samples import SimulationResult
-from mcnav.execution.chunks import PROBES
-from mcnav.lincov.corrections import Uncomputed
-from mcnav.lincov.partials import FAST, QUICK, REDUCTION, SimulationFailed
-from mcnav.lincov.simulated_budget import simulate_each_source_alone, simulated_budgets
-from mcnav.lincov.sobol import estimate_sobol_indices
-from mcnav.sampling.distributions import Fixed, Normal, Uniform
-from mcnav.sampling.error_model import Correlation, ErrorModel
+from mcnav.linear.corrections import Uncomputed
+from mcnav.linear.partials import FAST, QUICK, REDUCTION, SimulationFailed
+from mcnav.linear.simulated_budget import simulate_each_source_alone, simulated_budgets
+from mcnav.linear.sobol import estimate_sobol_indices
+from mcnav.runner.chunks import PROBES
+from mcnav.sampler.distributions import Fixed, Normal, Uniform
+from mcnav.sampler.error_model import Correlation, ErrorModel
 
 NAMES = ["a", "b", "c", "d"]
 PARTIALS = np.array([[1.0, 2.0, 0.0, 3.0], [0.5, -1.0, 3.0, 0.0]])

@@ -19,8 +19,8 @@ from mcnav.analysis.comparison import (
 )
 from mcnav.analysis.ellipsoid import Cause, Ellipsoid
 from mcnav.analysis.verdict import Verdict
-from mcnav.lincov.block_sums import BlockSums, Normalization, column_count
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.linear.block_sums import BlockSums, Normalization, column_count
+from mcnav.sampler.designs import SamplingDesign
 
 SAMPLES = 4_000
 Outcomes = Callable[[np.ndarray], list[np.ndarray]]

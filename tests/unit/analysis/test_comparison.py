@@ -9,7 +9,7 @@ from scipy import stats
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare, correlations
 from mcnav.analysis.verdict import Verdict, judge
-from mcnav.lincov.covariance import propagated_covariance
+from mcnav.linear.covariance import propagated_covariance
 from mcnav.statistics.estimates import blocked_mean
 
 PARTIALS = np.array([[1.0, 2.0, 0.0], [0.5, -1.0, 3.0]])

@@ -15,7 +15,7 @@ from mcnav.analysis.filter_evidence import independent_share
 from mcnav.contract.history import Epochs
 from mcnav.contract.quantities import Output
 from mcnav.numerics.power_sums import sum_powers_about_zero
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.sampler.designs import SamplingDesign
 from mcnav.store.histories import epochs_table
 
 OUTPUTS = (Output("x", "m", "km"), Output("y", "rad", "mrad"))

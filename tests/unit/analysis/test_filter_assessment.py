@@ -20,7 +20,7 @@ from mcnav.analysis.filter_remarks import sentence
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.quantities import Output
 from mcnav.numerics.power_sums import sum_powers_about_zero
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.statistics.mean_square import mean_square_intervals
 from mcnav.validation.calibration.filter_trials import OUTPUTS, SCHEMA, evidence

@@ -7,7 +7,7 @@ import pytest
 
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.multivariate import FEWEST_PAIRS, MultivariateTests
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.sampler.designs import SamplingDesign
 
 PARTIALS = np.array([[1.0, 2.0, 0.0], [0.5, -1.0, 3.0]])
 SIGMA = np.array([1.0, 0.5, 2.0])

@@ -10,7 +10,7 @@ from mcnav.analysis.comparison import Model
 from mcnav.analysis.decision_rule import ratio_interval, spread_of
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.report.comparison import inputs
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse

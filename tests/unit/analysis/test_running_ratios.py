@@ -7,7 +7,7 @@ import pytest
 
 from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored
 from mcnav.analysis.running_ratios import convergence
-from mcnav.sampling.designs import SamplingDesign
+from mcnav.sampler.designs import SamplingDesign
 
 MODEL = Model(np.array([[1.0, 2.0], [0.0, 0.0]]), np.zeros(2), np.zeros(2), np.eye(2))
 

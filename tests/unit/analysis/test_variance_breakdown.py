@@ -10,8 +10,8 @@ from mcnav.analysis.variance_breakdown import Predicted, predicted_from, split_d
 from mcnav.contract.engine import without_noise
 from mcnav.contract.failure import Failure
 from mcnav.contract.samples import SimulationResult
-from mcnav.lincov.higher_order import principal_directions, second_order
-from mcnav.lincov.partials import SimulationFailed
+from mcnav.linear.higher_order import principal_directions, second_order
+from mcnav.linear.partials import SimulationFailed
 from tests.conftest import campaign
 
 SIGMA = np.array([2.0, 0.5, 0.0])

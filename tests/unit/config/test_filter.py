@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError
-from mcnav.execution.identity import identity_of
+from mcnav.runner.identity import identity_of
 from mcnav.systems.ins.filter.model import FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, process_sizes
 from mcnav.systems.ins.scenario import Ins

@@ -12,7 +12,7 @@ from mcnav.rare.jumps import jump_planes, known_facets
 from mcnav.rare.levels import simulate_levels
 from mcnav.rare.limits import Sides
 from mcnav.rare.widened import Widened, draw_widened, ratio
-from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
+from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
 from mcnav.validation.calibration.rare_trials import (
     CURVED,
     OBLIQUE,

@@ -10,7 +10,7 @@ import pytest
 from mcnav.analysis.linearity import DispersionRange
 from mcnav.contract.history import StartClock
 from mcnav.contract.quantities import Output
-from mcnav.lincov.start_times import StartTimeStudy
+from mcnav.linear.start_times import StartTimeStudy
 from mcnav.report.linearity_words import answer
 from mcnav.report.start_time_words import answer as start_answer
 

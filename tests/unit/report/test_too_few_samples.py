@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mcnav.report.sentences import explanation
-from mcnav.sampling.designs import FEWEST_BLOCKS, SamplingDesign, fewest_samples
+from mcnav.sampler.designs import FEWEST_BLOCKS, SamplingDesign, fewest_samples
 from tests.summaries import summary
 
 

@@ -11,9 +11,9 @@ from mcnav._types import Array
 from mcnav.config.read import Campaign
 from mcnav.contract.recorded import FilteredRecord, RecordedMeasurements, Recording, RecordingError
 from mcnav.contract.scenario import RecordingScenario, ScenarioError, can_be_recorded
-from mcnav.execution.chunks import DrawPlan
 from mcnav.judgement.likelihood import whiten
 from mcnav.judgement.simulation import recorded
+from mcnav.runner.chunks import DrawPlan
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.recorded.causes import key_of

@@ -1,6 +1,6 @@
 """Arguments of a quantity's innovation in the ensemble, and the choice of the innovation of its kind.
 
-These are kernels: a `Vector` is one number of many samples (`mcnav/KERNELS.md`).
+These are kernels: a `Vector` is one number of many samples (`mcnav/docs/KERNELS.md`).
 """
 
 from __future__ import annotations

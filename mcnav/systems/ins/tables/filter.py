@@ -26,7 +26,7 @@ from mcnav.entries.quantities import UNIT, Distinct, Duration, Later, Suggested,
 from mcnav.entries.unions import ByForm
 from mcnav.entries.validation import validate
 from mcnav.errors import suggestion
-from mcnav.sampling.error_model import ErrorModel
+from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.ins.filter.model import EKF, NAVIGATION, Beliefs, FilterModel, estimated_kinds
 from mcnav.systems.ins.imu.gravity import ANOMALY, CAUSES, DEFLECTION, GravityDisturbance
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, AXES, GYRO, Imu

@@ -20,7 +20,7 @@ from mcnav.analysis.linearity import alone
 from mcnav.constants import GRAVITATIONAL_PARAMETER
 from mcnav.contract.engine import without_noise
 from mcnav.contract.quantities import source_labels
-from mcnav.lincov.partials import Propagate, partials_at_later_starts
+from mcnav.linear.partials import Propagate, partials_at_later_starts
 from mcnav.report.names import humanize
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.navigator import simulate_indicated

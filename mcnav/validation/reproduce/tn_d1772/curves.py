@@ -16,7 +16,7 @@ import pandas as pd
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE
 from mcnav.contract.engine import without_noise
-from mcnav.lincov.start_times import study_start_times
+from mcnav.linear.start_times import study_start_times
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.outputs import DEVIATIONS
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry

@@ -1,0 +1,138 @@
+"""Dispersion against the start time of navigation: P(t_s) S(t_s) P(t_s)^T, and with noise Q(t_s) added."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+
+import numpy as np
+
+from mcnav._dataclasses import dataclass
+from mcnav._types import Array
+from mcnav.contract.history import StartClock
+from mcnav.contract.quantities import kind_of
+from mcnav.contract.scenario import VariableStart, has_noisy_start_times
+from mcnav.linear.covariance import propagated_covariance
+
+
+@dataclass(frozen=True)
+class ErrorSchedule:
+    """Start errors as a function of the time at which navigation starts.
+
+    Attributes
+    ----------
+    multiples : mapping of int to (ndarray, ndarray)
+        By source: times (rising, s from the scenario's event), and the multiples of its stated errors at these times,
+        linear between the times and constant beyond them. Other sources keep their stated errors.
+    """
+
+    multiples: Mapping[int, tuple[Array, Array]] = field(default_factory=dict)
+
+    def at(self, times: Array, sources: int) -> Array:
+        """Interpolate the multiple of every source's errors at each time, shape (n, sources)."""
+        result = np.ones((len(times), sources))
+        for source, (known, values) in self.multiples.items():
+            result[:, source] = np.interp(times, known, values)
+        return result
+
+
+@dataclass(frozen=True)
+class StartTimeStudy:
+    """Effect of the start time on the final errors, by the linear model.
+
+    Attributes
+    ----------
+    axes : str
+        Convention of the reference axes.
+    times : ndarray, shape (n,)
+        Start times, s from the scenario's event.
+    partials, effects : ndarray, shape (n, outputs, sources)
+        Partial derivatives, and final errors due to one sigma of each source at that start time, SI.
+    sigma : ndarray, shape (n, outputs)
+        Dispersion, SI.
+    weights : ndarray, shape (outputs,)
+        Weight of an output's sigma, per SI unit, in the weighted dispersion.
+    clock : StartClock
+        How the start times are counted.
+    noise : ndarray, shape (n, outputs), optional
+        Sigma of the part from noise, SI; none for a scenario without noise.
+    """
+
+    axes: str
+    times: Array
+    partials: Array
+    effects: Array
+    sigma: Array
+    weights: Array
+    clock: StartClock
+    noise: Array | None = None
+
+    @property
+    def weighted(self) -> Array:
+        """Root sum square of the outputs' weighted sigmas, shape (n,)."""
+        return np.asarray(np.sqrt(((self.sigma * self.weights) ** 2).sum(axis=1)))
+
+    @property
+    def before_event(self) -> int:
+        """Number of start times that are not later than the event, or of all of them without an event.
+
+        Only these are candidates for the best: at the very end only the start errors remain.
+        """
+        if not self.clock.event:
+            return len(self.times)
+        return max(1, int(np.searchsorted(self.times, 0.0, side="right")))
+
+    @property
+    def best(self) -> Array:
+        """Position of the start time of least dispersion in each output, up to the event, shape (outputs,)."""
+        return np.asarray(np.argmin(self.sigma[: self.before_event], axis=0))
+
+    @property
+    def best_weighted(self) -> int:
+        """The same for the weighted dispersion."""
+        return int(np.argmin(self.weighted[: self.before_event]))
+
+
+def study_start_times(
+    scenario: VariableStart,
+    start_covariance: Array,
+    axes: str,
+    count: int,
+    schedule: ErrorSchedule | None = None,
+    weights: Array | None = None,
+) -> StartTimeStudy:
+    """Compute partial derivatives and dispersion for evenly spaced start times, for the stated errors' covariance.
+
+    Parameters
+    ----------
+    axes : str
+        ``start``: reference axes aligned at each start time; ``trajectory``: those of the first point throughout.
+    schedule : ErrorSchedule, optional
+        Constant by default.
+    weights : ndarray, shape (outputs,), optional
+        See `StartTimeStudy`; by default each output counts by its sigma for a start at the first point, or those alone
+        that the clock weighs, if they are dispersed.
+    """
+    times = scenario.start_times(count)
+    partials = scenario.partials_at(times, axes)
+    multiples = (schedule or ErrorSchedule()).at(times, len(start_covariance))
+    variances = np.array(
+        [
+            np.diag(propagated_covariance(matrix * multiple, start_covariance))
+            for matrix, multiple in zip(partials, multiples, strict=True)
+        ]
+    )
+    noise = scenario.noise_at(times, axes) if has_noisy_start_times(scenario) else None
+    of_noise = None
+    if noise is not None and noise.any():
+        of_noise = np.diagonal(noise, axis1=1, axis2=2)
+        variances = variances + of_noise
+        of_noise = np.sqrt(of_noise)
+    sigma = np.sqrt(np.maximum(variances, 0.0))
+    if weights is None:
+        counted = sigma[0] > 0.0
+        weighed = counted & np.array([kind_of(output) == scenario.start_clock.weighs for output in scenario.outputs])
+        counted = weighed if weighed.any() else counted
+        weights = np.divide(1.0, sigma[0], out=np.zeros_like(sigma[0]), where=counted)
+    effects = partials * (multiples * np.sqrt(np.diag(start_covariance)))[:, None, :]
+    return StartTimeStudy(axes, times, partials, effects, sigma, weights, scenario.start_clock, of_noise)
