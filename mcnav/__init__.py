@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from mcnav.logs.imu_log import ImuLog, read_imu_log
     from mcnav.logs.tables import read_table
     from mcnav.logs.track import Track, read_track
-    from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign, sweep
+    from mcnav.notebook import FlownRun, check_scenario, open_run, run, run_campaign, sweep
     from mcnav.sampler.errors import Errors
     from mcnav.sampler.sizes import fixed, normal, student_t, table, triangular, truncated_normal, uniform
     from mcnav.studies.allocate import allocate
@@ -98,7 +98,7 @@ _HOMES = {
     "check_scenario": "mcnav.notebook",
     "compare_runs": "mcnav.workflow.compare",
     "export_run": "mcnav.workflow.export",
-    "fly": "mcnav.notebook",
+    "run": "mcnav.notebook",
     "identify_noise": "mcnav.identification.identify",
     "judge_recording": "mcnav.studies.judge",
     "linear_covariance": "mcnav.studies.lincov",
@@ -170,8 +170,9 @@ __all__ = [
     "compare_runs",
     "export_run",
     "fixed",
-    "fly",
+    "identify",
     "identify_noise",
+    "judge",
     "judge_recording",
     "lincov",
     "linear_covariance",
@@ -184,6 +185,7 @@ __all__ = [
     "read_table",
     "read_track",
     "report_run",
+    "run",
     "run_campaign",
     "samples_of",
     "simulate",
@@ -196,13 +198,21 @@ __all__ = [
     "uniform",
 ]
 
-_EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult"}
-"""Former names, which user-defined scenarios may still use."""
+_SHORT = {"identify": "identify_noise", "judge": "judge_recording"}
+"""Names of the commands, and the functions behind them."""
+
+_EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult", "fly": "run"}
+"""Former names, which work for one release with a warning."""
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name on first use, so that ``mcnav --help`` does not wait for numerical libraries."""
+    if name in _EARLIER:
+        from warnings import warn
+
+        warn(f"mcnav.{name} is now mcnav.{_EARLIER[name]}", DeprecationWarning, stacklevel=2)
     name = _EARLIER.get(name, name)
+    name = _SHORT.get(name, name)
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'mcnav' has no attribute {name!r}")

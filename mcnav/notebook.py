@@ -5,7 +5,7 @@ differ in theirs, in a column's name as ``output altitude_rate [m/s]`` where col
 matrix, as ``{"index": {key: unit}, "columns": {key: unit}}``.
 
 >>> import mcnav
->>> run = mcnav.fly("campaigns/01_tn_d1772_trajectory_4.toml", "reports/first", samples=1000)  # doctest: +SKIP
+>>> run = mcnav.run("campaigns/01_tn_d1772_trajectory_4.toml", "reports/first", samples=1000)  # doctest: +SKIP
 >>> run.outputs[["sigma linear", "paired ratio", "verdict"]]                                   # doctest: +SKIP
 >>> run.figure("scatter").axes[0].set_title("altitude and range")                              # doctest: +SKIP
 """
@@ -264,7 +264,7 @@ def open_run(path: str | Path) -> FlownRun:
     return FlownRun(Path(path))
 
 
-def fly(
+def run(
     campaign: Description,
     folder: str | Path,
     *,
@@ -302,12 +302,12 @@ def fly(
 def run_campaign(
     campaign: Description, path: str | Path, engine: str | None, jobs: int, **options: Any
 ) -> workflow.Run:
-    """Run a campaign in any of the forms that `fly` takes, with the options of `mcnav.workflow.run.run_campaign`."""
+    """Run a campaign in any of the forms that `run` takes, with the options of `mcnav.workflow.run.run_campaign`."""
     return workflow.run_campaign(campaign_from(campaign), Path(path), engine, jobs, **options)
 
 
 def check_scenario(campaign: Description) -> list[Check]:
-    """Check the scenario of a campaign in any of the forms that `fly` takes; see `mcnav.systems.user.conformance`.
+    """Check the scenario of a campaign in any of the forms that `run` takes; see `mcnav.systems.user.conformance`.
 
     Raises `CampaignError` when the campaign cannot be read.
     """
@@ -328,7 +328,7 @@ def sweep(
     Parameters
     ----------
     campaign : str, Path, Campaign or mapping
-        In any of the forms that `fly` takes; the file of a `Campaign` is read again.
+        In any of the forms that `run` takes; the file of a `Campaign` is read again.
     varied : mapping of str to str or sequence
         Ranges such as ``"0.001..1 deg/h"``, lists such as ``"1, 2, 5 deg/h"``, or sequences of quantities, by path.
     against : str or sequence of str

@@ -242,7 +242,7 @@ def _many(folder: Path, _: Callable[[str], Path]) -> Path:
     (folder / "many.toml").write_text(
         f"name = '{NAME}'\nsamples = 1000\nseed = 4\n[scenario]\ntype = 'many.py:Many'\n[errors]\n{errors}{accept}"
     )
-    mcnav.fly(folder / "many.toml", folder / "run")
+    mcnav.run(folder / "many.toml", folder / "run")
     return folder / "run" / "report.html"
 
 

@@ -29,14 +29,14 @@ def described(**more: Any) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> FlownRun:
-    return mcnav.fly(described(), tmp_path_factory.mktemp("api") / "run", jobs=1)
+    return mcnav.run(described(), tmp_path_factory.mktemp("api") / "run", jobs=1)
 
 
 def test_a_file_a_campaign_and_a_dictionary_are_one(run: FlownRun, tmp_path: Path) -> None:
     path = tmp_path / "campaign.toml"
     path.write_text(tomli_w.dumps(described()))
     for number, campaign in enumerate((path, str(path), mcnav.read_campaign(str(path)))):
-        again = mcnav.fly(campaign, tmp_path / str(number), jobs=1)
+        again = mcnav.run(campaign, tmp_path / str(number), jobs=1)
         pd.testing.assert_frame_equal(again.samples, run.samples, check_exact=True)
         pd.testing.assert_frame_equal(again.outputs, run.outputs, check_exact=True)
     assert mcnav.run_campaign(described(), tmp_path / "0", None, 1).simulated == 0  # the run that the file's was
@@ -48,12 +48,12 @@ def test_other_samples_and_another_seed(form: str, run: FlownRun, tmp_path: Path
     path = tmp_path / "campaign.toml"
     path.write_text(tomli_w.dumps(described(samples=100, seed=1)))
     forms = {"file": path, "campaign": mcnav.read_campaign(path), "dictionary": described(samples=100, seed=1)}
-    again = mcnav.fly(forms[form], tmp_path / "run", jobs=1, samples=300, seed=5)
+    again = mcnav.run(forms[form], tmp_path / "run", jobs=1, samples=300, seed=5)
     pd.testing.assert_frame_equal(again.samples, run.samples, check_exact=True)
     kept = mcnav.read_campaign(tmp_path / "run" / "campaign.toml")
     assert (kept.samples, kept.seed) == (300, 5)
     with pytest.raises(mcnav.CampaignError, match=r"samples: got 1; expected"):
-        mcnav.fly(forms[form], tmp_path / "none", samples=1)
+        mcnav.run(forms[form], tmp_path / "none", samples=1)
     assert not (tmp_path / "none").exists()
 
 
@@ -63,7 +63,7 @@ def test_a_campaign_refuses_what_it_cannot_change(tmp_path: Path) -> None:
     with pytest.raises(
         mcnav.CampaignError, match=r"store: cannot be replaced in a Campaign; only samples and seed can"
     ):
-        mcnav.fly(mcnav.read_campaign(path), tmp_path / "run", store="summary")  # type: ignore[arg-type]
+        mcnav.run(mcnav.read_campaign(path), tmp_path / "run", store="summary")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_a_campaign_refuses_what_it_cannot_change(tmp_path: Path) -> None:
 def test_a_dictionary_with_a_mistake(more: dict[str, Any], line: str, tmp_path: Path) -> None:
     """Its lines begin with ``campaign`` in place of a file."""
     with pytest.raises(mcnav.CampaignError, match=line):
-        mcnav.fly(described(**more), tmp_path / "run")
+        mcnav.run(described(**more), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
@@ -93,9 +93,9 @@ def test_files_of_a_dictionary_are_found_from_the_current_folder(
     (tmp_path / "a.csv").write_text("a\n" + "\n".join(map(str, range(50))))
     campaign = {"samples": 50, "seed": 1, "scenario": {"type": "mine.py:Mine"}, "errors": {"a": "1 m"}}
     monkeypatch.chdir(tmp_path)
-    assert len(mcnav.fly(campaign, "run", jobs=1).samples) == 50
+    assert len(mcnav.run(campaign, "run", jobs=1).samples) == 50
     assert all(check.passed for check in mcnav.check_scenario(campaign))
-    found = mcnav.fly(campaign | {"errors": {"a": table}}, "table", jobs=1)
+    found = mcnav.run(campaign | {"errors": {"a": table}}, "table", jobs=1)
     assert set(found.samples["error a [m]"]) <= set(range(50))
 
 
@@ -132,7 +132,7 @@ def test_where_there_is_no_run(tmp_path: Path, run: FlownRun) -> None:
     """No folder, a file, a folder without a run, one that is not finished: each is said, and nothing is made there."""
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").touch()
-    mcnav.fly(described(), tmp_path / "broken off", jobs=1)
+    mcnav.run(described(), tmp_path / "broken off", jobs=1)
     broken = RunFolder(tmp_path / "broken off")
     broken.write_manifest(broken.existing_manifest().model_copy(update={"complete": False}))
     said = {

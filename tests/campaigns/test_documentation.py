@@ -195,7 +195,7 @@ def test_a_run_in_a_notebook(place: Path) -> None:
     campaign = (ROOT / "campaigns" / "14_polar.toml").read_text().replace("name = ", 'name = "<b>polar</b>" # ')
     (place / "own.toml").write_text(campaign)
     shutil.copy(ROOT / "campaigns" / "polar.py", place)
-    run = mcnav.fly(place / "own.toml", place / "run", samples=500)
+    run = mcnav.run(place / "own.toml", place / "run", samples=500)
     assert "&lt;b&gt;polar&lt;/b&gt;" in run._repr_html_()
     shown = run._repr_html_()
     assert shown.count("<tr>") == 2 + len(run.outputs)  # headings, and all outputs together

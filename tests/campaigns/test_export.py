@@ -46,7 +46,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> FlownRun:
     """A reentry with a requirement, whose name a spreadsheet would execute."""
     accept = {"quantile": [{"output": "altitude", "probability": 0.9, "below": "100 km"}]}
     folder = tmp_path_factory.mktemp("export") / "plain"
-    return mcnav.fly(content(4, name=FORMULA_NAME, samples=300, accept=accept), folder, jobs=1)
+    return mcnav.run(content(4, name=FORMULA_NAME, samples=300, accept=accept), folder, jobs=1)
 
 
 @pytest.fixture(scope="module")
@@ -54,12 +54,12 @@ def aided(tmp_path_factory: pytest.TempPathFactory) -> FlownRun:
     """Two minutes of campaign 20: noise, a filter with states of its own, and neglected errors."""
     folder = tmp_path_factory.mktemp("export") / "aided"
     described = shortened(20, 120.0, (60.0, 90.0)) | {"samples": 40}
-    return mcnav.fly(parse_campaign(described, str(FOLDER / "small.toml"), "small"), folder, jobs=1)
+    return mcnav.run(parse_campaign(described, str(FOLDER / "small.toml"), "small"), folder, jobs=1)
 
 
 @pytest.fixture(scope="module")
 def without_epochs(tmp_path_factory: pytest.TempPathFactory) -> FlownRun:
-    return mcnav.fly(FOLDER / "14_polar.toml", tmp_path_factory.mktemp("export") / "polar", jobs=1, samples=200)
+    return mcnav.run(FOLDER / "14_polar.toml", tmp_path_factory.mktemp("export") / "polar", jobs=1, samples=200)
 
 
 def read(path: Path) -> dict[str, list[str]]:

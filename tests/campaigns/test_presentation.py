@@ -61,8 +61,8 @@ def nine(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "nine.toml").write_text(
         f'name = "nine"\nsamples = 400\nseed = 5\n\n[scenario]\ntype = "nine.py:Nine"\n\n[errors]\n{errors}\n'
     )
-    mcnav.fly(place / "nine.toml", place / "run")
-    mcnav.fly(place / "nine.toml", place / "other", seed=6)
+    mcnav.run(place / "nine.toml", place / "run")
+    mcnav.run(place / "nine.toml", place / "other", seed=6)
     return place
 
 

@@ -56,7 +56,7 @@ if __name__ == "__main__":
     for name, scenario in scenarios.items():
         for jobs in (1, 2):
             campaign = mc.Campaign(scenario, errors, samples=20_000, seed=3)
-            run = mc.fly(campaign, f"{sys.argv[1]}/{name}_{jobs}", jobs=jobs)
+            run = mc.run(campaign, f"{sys.argv[1]}/{name}_{jobs}", jobs=jobs)
             print(name, jobs, run.samples["output range [" + ("1" if name == "closure" else "m") + "]"].sum().hex())
 """
 
@@ -140,7 +140,7 @@ def test_code_of_a_script_runs_in_other_processes_and_is_kept(tmp_path: Path) ->
     refused = (tmp_path / "closure_1" / "Simulated.py").read_text()
     assert refused.startswith("# The source of function could not be kept: <lambda> is defined within a function")
     again = mc.read_campaign(tmp_path / "class_1" / "campaign.toml")
-    run = mc.fly(again, tmp_path / "again", jobs=1)
+    run = mc.run(again, tmp_path / "again", jobs=1)
     pd.testing.assert_frame_equal(run.samples, mc.open_run(tmp_path / "class_1").samples, check_exact=True)
 
 
