@@ -111,7 +111,7 @@ def test_hovering_at_the_seeds_error_departs(numbers: tuple[Number, ...]) -> Non
 def test_page_and_tables(tmp_path: Path) -> None:
     page, *tables = story_page.write(tmp_path)
     text = page.read_text(encoding="utf-8")
-    assert text.count("<figure") == 10
+    assert text.count("<figure") == 12
     assert "nan" not in text
     for table in tables:
         assert table.name in text

@@ -5,7 +5,6 @@ Every number in these sentences is computed when they are written.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import Final
 
@@ -13,7 +12,6 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.linearity import alone
@@ -38,6 +36,7 @@ from mcnav.systems.reentry.table_i import (
 )
 from mcnav.systems.reentry.truth import airspeed_and_angle
 from mcnav.systems.reentry.vehicle import Vehicle
+from mcnav.validation.reproduce.findings import Finding
 from mcnav.validation.reproduce.tn_d1772.printed import TO_PRINTED, final_errors
 from mcnav.validation.reproduce.tn_d1772.tables import TN_SOURCES, linear_model, propagator, table_i_scenario
 
@@ -58,22 +57,6 @@ ABSOLUTE_ALTITUDE: Final = "altitude, all [km]"
 ABSOLUTE_RANGE: Final = "range, all [km]"
 ABSOLUTE: Final = "altitude, sum of |all| [km]"
 RSS: Final = "altitude, root sum square of all [km]"
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A statement of the report, what was found, and the verdict.
-
-    It is ``holds``, ``in part``, ``does not hold`` or ``settled`` (for what had to be decided to reproduce anything).
-    """
-
-    said: str
-    found: str
-    verdict: str
-
-    def __post_init__(self) -> None:
-        """Give numbers below zero a minus sign in place of a hyphen."""
-        object.__setattr__(self, "found", re.sub(r"(?<![\w−-])-(?=\d)", "−", self.found))
 
 
 def claims(figures: Mapping[str, pd.DataFrame]) -> list[Finding]:

@@ -19,9 +19,10 @@ from mcnav.report.document import Column, MarkKey, Note, Page, Section, Sentence
 from mcnav.report.figures.figure import Figure
 from mcnav.report.format import number
 from mcnav.report.html import page_html
+from mcnav.validation.reproduce.findings import Finding, finding_table
 from mcnav.validation.reproduce.tn_d1772 import curves as computed
 from mcnav.validation.reproduce.tn_d1772 import figures as drawn
-from mcnav.validation.reproduce.tn_d1772.claims import Finding, claims, settled
+from mcnav.validation.reproduce.tn_d1772.claims import claims, settled
 from mcnav.validation.reproduce.tn_d1772.globe import RESULTS
 from mcnav.validation.reproduce.tn_d1772.in_the_closed_loop import (
     FED,
@@ -67,9 +68,6 @@ CAPTIONS: Final = {
     "the axes do, by 89 degrees, and not because partial derivatives were inaccurate, as the report has it.",
     "VI": "Accelerometer outputs taken as zero above 121.92 km.",
 }
-
-TONES: Final = {"holds": "agrees", "in part": "undecided", "does not hold": "differs"}
-"""Tones of verdicts on claims."""
 
 REPORT: Final = Markup(
     "<em>Study of Inertial Navigation Errors During Reentry to the Earth's Atmosphere</em>, Q. M. Hansen, J. S. White "
@@ -158,21 +156,21 @@ def _between_engines(cells: Sequence[Cell]) -> str:
 def render(
     title: str, cells: Sequence[Cell], figures: Mapping[str, Figure], said: Sequence[Finding],
     decided: Sequence[Finding], spatial: Sequence[Finding], compared: Sequence[Comparison], looped: Sequence[Finding],
-    loops: Sequence[LoopComparison],
+    loops: Sequence[LoopComparison], started: Sequence[Advice],
 ) -> str:  # fmt: skip
-    """Render the page; figures by number; findings and numbers in three dimensions and in the closed loop last."""
+    """Render the page; figures by number; chapters beyond the report and the best starts last."""
     counted = Counter(cell.mark for cell in cells)
     counts = counts_in_words([(PHRASES[mark], counted[mark]) for mark in Mark if counted[mark]])
     reversed_signs = Markup(" ").join(filter(None, (counts, _wrong_signs(cells))))
     intro = Sentence(REPORT.format(f"{len(cells):,}", reversed_signs))
     sections = [
-        Section("claims", "Claims of the report", [_finding_table(said, "Claim")]),
-        Section("start", "When to start", _start_parts(figures["16"])),
+        Section("claims", "Claims of the report", [finding_table(said, "Claim")]),
+        Section("start", "When to start", _start_parts(started, figures["16"])),
         Section("three-dimensions", "In three dimensions",
-                [_finding_table(spatial, "Claim"), _comparison_table(compared)]),
-        Section("closed-loop", "In the closed loop", [_finding_table(looped, "Claim"), _loop_table(loops)]),
+                [finding_table(spatial, "Claim"), _comparison_table(compared)]),
+        Section("closed-loop", "In the closed loop", [finding_table(looped, "Claim"), _loop_table(loops)]),
         Section("settled", "Open questions settled for the reproduction",
-                [_finding_table(decided, "Statement in the report"), Note(ATMOSPHERE)]),
+                [finding_table(decided, "Statement in the report"), Note(ATMOSPHERE)]),
     ]  # fmt: skip
     if notable := [cell for cell in cells if cell.mark in (Mark.INCONSISTENT, Mark.DIFFERS)]:
         sections.append(Section("numbers", "Numbers that do not agree", [_notable_table(notable)]))
@@ -194,9 +192,9 @@ def _wrong_signs(cells: Sequence[Cell]) -> str:
     return f"Of the smallest numbers {reversed_signs} have the opposite sign." if reversed_signs else ""
 
 
-def _start_parts(figure: Figure) -> list[shown.Part]:
+def _start_parts(started: Sequence[Advice], figure: Figure) -> list[shown.Part]:
     """Say for each trajectory when to start, with a table and a figure."""
-    rows = [list(group) for _, group in groupby(advice(), key=lambda row: row.number)]
+    rows = [list(group) for _, group in groupby(started, key=lambda row: row.number)]
     columns: list[Column[list[Advice]]] = [Column("Trajectory", lambda row: str(row[0].number), kind="label")]
     for place, (coordinates, measure) in enumerate(product(COORDINATES, MEASURES)):
 
@@ -218,16 +216,6 @@ def _correction_table() -> Table[Correction]:
         Column("Reason", lambda each: each.reason, kind="words"),
     ]
     return Table(CORRECTED, columns, CORRECTIONS)
-
-
-def _finding_table(findings: Sequence[Finding], heading: str) -> Table[Finding]:
-    """Tabulate what is said, what was found, and the verdict."""
-    columns: list[Column[Finding]] = [
-        Column(heading, lambda each: each.said, kind="words"),
-        Column("Finding", lambda each: each.found, kind="words"),
-        Column("Verdict", lambda each: shown.Cell(each.verdict, tone=TONES.get(each.verdict, "")), kind="label"),
-    ]
-    return Table("", columns, findings, style="findings")
 
 
 def _comparison_table(compared: Sequence[Comparison]) -> Table[Comparison]:
@@ -362,7 +350,7 @@ def write_reproduction(path: Path) -> tuple[list[Cell], list[Path]]:
     reproduction = [(kind, finding) for kind, findings in kinds for finding in findings]
     findings = pd.DataFrame([{"kind": kind} | vars(finding) for kind, finding in reproduction])
     files = {
-        PAGE: render(TITLE, cells, figures, said, decided, spatial, compared, looped, loops),
+        PAGE: render(TITLE, cells, figures, said, decided, spatial, compared, looped, loops, advice(data["16"])),
         "three_dimensions.csv": pd.DataFrame(compared).to_csv(index=False),
         "three_dimensions.md": chapter(compared),
         "closed_loop.csv": pd.DataFrame(loops).to_csv(index=False),

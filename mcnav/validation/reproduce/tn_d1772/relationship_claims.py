@@ -16,7 +16,7 @@ from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.outputs import DEVIATIONS
 from mcnav.systems.reentry.table_i import ALL_ERRORS, ERRORS, TABLE_I
-from mcnav.validation.reproduce.tn_d1772.claims import Finding
+from mcnav.validation.reproduce.findings import Finding
 from mcnav.validation.reproduce.tn_d1772.printed import NAMES
 from mcnav.validation.reproduce.tn_d1772.starting import (
     ADVISED,

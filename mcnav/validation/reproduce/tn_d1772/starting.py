@@ -202,17 +202,21 @@ class Advice:
     reentry: float
 
 
-def advice() -> list[Advice]:
-    """Find the best starts of the seven trajectories; ``early`` is the altitude error of a start at -22 min."""
+def advice(frame: pd.DataFrame) -> list[Advice]:
+    """Find the best starts of each trajectory in the table of `start_times`.
+
+    ``early`` is the altitude error of a start at -22 min.
+    """
     rows = []
-    for number in TABLE_I:
-        computed = starts(number)
+    for number, flight in frame.groupby("trajectory"):
+        minutes = flight["start [min from reentry]"].to_numpy()
+        early = int(np.abs(minutes + 22.0).argmin())
         for coordinates in COORDINATES:
             for measure in MEASURES:
-                curve = computed.curve(coordinates, measure)
+                curve = flight[f"{measure}, {coordinates} [km]"].to_numpy()
                 best = int(curve.argmin())
-                values = (computed.minutes[best], curve[best], curve[computed.at(-22.0)], curve[-1])
-                rows.append(Advice(number, coordinates, measure, *map(float, values)))
+                values = (minutes[best], curve[best], curve[early], curve[-1])
+                rows.append(Advice(int(str(number)), coordinates, measure, *map(float, values)))
     return rows
 
 
@@ -238,9 +242,3 @@ def sentence(rows: Sequence[Advice]) -> str:
         f"{answer} By the root sum of squares, start {squares}. In speed and angle, start {converted} by the sum and "
         f"{converted_squares} by the root sum of squares."
     )
-
-
-def sentences() -> list[str]:
-    """Write one paragraph for each trajectory."""
-    rows = advice()
-    return [sentence([row for row in rows if row.number == number]) for number in TABLE_I]
