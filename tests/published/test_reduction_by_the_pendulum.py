@@ -93,7 +93,7 @@ def test_poorest_altimeter_while_the_bias_is_learnt() -> None:
 def test_the_campaign_of_the_altimeter_agrees() -> None:
     """The navigator in three dimensions at its end, 20 s after the last reading: within 1 %.
 
-    On the ellipsoid g / r differs by up to 0.5 %, the rate of growth by half of that; sigma has its root, and 20 s more.
+    On the ellipsoid g / r differs by up to 0.5 %, the rate of growth by half of that, sigma by less.
     """
     campaign = read_campaign(ROOT / "campaigns" / "38_hover_with_an_altimeter.toml")
     model = campaign.scenario.linear().end

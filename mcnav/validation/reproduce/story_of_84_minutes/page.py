@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Final
@@ -164,12 +164,9 @@ def _number_table(numbers: Sequence[Number]) -> Table[Number]:
 def _reduction_tables(frame: pd.DataFrame) -> list[Part]:
     """Tabulate the reductions by flight time, and what the summary's printed numbers would make of them."""
     rows = [at_minutes(frame, minutes) for minutes in MINUTES]
-    columns: list[Column[pd.Series]] = [
+    columns = [
         Column("Flight time", lambda row: f"{row.iloc[0]:.0f}", unit="min", kind="label"),
-        *(
-            Column(name.removesuffix(" [1]"), lambda row, name=name: number(float(row[name]), 3))
-            for name in frame.columns[1:]
-        ),
+        *(_three_digits(name, name.removesuffix(" [1]")) for name in frame.columns[1:]),
     ]
     by_source: list[Column[Printed]] = [
         Column("Error source", lambda row: row.source, kind="label"),
@@ -190,25 +187,26 @@ def _correct_ratio(row: Printed) -> Cell:
     return Cell(f"{row.right:.3g}", mark="inconsistent" if row.misprinted else "digits")
 
 
+def _three_digits(name: str, heading: str, unit: str = "") -> Column[pd.Series]:
+    """Show a column of a data frame; a missing number is said to be none."""
+
+    def content(row: pd.Series) -> str:
+        return number(float(row[name]), 3) if np.isfinite(row[name]) else "none"
+
+    return Column(heading, content, unit=unit)
+
+
 def _detuning_table(frame: pd.DataFrame) -> Table[pd.Series]:
     """Tabulate what wrong gear ratios do."""
-    columns: list[Column[pd.Series]] = [
+    columns = [
         Column("Gear ratio wrong by", lambda row: f"{row.iloc[0]:g}", unit="%", kind="label"),
-        *(
-            Column(name.partition(" [")[0], lambda row, name=name: number(float(row[name]), 3),
-                   unit=name.partition(" [")[2].rstrip("]"))
-            for name in frame.columns[1:]
-        ),
-    ]  # fmt: skip
+        *(_three_digits(name, name.partition(" [")[0], name.partition(" [")[2][:-1]) for name in frame.columns[1:]),
+    ]
     return Table(DETUNED, columns, [row for _, row in frame.iterrows()])
 
 
 def _altimeter_table(frame: pd.DataFrame) -> Table[pd.Series]:
     """Tabulate how poor an altimeter suffices."""
-
-    def content(name: str) -> Callable[[pd.Series], str]:
-        return lambda row: number(float(row[name]), 3) if np.isfinite(row[name]) else "none"
-
     names = {
         **{f"altimeter to hold {height:g} m, settled [m]": f"Sigma to hold {height:,.0f} m" for height in HEIGHTS},
         "altimeter to hold 100 m, from the start [m]": "Sigma to hold 100 m from the start",
@@ -216,9 +214,9 @@ def _altimeter_table(frame: pd.DataFrame) -> Table[pd.Series]:
         "100 m altimeter, before the last reading [m]": "Error before a reading",
         "100 m altimeter, after the last reading [m]": "Error after it",
     }
-    columns: list[Column[pd.Series]] = [
+    columns = [
         Column("A reading every", lambda row: f"{row.iloc[0]:g}", unit="s", kind="label"),
-        *(Column(heading, content(name), unit="m") for name, heading in names.items()),
+        *(_three_digits(name, heading, "m") for name, heading in names.items()),
     ]
     return Table(ALTIMETERS, columns, [row for _, row in frame.iterrows()])
 

@@ -142,7 +142,7 @@ def best_start(frame: pd.DataFrame) -> Finding:
         place = int(early[column].argmin())
         least, at = float(early[column].iloc[place]), float(early.iloc[place, 0])
         more = float(frame[column][advised].max()) / least - 1.0
-        reentry = float(frame[column][start <= 0.0].iloc[-1])
+        reentry = float(np.interp(0.0, start, frame[column]))
         words.append(
             f"{name}: least {least:.1f} km at {at:.1f} min, at most {100 * more:.0f} % more from −30 to −20 min, "
             f"{frame[column].iloc[0]:.1f} km at the first start, {reentry:.1f} km at reentry"
