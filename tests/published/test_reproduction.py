@@ -271,6 +271,30 @@ def test_samples_contain_every_sigma_of_the_closed_loop(reproduction: Reproducti
     np.testing.assert_allclose(errors["indicated"], errors["true"], rtol=1e-3)
 
 
+def test_the_findings_on_all_trajectories_are_those_of_the_chapter(folder: Path) -> None:
+    """Every decimal number of the paragraphs on them stands in the findings."""
+    found = pd.read_csv(folder / "findings.csv")
+    computed = set(re.findall(r"\d+\.\d+", " ".join(found[found["kind"] == "claim"]["found"])))
+    chapter = _chapter("The claims")
+    paragraphs = [
+        chapter.partition(f"**{opening}")[2].partition("\n**")[0]
+        for opening in (
+            "The same should hold", "Other coordinates", "A start just before the atmosphere", "Altitude is the most",
+            "Below circular velocity", "Errors remain small", "Zero outputs above",
+        )
+    ]  # fmt: skip
+    assert all(paragraphs)
+    stated = re.findall(r"\d+\.\d+", " ".join(paragraphs))
+    assert len(stated) > 20
+    assert set(stated) <= computed
+
+
+def test_the_numbers_of_the_chapter_are_counted(cells: list[Cell]) -> None:
+    counted = Counter(cell.mark for cell in cells)
+    rows = [line.split("|")[1:3] for line in _chapter("The numbers").splitlines() if line.startswith("| ")][2:]
+    assert [int(count) for count, _ in rows] == [counted[mark] for mark in Mark]
+
+
 def test_the_documentation_counts_right(cells: list[Cell]) -> None:
     counted = Counter(cell.mark for cell in cells)
     agree = counted[Mark.DIGITS] + counted[Mark.TOLERANCE]

@@ -253,6 +253,6 @@ def star_tracker() -> Finding:
     return Finding(
         "A star tracker gains a factor of ten in accuracy.",
         "True for gyro drift, not for the whole system, whose accelerometer bias remains. "
-        "`mcnav lincov campaigns/22_navaho.toml` computes both.",
+        "Campaign 22_navaho computes both.",
         "in part",
     )

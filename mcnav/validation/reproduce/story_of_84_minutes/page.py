@@ -102,7 +102,7 @@ ALTIMETERS: Final = (
     "The altimeter's largest sigma with which one sigma of height stays below a limit, once the filter is settled, by "
     "the interval of its readings; and from the start, while a Kalman filter learns an accelerometer bias of 1e-4 g. "
     "Beside it, what an altimeter of 100 m leaves. Not simulated: closed form and covariance recursion. "
-    "`campaigns/38_hover_with_an_altimeter.toml` simulates one reading a minute."
+    "Campaign 38_hover_with_an_altimeter simulates one reading a minute."
 )
 """Captions of tables."""
 
