@@ -82,8 +82,8 @@ class Cell:
     behind : str
         Words behind a label.
     mark : str
-        How a computed number compares with a printed one, on a page: ``digits``, ``tolerance``, ``inconsistent``,
-        ``differs``.
+        How a computed number compares with a printed one, on a page: ``digits``, ``tolerance``, ``small``,
+        ``inconsistent``, ``differs``.
     hint : str
         Words that a pointer shows.
     minor : bool

@@ -10,8 +10,8 @@ GRAVITY: Final = "disturbances of gravity, "
 NOT_MODELLED: Final = {
     "ins": "Not modelled: disturbances of gravity, vibration and what it rectifies to, errors of time tags, "
     "temperature, bending between instruments and antennas, faults of sensors.",
-    "reentry": "Not modelled: motion out of the plane, rotation and flattening of the earth, wind, noise of the "
-    "instruments.",
+    "reentry": "Not modelled: motion out of the plane, flattening of the earth, wind (the air turns with the earth), "
+    "noise of the instruments.",
     "cruise": "Not modelled: rotation and flattening of the earth, disturbances of gravity, noise of the instruments.",
     "hover": "Not modelled: rotation and flattening of the earth, disturbances of gravity, noise of the instruments.",
 }

@@ -26,13 +26,14 @@ from mcnav.studies.sweep import SweepPlan, write_sweep
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.truth.segments import Climb, Hold, SpeedChange, Start, Turn, fly_segments
 from mcnav.validation.calibration import page as calibration_page
+from mcnav.validation.reproduce.findings import Finding
 from mcnav.validation.reproduce.story_of_84_minutes import page as story_page
 from mcnav.validation.reproduce.textbook import page as textbook_page
 from mcnav.validation.reproduce.textbook.filters import tutorial_numbers
 from mcnav.validation.reproduce.tn_d1772 import page as tn_page
-from mcnav.validation.reproduce.tn_d1772.claims import Finding
 from mcnav.validation.reproduce.tn_d1772.in_the_closed_loop import LoopComparison
 from mcnav.validation.reproduce.tn_d1772.in_three_dimensions import Comparison
+from mcnav.validation.reproduce.tn_d1772.starting import advice
 from mcnav.validation.reproduce.tn_d1772.tables import Cell
 from mcnav.validation.reproduce.ukfm import page as ukfm_page
 from mcnav.validation.reproduce.ukfm.simulation import run as simulate_ukfm
@@ -291,7 +292,7 @@ def _ukfm(folder: Path, _: Callable[[str], Path]) -> Path:
 def _tn(folder: Path, made: Callable[[str], Path]) -> Path:
     """All figures, of the data that the command writes, and of its numbers one of each mark."""
     written = made(REPRODUCED)
-    printed = {"1510": 1510.2, "1511": 1513.0, "1512": 1600.0, "1513": 1600.0}
+    printed = {"1510": 1510.2, "1511": 1513.0, "1512": 1600.0, "1513": 1600.0, "3": 4.0}
     cells = [
         Cell("I", f"trajectory {row}", "final range", "km", text, computed, 5.0, NAME, contradicted=row == 3)
         for row, (text, computed) in enumerate(printed.items(), start=1)
@@ -308,8 +309,11 @@ def _tn(folder: Path, made: Callable[[str], Path]) -> Path:
     compared = [Comparison(**row) for row in rows["three_dimensions.csv"]]
     loops = [LoopComparison(**row) for row in rows["closed_loop.csv"]]
     found = [Finding(NAME, "It is said in many words what is found of it. " * 5, "holds")]
+    started = advice(pd.read_csv(written / "figure_16.csv"))
     page = folder / tn_page.PAGE
-    page.write_text(tn_page.render(NAME, cells, figures, found, found, found, compared, found, loops), encoding="utf-8")
+    page.write_text(
+        tn_page.render(NAME, cells, figures, found, found, found, compared, found, loops, started), encoding="utf-8"
+    )
     return page
 
 

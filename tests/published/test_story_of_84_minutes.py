@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -111,7 +112,7 @@ def test_hovering_at_the_seeds_error_departs(numbers: tuple[Number, ...]) -> Non
 def test_page_and_tables(tmp_path: Path) -> None:
     page, *tables = story_page.write(tmp_path)
     text = page.read_text(encoding="utf-8")
-    assert text.count("<figure") == 10
+    assert text.count("<figure") == 12
     assert "nan" not in text
     for table in tables:
         assert table.name in text
@@ -123,6 +124,30 @@ def test_page_and_tables(tmp_path: Path) -> None:
     hovering_table = pd.read_csv(tmp_path / "hover_departure.csv")
     assert hovering_table["pushed up, flown / linear"].iloc[0] == pytest.approx(1.0, abs=1e-3)
     assert hovering_table["pushed up, flown / linear"].iloc[-1] < 0.8
+
+
+def test_the_chapter_has_the_numbers_of_the_findings(tmp_path: Path) -> None:
+    """Every verdict is one of three; the paragraphs on new questions have numbers that the page computes."""
+    story_page.write(tmp_path)
+    found = pd.read_csv(tmp_path / "findings.csv")
+    assert len(found) == 15
+    assert set(found["verdict"]) == {"holds", "in part", "does not hold"}
+    document = ROOT / "mcnav" / "validation" / "reproduce" / "story_of_84_minutes" / "STORY_OF_84_MINUTES.md"
+    chapter = document.read_text(encoding="utf-8").partition("## The claims\n")[2]
+    number = r"\d[\d,]*\.?\d*"
+    computed = set(re.findall(number, " ".join(found["found"])))
+    for opening in ("The gear ratio", "In a boost", "Fly ten times", "Another altitude measuring device is"):
+        paragraph = chapter.partition(f"**{opening}")[2].partition("\n**")[0].partition("An altimeter of")[0]
+        assert paragraph
+        stated = re.findall(rf"({number})(?= (?:miles|minutes|%|m\b|times as great by))", paragraph.partition("**")[2])
+        assert {text.rstrip(",") for text in stated} <= computed | {"28", "84", "0.1", "30"}, opening
+    frame = pd.read_csv(tmp_path / "reduction.csv").set_index("flight time [min]")
+    for line in chapter.splitlines():
+        if re.match(r"\| \d", line):
+            minutes, *ratios = (float(cell) for cell in line.strip("|").split("|"))
+            row = frame.iloc[int(np.abs(frame.index - minutes).argmin())]
+            for ratio, computed_ratio in zip(ratios, row, strict=False):
+                assert computed_ratio == pytest.approx(ratio, abs=0.5 if ratio >= 10.0 else 0.15)
 
 
 def test_the_documentation_counts_right(numbers: tuple[Number, ...]) -> None:

@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 
 from mcnav.report.figures.figure import Figure
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series
+from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, numbered
 from mcnav.report.figures.palette import FLOWN, INK, LINEAR, MUTED
 from mcnav.report.format import number
+from mcnav.validation.reproduce.story_of_84_minutes.reduction import CLAIMED
 
 TITLES: Final = {
     "tilt": "Platform tilt of 0.01 deg",
@@ -36,6 +37,9 @@ TIME: Final = Axis("time", "min", margin=0.02, link="time")
 
 EVERY: Final = 4
 """Rows from one dot to the next."""
+
+EVERY_POINT: Final = 10
+"""Rows of the reductions from one point of a line to the next."""
 
 
 def error(name: str, curves: pd.DataFrame) -> Figure:
@@ -153,4 +157,49 @@ def hover(growth: pd.DataFrame, departure: pd.DataFrame) -> tuple[Figure, Figure
             columns=dict(departure.items()),
             file="hover_departure.csv",
         ),
+    )
+
+
+def reduction(frame: pd.DataFrame) -> Figure:
+    """Draw the reduction by the pendulum against flight time, by error source and together."""
+    names = [column.removesuffix(" [1]") for column in frame.columns[1:]]
+    single = [numbered(place, name) for place, name in enumerate(names) if not name.startswith("all")]
+    together = [
+        Series(name.replace(", ", "-").replace(" ", "-"), name, INK, kind)
+        for name, kind in zip((name for name in names if name.startswith("all")), ("line", "dotted"), strict=True)
+    ]
+    at = frame["flight time [min]"][::EVERY_POINT]
+    lines: list[Mark] = [
+        Line(series, at, frame[f"{series.label} [1]"][::EVERY_POINT]) for series in (*single, *together)
+    ]
+    claimed = Rule(CLAIMED, level=True, kind="dotted", name="claimed: 100")
+    reduced = Axis("flat over spherical", log=True, low=0.9, high=200.0)
+    return Figure(
+        name="reduction",
+        title="Reduction by the pendulum",
+        description="Flat-earth error over the error on a spherical earth against flight time, by error source.",
+        panels=[Panel("Flat over spherical", Axis("flight time", "min", margin=0.02), reduced, [*lines, claimed])],
+        key=(*single, *together),
+        columns=dict(frame.items()),
+        caption="The dotted line is the claimed factor of 100. Tilt and accelerometer are nearly the same curve.",
+        file="reduction.csv",
+    )
+
+
+def detuned(frame: pd.DataFrame) -> Figure:
+    """Draw the error of the cruising missile over time by gear ratio."""
+    lines = [
+        (numbered(place, column.removesuffix(" [mi]")), frame[column].abs())
+        for place, column in enumerate(frame.columns[1:])
+    ]
+    marks: list[Mark] = [Line(series, frame["time [min]"][1:], error[1:]) for series, error in lines]
+    return Figure(
+        name="detuned",
+        title="A wrong gear ratio",
+        description="Size of the distance error of the cruising missile over time, by the error of the gear ratio.",
+        panels=[Panel("Cruising missile", TIME, Axis("|distance error|", "miles", log=True, low=1e-3), marks)],
+        key=tuple(series for series, _ in lines),
+        columns=dict(frame.items()),
+        caption="Simulated with an accelerometer error of 10⁻⁴ g. A tuned loop returns to zero every period.",
+        file="detuned.csv",
     )

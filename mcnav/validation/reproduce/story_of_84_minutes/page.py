@@ -8,6 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
+import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
@@ -21,6 +22,7 @@ from mcnav.report.document import (
     MarkKey,
     Note,
     Page,
+    Part,
     Section,
     Sentence,
     Table,
@@ -28,9 +30,20 @@ from mcnav.report.document import (
 )
 from mcnav.report.format import number
 from mcnav.report.html import page_html
+from mcnav.validation.reproduce.findings import Finding, finding_table
 from mcnav.validation.reproduce.story_of_84_minutes import curves as story_curves
 from mcnav.validation.reproduce.story_of_84_minutes import figures as drawn
+from mcnav.validation.reproduce.story_of_84_minutes.altimeter import HEIGHTS, altimeters
+from mcnav.validation.reproduce.story_of_84_minutes.claims import claims
+from mcnav.validation.reproduce.story_of_84_minutes.detuned import detuned_curves, detuning
 from mcnav.validation.reproduce.story_of_84_minutes.numbers import Number, Standing, all_numbers
+from mcnav.validation.reproduce.story_of_84_minutes.reduction import (
+    MINUTES,
+    Printed,
+    at_minutes,
+    printed_reductions,
+    reduction_curves,
+)
 
 TITLE: Final = "The Story of 84 Minutes"
 
@@ -71,6 +84,27 @@ CRUISING: Final = Markup(
     "smaller by this amount, so that its period is longer by half of it."
 )
 """Notes on the numbers."""
+
+REDUCED: Final = (
+    "Flat-earth error at the end of the flight over the largest error so far on a spherical earth, by error source. "
+    "All together are the root sum of squares of the errors along the track. Times are those of a boost, of ten "
+    "minutes, and of quarters of the period up to two periods."
+)
+
+SUMMARIZED: Final = "The document's own summary at 169 min: ratios of its printed numbers, and the correct ones."
+
+DETUNED: Final = (
+    "Largest error at rest and error of the cruising missile at the end, with the accelerometer error of 1e-4 g, where "
+    "the platform is cranked by a wrong gear ratio. Simulated, and by the closed form."
+)
+
+ALTIMETERS: Final = (
+    "The altimeter's largest sigma with which one sigma of height stays below a limit, once the filter is settled, by "
+    "the interval of its readings; and from the start, while a Kalman filter learns an accelerometer bias of 1e-4 g. "
+    "Beside it, what an altimeter of 100 m leaves. Not simulated: closed form and covariance recursion. "
+    "Campaign 38_hover_with_an_altimeter simulates one reading a minute."
+)
+"""Captions of tables."""
 
 
 def _text(value: float | None, each: Number) -> str:
@@ -127,7 +161,67 @@ def _number_table(numbers: Sequence[Number]) -> Table[Number]:
     return Table(caption, columns, numbers, style="marked")
 
 
-def _page(numbers: Sequence[Number], tables: Mapping[str, pd.DataFrame]) -> Page:
+def _reduction_tables(frame: pd.DataFrame) -> list[Part]:
+    """Tabulate the reductions by flight time, and what the summary's printed numbers would make of them."""
+    rows = [at_minutes(frame, minutes) for minutes in MINUTES]
+    columns = [
+        Column("Flight time", lambda row: f"{row.iloc[0]:.0f}", unit="min", kind="label"),
+        *(_three_digits(name, name.removesuffix(" [1]")) for name in frame.columns[1:]),
+    ]
+    by_source: list[Column[Printed]] = [
+        Column("Error source", lambda row: row.source, kind="label"),
+        Column("Flat, printed", lambda row: f"{row.flat:,.0f}", unit="ft"),
+        Column("Spherical, printed", lambda row: f"{row.spherical:,.0f}", unit="ft"),
+        Column("Ratio, printed", lambda row: f"{row.ratio:.3g}"),
+        Column("Ratio, correct", _correct_ratio),
+        Column("Misprint", lambda row: row.misprinted, kind="words"),
+    ]
+    return [
+        Table(REDUCED, columns, rows),
+        drawn.reduction(frame),
+        Table(SUMMARIZED, by_source, printed_reductions(), style="marked"),
+    ]
+
+
+def _correct_ratio(row: Printed) -> Cell:
+    return Cell(f"{row.right:.3g}", mark="inconsistent" if row.misprinted else "digits")
+
+
+def _three_digits(name: str, heading: str, unit: str = "") -> Column[pd.Series]:
+    """Show a column of a data frame; a missing number is said to be none."""
+
+    def content(row: pd.Series) -> str:
+        return number(float(row[name]), 3) if np.isfinite(row[name]) else "none"
+
+    return Column(heading, content, unit=unit)
+
+
+def _detuning_table(frame: pd.DataFrame) -> Table[pd.Series]:
+    """Tabulate what wrong gear ratios do."""
+    columns = [
+        Column("Gear ratio wrong by", lambda row: f"{row.iloc[0]:g}", unit="%", kind="label"),
+        *(_three_digits(name, name.partition(" [")[0], name.partition(" [")[2][:-1]) for name in frame.columns[1:]),
+    ]
+    return Table(DETUNED, columns, [row for _, row in frame.iterrows()])
+
+
+def _altimeter_table(frame: pd.DataFrame) -> Table[pd.Series]:
+    """Tabulate how poor an altimeter suffices."""
+    names = {
+        **{f"altimeter to hold {height:g} m, settled [m]": f"Sigma to hold {height:,.0f} m" for height in HEIGHTS},
+        "altimeter to hold 100 m, from the start [m]": "Sigma to hold 100 m from the start",
+        "100 m altimeter, largest [m]": "Sigma of 100 m: largest error",
+        "100 m altimeter, before the last reading [m]": "Error before a reading",
+        "100 m altimeter, after the last reading [m]": "Error after it",
+    }
+    columns = [
+        Column("A reading every", lambda row: f"{row.iloc[0]:g}", unit="s", kind="label"),
+        *(_three_digits(name, heading, "m") for name, heading in names.items()),
+    ]
+    return Table(ALTIMETERS, columns, [row for _, row in frame.iterrows()])
+
+
+def _page(numbers: Sequence[Number], tables: Mapping[str, pd.DataFrame], said: Sequence[Finding]) -> Page:
     """Return the page; tables by the names of their files."""
     counted = Counter(each.standing for each in numbers)
     counts = [(PHRASES[standing], counted[standing]) for standing in Standing if counted[standing]]
@@ -139,12 +233,17 @@ def _page(numbers: Sequence[Number], tables: Mapping[str, pd.DataFrame]) -> Page
     correction = Note(CRUISING.format(f"{100.0 * periods['V^2 / g r'][1]:.2f}"))
     files = Markup("{}.").format(Markup(", ").join(CODE(name) for name in tables))
     sections = [
+        Section("claims", "Claims of the document", [finding_table(said, "Claim")]),
+        Section("reduction", "Is it 1/100?", _reduction_tables(tables["reduction.csv"])),
+        Section("detuned", "A wrong gear ratio",
+                [_detuning_table(tables["detuning.csv"]), drawn.detuned(tables["detuned.csv"])]),
         Section("misprints", "Misprints", [_misprint_table(numbers), Note(tilt)]),
         Section("numbers", "All numbers", [key, _number_table(numbers), correction]),
         Section("problems", "Problems 1 to 3", [part for each in errors for part in (Heading(each.title), each)]),
         Section("period", "Period", [Beside([drawn.periods(periods), drawn.climb(climb)])]),
         Section("hover", "Problem 4: hovering",
                 [Beside(drawn.hover(tables["hover.csv"], tables["hover_departure.csv"]))]),
+        Section("altimeter", "Problem 4: hovering with an altimeter", [_altimeter_table(tables["altimeter.csv"])]),
         Section("tables", "Tables", [Sentence(files)]),
     ]  # fmt: skip
     intro = Markup("{} printed numbers: {}").format(len(numbers), counts_in_words(counts))
@@ -161,6 +260,12 @@ def write(folder: Path) -> list[Path]:
         "climb.csv": story_curves.climb(),
         "hover.csv": story_curves.hover_growth(),
         "hover_departure.csv": story_curves.hover_departure(),
+        "reduction.csv": reduction_curves(),
+        "detuning.csv": detuning(),
+        "detuned.csv": detuned_curves(),
+        "altimeter.csv": altimeters(),
     }
-    page = page_html(_page(numbers, tables))
+    said = claims(tables)
+    tables["findings.csv"] = pd.DataFrame([vars(finding) for finding in said])
+    page = page_html(_page(numbers, tables, said))
     return write_texts(folder, {"story.html": page} | {name: each.to_csv(index=False) for name, each in tables.items()})

@@ -279,7 +279,7 @@ def figure_12() -> pd.DataFrame:
 
 
 def switching() -> pd.DataFrame:
-    """Compute trajectory 4 with accelerometers off above an altitude: dispersion, drag missed, and both together."""
+    """Compute trajectory 4 with accelerometers off above an altitude: sigma, mean (drag missed), root mean square."""
     row, rows = TABLE_I[EXAMPLE], []
     first_point = start_state(EXAMPLE)
     for altitude in SWITCHING_ALTITUDES:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from mcnav.validation.reproduce.tn_d1772.claims import Finding
+from mcnav.validation.reproduce.findings import Finding
 from mcnav.validation.reproduce.tn_d1772.in_the_closed_loop import (
     GUIDED,
     SHARES,

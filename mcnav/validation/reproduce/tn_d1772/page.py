@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import groupby
+from itertools import groupby, product
 from pathlib import Path
 from typing import Final
 
@@ -19,9 +19,10 @@ from mcnav.report.document import Column, MarkKey, Note, Page, Section, Sentence
 from mcnav.report.figures.figure import Figure
 from mcnav.report.format import number
 from mcnav.report.html import page_html
+from mcnav.validation.reproduce.findings import Finding, finding_table
 from mcnav.validation.reproduce.tn_d1772 import curves as computed
 from mcnav.validation.reproduce.tn_d1772 import figures as drawn
-from mcnav.validation.reproduce.tn_d1772.claims import Finding, claims, settled
+from mcnav.validation.reproduce.tn_d1772.claims import claims, settled
 from mcnav.validation.reproduce.tn_d1772.globe import RESULTS
 from mcnav.validation.reproduce.tn_d1772.in_the_closed_loop import (
     FED,
@@ -32,8 +33,20 @@ from mcnav.validation.reproduce.tn_d1772.in_the_closed_loop import (
 from mcnav.validation.reproduce.tn_d1772.in_the_closed_loop import RESULTS as LOOP_RESULTS
 from mcnav.validation.reproduce.tn_d1772.in_three_dimensions import Comparison, comparisons, figure_14
 from mcnav.validation.reproduce.tn_d1772.loop_claims import loop_claims
+from mcnav.validation.reproduce.tn_d1772.printed import CORRECTIONS, Correction
+from mcnav.validation.reproduce.tn_d1772.relationship_claims import relationship_claims
 from mcnav.validation.reproduce.tn_d1772.spatial_claims import spatial_claims
-from mcnav.validation.reproduce.tn_d1772.tables import Cell, Mark, all_cells
+from mcnav.validation.reproduce.tn_d1772.starting import (
+    COORDINATES,
+    MEASURES,
+    Advice,
+    advice,
+    figure_16,
+    sentence,
+    start_times,
+    time_in_words,
+)
+from mcnav.validation.reproduce.tn_d1772.tables import Cell, Mark, all_cells, tolerance_in_words
 
 TITLE: Final = "NASA TN D-1772, recomputed"
 PAGE: Final = "tn_d1772.html"
@@ -41,6 +54,7 @@ PAGE: Final = "tn_d1772.html"
 PHRASES: Final = {
     Mark.DIGITS: "agree to the printed digits",
     Mark.TOLERANCE: "lie within the tolerance",
+    Mark.SMALL: "are no larger than the tolerance, so that zero would pass as well",
     Mark.INCONSISTENT: "are contradicted by the report itself",
     Mark.DIFFERS: "differ",
 }
@@ -54,9 +68,6 @@ CAPTIONS: Final = {
     "the axes do, by 89 degrees, and not because partial derivatives were inaccurate, as the report has it.",
     "VI": "Accelerometer outputs taken as zero above 121.92 km.",
 }
-
-TONES: Final = {"holds": "agrees", "in part": "undecided", "does not hold": "differs"}
-"""Tones of verdicts on claims."""
 
 REPORT: Final = Markup(
     "<em>Study of Inertial Navigation Errors During Reentry to the Earth's Atmosphere</em>, Q. M. Hansen, J. S. White "
@@ -75,6 +86,15 @@ LOOPED: Final = (
     "with an interval of 99.9 % confidence. The departure is that of the samples' root mean square from that of their "
     "linear outcomes, which have the same errors; the correlation is with the final altitude-rate error."
 )
+
+STARTED: Final = (
+    "The report looks for the best start on trajectory 4 alone, by the sum of absolute final altitude errors. Here are "
+    "all seven trajectories with its ten errors, starts up to reentry, two measures and two sets of coordinates."
+)
+
+BEST: Final = "Best start up to reentry, and the altitude error there, by measure and coordinates."
+
+CORRECTED: Final = "Numbers that are not used as the scan has them. All others are used as printed."
 
 ATMOSPHERE: Final = (
     "The atmosphere is only cited (“reference 4”): it is the ARDC Model Atmosphere of 1959, which reproduces the "
@@ -102,6 +122,7 @@ FIGURES: Final[Mapping[str, tuple[Callable[[], pd.DataFrame], Callable[[pd.DataF
     "13": (computed.switching, drawn.figure_13),
     "14": (figure_14, drawn.figure_14),
     "15": (figure_15, drawn.figure_15),
+    "16": (start_times, figure_16),
 }
 """Data and drawing of each figure."""
 
@@ -135,23 +156,28 @@ def _between_engines(cells: Sequence[Cell]) -> str:
 def render(
     title: str, cells: Sequence[Cell], figures: Mapping[str, Figure], said: Sequence[Finding],
     decided: Sequence[Finding], spatial: Sequence[Finding], compared: Sequence[Comparison], looped: Sequence[Finding],
-    loops: Sequence[LoopComparison],
+    loops: Sequence[LoopComparison], started: Sequence[Advice],
 ) -> str:  # fmt: skip
-    """Render the page; figures by number; findings and numbers in three dimensions and in the closed loop last."""
+    """Render the page; figures by number; chapters beyond the report and the best starts last."""
     counted = Counter(cell.mark for cell in cells)
     counts = counts_in_words([(PHRASES[mark], counted[mark]) for mark in Mark if counted[mark]])
-    intro = Sentence(REPORT.format(f"{len(cells):,}", counts))
+    reversed_signs = Markup(" ").join(filter(None, (counts, _wrong_signs(cells))))
+    intro = Sentence(REPORT.format(f"{len(cells):,}", reversed_signs))
     sections = [
-        Section("claims", "Claims of the report", [_finding_table(said, "Claim")]),
+        Section("claims", "Claims of the report", [finding_table(said, "Claim")]),
+        Section("start", "When to start", _start_parts(started, figures["16"])),
         Section("three-dimensions", "In three dimensions",
-                [_finding_table(spatial, "Claim"), _comparison_table(compared)]),
-        Section("closed-loop", "In the closed loop", [_finding_table(looped, "Claim"), _loop_table(loops)]),
+                [finding_table(spatial, "Claim"), _comparison_table(compared)]),
+        Section("closed-loop", "In the closed loop", [finding_table(looped, "Claim"), _loop_table(loops)]),
         Section("settled", "Open questions settled for the reproduction",
-                [_finding_table(decided, "Statement in the report"), Note(ATMOSPHERE)]),
+                [finding_table(decided, "Statement in the report"), Note(ATMOSPHERE)]),
     ]  # fmt: skip
     if notable := [cell for cell in cells if cell.mark in (Mark.INCONSISTENT, Mark.DIFFERS)]:
         sections.append(Section("numbers", "Numbers that do not agree", [_notable_table(notable)]))
+    sections.append(Section("corrections", "Corrections of the transcription", [_correction_table()]))
     for name, figure in figures.items():
+        if name == "16":
+            continue  # it stands in "When to start"
         sections.append(Section(f"figure-{name}", f"Figure {name}: {figure.title}", [figure]))
     for place, (name, members) in enumerate(groupby(cells, key=lambda cell: cell.table)):
         key = MarkKey([(mark.name.lower(), phrase) for mark, phrase in PHRASES.items()])
@@ -160,14 +186,36 @@ def render(
     return page_html(Page(title, "Printed and recomputed numbers", title, [intro], sections))
 
 
-def _finding_table(findings: Sequence[Finding], heading: str) -> Table[Finding]:
-    """Tabulate what is said, what was found, and the verdict."""
-    columns: list[Column[Finding]] = [
-        Column(heading, lambda each: each.said, kind="words"),
-        Column("Finding", lambda each: each.found, kind="words"),
-        Column("Verdict", lambda each: shown.Cell(each.verdict, tone=TONES.get(each.verdict, "")), kind="label"),
+def _wrong_signs(cells: Sequence[Cell]) -> str:
+    """Say how many of the smallest numbers have the wrong sign."""
+    reversed_signs = sum(cell.wrong_sign for cell in cells if cell.mark == Mark.SMALL)
+    return f"Of the smallest numbers {reversed_signs} have the opposite sign." if reversed_signs else ""
+
+
+def _start_parts(started: Sequence[Advice], figure: Figure) -> list[shown.Part]:
+    """Say for each trajectory when to start, with a table and a figure."""
+    rows = [list(group) for _, group in groupby(started, key=lambda row: row.number)]
+    columns: list[Column[list[Advice]]] = [Column("Trajectory", lambda row: str(row[0].number), kind="label")]
+    for place, (coordinates, measure) in enumerate(product(COORDINATES, MEASURES)):
+
+        def content(row: list[Advice], place: int = place) -> shown.Cell:
+            return shown.Cell(time_in_words(row[place].best), below=f"{row[place].least:.1f} km")
+
+        columns.append(Column(f"{measure}, {coordinates}", content, kind="text"))
+    return [Note(STARTED), *(Sentence(sentence(row)) for row in rows), Table(BEST, columns, rows), figure]
+
+
+def _correction_table() -> Table[Correction]:
+    """List the numbers that the transcription changes."""
+    columns: list[Column[Correction]] = [
+        Column("Table", lambda each: each.table, kind="label"),
+        Column("Row", lambda each: each.row, kind="label"),
+        Column("Column", lambda each: each.column, kind="label"),
+        Column("Scan", lambda each: each.scanned.replace("-", "−")),
+        Column("Used", lambda each: each.used.replace("-", "−")),
+        Column("Reason", lambda each: each.reason, kind="words"),
     ]
-    return Table("", columns, findings, style="findings")
+    return Table(CORRECTED, columns, CORRECTIONS)
 
 
 def _comparison_table(compared: Sequence[Comparison]) -> Table[Comparison]:
@@ -240,7 +288,7 @@ def _cell_table(name: str, cells: Sequence[Cell]) -> Table[tuple[str, Sequence[C
     columns: list[Column[tuple[str, Sequence[Cell]]]] = [
         Column("Row", lambda row: row[0], kind="label"), *map(number_in, range(len(rows[0][1]))),
     ]  # fmt: skip
-    caption = f"{CAPTIONS.get(name, '')} {_between_engines(cells)}".strip()
+    caption = " ".join(filter(None, (CAPTIONS.get(name), tolerance_in_words(name), _between_engines(cells))))
     return Table(f"Table {name}, printed and computed. {caption}", columns, rows, style="marked")
 
 
@@ -290,19 +338,19 @@ def write_reproduction(path: Path) -> tuple[list[Cell], list[Path]]:
     """Recompute the whole report; return every number of Tables I to VI, and the files written.
 
     They are the page, ``tables.csv``, ``findings.csv``, ``three_dimensions.csv``, ``closed_loop.csv``, the tables of
-    their chapters, ``three_dimensions.md`` and ``closed_loop.md``, and ``figure_01.csv`` to ``figure_15.csv``.
+    their chapters, ``three_dimensions.md`` and ``closed_loop.md``, and ``figure_01.csv`` to ``figure_16.csv``.
     """
     cells = all_cells()
     data = {name: tabulate() for name, (tabulate, _) in FIGURES.items()}
     figures = {name: draw(data[name]) for name, (_, draw) in FIGURES.items()}
-    said, decided, compared = claims(data), settled(), comparisons()
+    said, decided, compared = [*claims(data), *relationship_claims()], settled(), comparisons()
     spatial, loops = spatial_claims(compared, data["14"]), loop_comparisons()
     looped = loop_claims(loops, data["15"])
     kinds = (("claim", said), ("decision", decided), ("three dimensions", spatial), ("closed loop", looped))
     reproduction = [(kind, finding) for kind, findings in kinds for finding in findings]
     findings = pd.DataFrame([{"kind": kind} | vars(finding) for kind, finding in reproduction])
     files = {
-        PAGE: render(TITLE, cells, figures, said, decided, spatial, compared, looped, loops),
+        PAGE: render(TITLE, cells, figures, said, decided, spatial, compared, looped, loops, advice(data["16"])),
         "three_dimensions.csv": pd.DataFrame(compared).to_csv(index=False),
         "three_dimensions.md": chapter(compared),
         "closed_loop.csv": pd.DataFrame(loops).to_csv(index=False),

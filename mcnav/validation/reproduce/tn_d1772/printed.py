@@ -7,6 +7,8 @@ from functools import lru_cache
 from importlib.resources import files
 from typing import Final
 
+from mcnav._dataclasses import dataclass
+
 COLUMNS: Final = ("h_ef_km", "range_ef_km", "hdot_ef_m_s", "range_rate_ef_m_s")
 NAMES: Final = ("altitude", "range", "altitude rate", "range rate")
 UNITS: Final = ("km", "km", "m/s", "m/s")
@@ -14,6 +16,26 @@ TO_PRINTED: Final = (1e-3, 1e-3, 1.0, 1.0)
 """From SI units to those of the tables."""
 
 SUMS: Final = ("algebraic", "ic", "equipment", "all")
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A printed number that the transcription changes, and why."""
+
+    table: str
+    row: str
+    column: str
+    scanned: str
+    used: str
+    reason: str
+
+
+CORRECTIONS: Final = (
+    Correction("II(b)", "3: altitude rate", "altitude", "-0.46", "0.46",
+               "only with this sign do the ten runs sum to the printed 10.58, and near run 11 (10.56)"),
+    Correction("II(b)", "3: altitude rate", "range", "2.91", "-2.91",
+               "only with this sign do the ten runs sum to the printed −23.40, and near run 11 (−23.39)"),
+)  # fmt: skip
 
 
 def _rows(name: str) -> list[dict[str, str]]:

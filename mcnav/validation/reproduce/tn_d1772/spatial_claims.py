@@ -9,7 +9,7 @@ import pandas as pd
 from scipy import special
 
 from mcnav.systems.reentry.table_i import TABLE_I
-from mcnav.validation.reproduce.tn_d1772.claims import Finding
+from mcnav.validation.reproduce.findings import Finding
 from mcnav.validation.reproduce.tn_d1772.in_three_dimensions import (
     CONFIDENCE,
     EXAMPLE,
