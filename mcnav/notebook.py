@@ -6,7 +6,7 @@ matrix, as ``{"index": {key: unit}, "columns": {key: unit}}``.
 
 >>> import mcnav
 >>> run = mcnav.run("campaigns/01_tn_d1772_trajectory_4.toml", "reports/first", samples=1000)  # doctest: +SKIP
->>> run.outputs[["sigma linear", "paired ratio", "verdict"]]                                   # doctest: +SKIP
+>>> run.outputs[["sigma_linear", "ratio_paired", "verdict"]]                                   # doctest: +SKIP
 >>> run.figure("scatter").axes[0].set_title("altitude and range")                              # doctest: +SKIP
 """
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -53,12 +53,6 @@ from mcnav.workflow.what_if import what_if_of_run
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure as MplFigure
-
-NAMES: Final = {
-    "ratio_paired": "paired ratio", "ratio_paired_from": "from", "ratio_paired_to": "to",
-    "ratio_plain": "plain ratio", "ratio_plain_from": "plain from", "ratio_plain_to": "plain to",
-}  # fmt: skip
-"""Columns of `FlownRun.outputs` that have other names than in data."""
 
 
 class FlownRun:
@@ -106,11 +100,11 @@ class FlownRun:
     def outputs(self) -> pd.DataFrame:
         """Linear beside Monte Carlo, a row an output; sigmas and bias in the unit of the column ``unit``.
 
-        ``from`` and ``to`` bound the paired ratio. The columns are those of `mcnav.report.output_columns` that reports
-        show.
+        ``ratio_paired_from`` and ``ratio_paired_to`` bound the paired ratio. The columns, and their names, are those of
+        `mcnav.report.output_columns` that reports and data files have.
         """
         compared = bool(self.content.summary.verdicts)  # not when too few samples succeeded
-        table = outputs_frame(self.content.summary).rename(columns=lambda name: NAMES.get(name, name.replace("_", " ")))
+        table = outputs_frame(self.content.summary)
         return table if compared else table.iloc[:0]
 
     @cached_property

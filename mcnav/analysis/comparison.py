@@ -296,7 +296,7 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
     rule = DecisionRule(count, criterion.tolerance, each, design.fewest_blocks)
     rules = [replace(rule, fewest_blocks=np.inf) if i in model.withheld else rule for i in range(len(linear))]
     if len(model.withheld) == len(linear):
-        rule = rules[0]
+        rule, design = rules[0], replace(design, fewest_blocks=np.inf)
     ellipsoid, joint = None, None
     of_sizes = model.laws_of_sizes
     with side_threads(2 if count > STRETCH else 0) as executor:

@@ -67,7 +67,7 @@ def write_data(text: str, form: Format) -> None:
 def escaped(text: str) -> str:
     r"""Escape the characters of a JSON text that are not in ASCII.
 
-    >>> escaped('{"unit": "°"}')
-    '{"unit": "\u00b0"}'
+    >>> print(escaped('{"unit": "°"}'))
+    {"unit": "\u00b0"}
     """
     return re.sub(r"[^\x00-\x7f]", lambda sign: json.dumps(sign[0])[1:-1], text)

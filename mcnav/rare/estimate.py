@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array
@@ -239,7 +239,7 @@ class _Routes:
         value, low, high = laid.value + left[0], max(laid.low, left[1]), laid.high + left[2] + above
         if levels is None:
             return stated(value, low, high)
-        reach = float(stats.t.ppf(0.5 + 0.5 * AGREE, len(levels.estimates) - 1)) * scatter
+        reach = float(special.stdtrit(len(levels.estimates) - 1, 0.5 + 0.5 * AGREE)) * scatter
         difference = math.log(levels.value / value)
         of_levels = levels.interval(confidence)
         if difference > reach:

@@ -22,7 +22,7 @@ import math
 from typing import Final
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
@@ -82,7 +82,7 @@ class Levels:
 
     def interval(self, confidence: float) -> tuple[float, float]:
         """Return Student's interval of the logarithms of the estimates, about their mean."""
-        reach = float(stats.t.ppf(0.5 + 0.5 * confidence, len(self.estimates) - 1)) * self.scatter
+        reach = float(special.stdtrit(len(self.estimates) - 1, 0.5 + 0.5 * confidence)) * self.scatter
         return (self.value * math.exp(-reach), self.value * math.exp(min(reach, 700.0))) if reach < math.inf else (
             0.0, 1.0)  # fmt: skip
 

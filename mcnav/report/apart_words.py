@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from mcnav.analysis.summary import Summary
 from mcnav.report.format import number
 from mcnav.report.joint_words import joined
 from mcnav.report.names import humanize, shown_units
+
+if TYPE_CHECKING:
+    from mcnav.analysis.summary import Summary
 
 DIGITS: Final = 2
 """Significant digits of a floor."""

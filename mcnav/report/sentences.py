@@ -15,7 +15,6 @@ from mcnav.report.format import percent
 from mcnav.report.mean_words import large_means_of, mean_sentence
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.vector_sizes import size_sentences
-from mcnav.sampler.designs import fewest_samples
 from mcnav.statistics.power import sensible_step
 
 if TYPE_CHECKING:
@@ -312,6 +311,8 @@ def _why_undecided(summary: Summary, names: Sequence[str]) -> str:
 
 def too_few(summary: Summary) -> str:
     """Say how many samples a verdict takes; of a run whose samples failed in part, so many more."""
+    from mcnav.sampler.designs import fewest_samples  # with scipy.special, which a run that is shown does not need
+
     succeeded = summary.samples - summary.failed
     if succeeded >= fewest_samples(summary.design):
         return "There is no interval for a verdict."

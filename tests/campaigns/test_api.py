@@ -122,7 +122,7 @@ def test_covariance_in_either_units(run: FlownRun) -> None:
     si, shown = run.covariance("paired"), run.covariance("paired", units="shown")
     assert si.attrs["units"]["index"] == dict(zip(OUTPUTS, ["m", "m", "m/s", "m/s"], strict=True))
     assert shown.attrs["units"]["columns"] == dict(run.outputs["unit"])
-    np.testing.assert_allclose(np.sqrt(np.diag(shown)), run.outputs["sigma paired"], rtol=1e-12)
+    np.testing.assert_allclose(np.sqrt(np.diag(shown)), run.outputs["sigma_paired"], rtol=1e-12)
     np.testing.assert_allclose(np.sqrt(np.diag(si)), run.summary["sigma_paired"], rtol=1e-12)
     with pytest.raises(ValueError, match="units must be one of SI, shown; got 'km'"):
         run.covariance(units="km")

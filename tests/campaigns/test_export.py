@@ -80,7 +80,7 @@ def test_the_last_epoch_is_the_end(plain: FlownRun, aided: FlownRun) -> None:
         last = run.epochs.loc[run.epochs.index.get_level_values(0)[-1]]
         assert list(last["unit"]) == list(run.outputs["unit"])
         for kind in ("linear", "plain"):
-            sigma = run.outputs[f"sigma {kind}"]
+            sigma = run.outputs[f"sigma_{kind}"]
             np.testing.assert_allclose(last[f"sigma_{kind}"], sigma, rtol=HISTORIES)
         assert (last["sigma_plain_from"] < last["sigma_plain"]).all()
         assert (last["sigma_plain"] < last["sigma_plain_to"]).all()

@@ -168,7 +168,7 @@ def test_distributions() -> None:
          "accept.quantile #1.below: got '-1 km'; expected a limit above zero"),
         ("accept", {"quantile": [{"output": "altitude", "probability": 0.9}]}, "accept.quantile #1.below: is missing"),
         ("accept", {"quantile": [{"output": "range", "probability": 0.9, "below": "1 km", "abov": 3}]},
-         "accept.quantile #1.abov: unknown key; expected one of output, probability, below"),
+         "accept.quantile #1.abov: unknown key; did you mean 'about'? It is one of output, probability, below"),
         ("accept", {"cep": [{"outputs": ["altitude"], "below": "1 km"}]},
          "accept.cep #1.outputs: got a list of length 1; expected at"),
         ("accept", {"cep": [{"outputs": ["altitude", "altitude"], "below": "1 km"}]},

@@ -32,6 +32,7 @@ class _Found:
         self.groups: dict[str, FilterRatio] = {}
         self.outputs: dict[str, FilterRatio] = {}
         self.filter, self.samples, self.failed = self, 100, 0
+        self.mean_error, self.units_shown = (), ()
 
 
 def _results(kind: str, verdicts: str) -> list[KindResult]:

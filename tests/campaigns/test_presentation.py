@@ -211,9 +211,9 @@ def test_paired_sigma_stands_with_the_paired_ratio(nine: Path) -> None:
         for kind in ("paired", "plain"):
             ratio = float(told[f"{kind} σ"]) / float(told["linear σ"])
             assert ratio == pytest.approx(float(told[f"{kind} ratio"]), abs=1e-4 * ratio + 5e-5)  # sigmas of 5 digits
-            assert found[f"sigma {kind}"] / found["sigma linear"] == pytest.approx(found[f"{kind} ratio"], rel=1e-12)
-        assert found["from"] <= found["paired ratio"] <= found["to"]
-    assert not np.allclose(outputs["sigma paired"][:-1], outputs["sigma plain"][:-1], rtol=1e-3)
+            assert found[f"sigma_{kind}"] / found["sigma_linear"] == pytest.approx(found[f"ratio_{kind}"], rel=1e-12)
+        assert found["ratio_paired_from"] <= found["ratio_paired"] <= found["ratio_paired_to"]
+    assert not np.allclose(outputs["sigma_paired"][:-1], outputs["sigma_plain"][:-1], rtol=1e-3)
     page = (nine / "run" / "report.html").read_text()
     assert re.findall(r'<th scope="col">((?:Linear|Paired|Plain|Monte Carlo) (?:σ|ratio))</th>', page) == [
         "Linear σ", "Paired σ", "Paired ratio", "Plain σ", "Plain ratio",

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
 import pandas as pd
 import pint
@@ -14,7 +15,10 @@ import pytest
 import mcnav as mc
 from mcnav.systems.user.captured import captured_code
 from tests.closed_loops import DoubleIntegrator
+from tests.notebooks import code_cells, execute
 from tests.processes import run_to_end
+
+ROOT = Path(__file__).parents[2]
 
 ERRORS = {"altitude": "5 km", "gyro_drift": "0.2 deg/h"}
 REENTRY = {"type": "reentry", "trajectory": 4}
@@ -179,3 +183,20 @@ def test_a_closed_loop_is_simulated_and_linearized() -> None:
     verdict = mc.compare(answer.covariance, out)
     assert verdict.verdict in ("agrees", "undecided")  # of 500 samples, some intervals are wider than the tolerance
     assert "ranging" in mc.compare(mc.propagate_covariance(partials, campaign_errors), out).sentence
+
+
+def test_the_notebook_runs_as_it_stands() -> None:
+    """Trajectory 4 in twenty lines with the verdict of campaign 01, and a function of the notebook, run and stored."""
+    matplotlib.use("Agg")
+    notebook = ROOT / "campaigns" / "trajectory_4.ipynb"
+    cells = code_cells(notebook)
+    assert sum(bool(line) for cell in cells[:4] for line in cell.splitlines()) <= 20
+    names = execute(notebook, cells[:4])
+    assert (names["verdict"].verdict, names["verdict"].joint) == ("partly", "differs")
+    assert names["verdict"].worst_ratio == pytest.approx(1.143, abs=5e-4)  # as campaign 01 prints it
+    assert execute(notebook, cells)["run"].outputs.loc["range", "verdict"] == "agrees"
+
+
+def test_a_former_name_warns() -> None:
+    with pytest.warns(DeprecationWarning, match=r"mcnav.fly is now mcnav.run"):
+        assert mc.fly is mc.run  # type: ignore[attr-defined]

@@ -29,7 +29,7 @@ ALL = ", ".join(source.name for source in SOURCES)
 
 CAMPAIGNS = {
     "no TOML": ("samples = = 3", "is not TOML"),
-    "no text": ("\x00", "is not TOML"),
+    "no text": ("\x00", "is not UTF-8 text, but seems to be UTF-16"),
     "an unknown source": (
         REENTRY + 'gyro_arw = "1 deg/h"\n',
         f"errors.gyro_arw: unknown error source; did you mean 'gyro_drift'? It is one of {ALL}",
