@@ -33,8 +33,8 @@ SIZE: Final = (17.0, 6.6)
 """Width and height of the picture, cm."""
 
 TEXT: Final = """\
-An hour of flight with GNSS. The filter estimates the biases of its instruments, and knows nothing of their
-misalignments and scale factors: `mcnav run {campaign}`
+An hour of flight with GNSS. The filter estimates the biases of its sensors, and leaves out their misalignments and scale
+factors: `mcnav run {campaign}`
 
 {table}
 
@@ -42,8 +42,8 @@ misalignments and scale factors: `mcnav run {campaign}`
 
 ![True sigma over the filter's own, over the hour: position up to fourfold, tilt more than tenfold]({picture})
 
-*True sigma over the one that the filter states: {samples:,} simulated samples with their intervals, and dashed
-linear covariance analysis, which knows it without a sample. One would be honest.*
+*True sigma ÷ filter sigma. A consistent filter stays at 1. Points: {samples:,} simulated samples with intervals;
+dashed: linear covariance analysis, no simulation.*
 """
 
 
@@ -81,8 +81,8 @@ def sentence(folder: Path, summary: Mapping[str, Any]) -> str:
     (sensor,) = found["sensors"].values()
     return (
         f"After {time:.0f} minutes the filter claims to know the {name.replace('_', ' ')} to {own:.3f} mrad (1σ). The "
-        f"truth is {true:.3f} mrad, {true / own:.0f} times as much; the largest error that it neglects is {cause}. Its "
-        f"innovations hardly show it: their mean NIS is {sensor['nis_mean']:.1f}, where {sensor['size']} is expected."
+        f"truth is {true:.3f} mrad, {true / own:.0f} times as much. The largest unmodelled error is {cause}. NIS "
+        f"hardly shows it: its mean is {sensor['nis_mean']:.1f}, where {sensor['size']} is expected."
     )
 
 

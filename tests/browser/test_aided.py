@@ -24,7 +24,7 @@ def test_the_answers_are_on_the_first_screen(browser: Browser, report: Path) -> 
 
     A verdict has its worst number in three digits, and leads to its section; the worst one is the window's title.
     """
-    asked = (ROOT / "mcnav" / "REPORT.md").read_text(encoding="utf-8").partition("## Fifteen questions")[2]
+    asked = (ROOT / "mcnav" / "docs" / "REPORT.md").read_text(encoding="utf-8").partition("## Fifteen questions")[2]
     asked = asked.partition("## ")[0]
     assert asked.count("? |") == 15
     with browser.opened(report, height=HEIGHT) as page:

@@ -18,15 +18,14 @@ FOLLOWED = [page for page in PAGES if page.startswith(("tutorial-", "howto-"))]
 LANGUAGES = {"console", "pycon", "toml", "python"}
 
 ELSEWHERE = {
-    "../README.md": {"toml", "python"},
-    "CAMPAIGNS.md": {"toml"},
-    "COMMANDS.md": {"toml"},
-    "GUIDE.md": {"sh", "toml"},
-    "NOTEBOOK.md": {"python"},
-    "SCALING.md": {"sh"},
-    "SCENARIOS.md": {"sh", "python"},
-    "THEORY.md": {"math"},
-    "TRAJECTORIES.md": {"toml"},
+    "docs/CAMPAIGNS.md": {"toml"},
+    "docs/COMMANDS.md": {"toml"},
+    "docs/GUIDE.md": {"sh", "toml"},
+    "docs/NOTEBOOK.md": {"python"},
+    "docs/SCALING.md": {"sh"},
+    "docs/SCENARIOS.md": {"sh", "python"},
+    "docs/THEORY.md": {"math"},
+    "docs/TRAJECTORIES.md": {"toml"},
 }
 """Languages of the blocks of other pages, which `test_documentation.py` executes or checks."""
 

@@ -55,7 +55,7 @@ def test_nothing_is_fetched_from_a_network(site: Path, pages: dict[str, str]) ->
 
 
 def test_equations_are_set(pages: dict[str, str]) -> None:
-    source = (ROOT / "mcnav" / "THEORY.md").read_text(encoding="utf-8")
+    source = (ROOT / "mcnav" / "docs" / "THEORY.md").read_text(encoding="utf-8")
     assert pages["theory.html"].count("<math ") == source.count("```math") > 10
     for name, text in pages.items():
         assert "highlight-math" not in text, name

@@ -219,7 +219,9 @@ def test_a_type_of_sensor_is_in_every_list(kind: SensorType, tmp_path: Path) -> 
     assert isinstance(scenario, Ins)
     (sensor,) = scenario.navigation.sensors
     assert {component.quantity for component in sensor.components} == set(kind.quantities.values())
-    assert f"| `{kind.name}` | `{next(iter(kind.quantities))}`" in (ROOT / "mcnav" / "CAMPAIGNS.md").read_text("utf-8")
+    assert f"| `{kind.name}` | `{next(iter(kind.quantities))}`" in (ROOT / "mcnav" / "docs" / "CAMPAIGNS.md").read_text(
+        "utf-8"
+    )
 
 
 def test_every_file_with_a_definition_is_listed() -> None:

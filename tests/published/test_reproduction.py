@@ -302,6 +302,6 @@ def test_the_documentation_counts_right(cells: list[Cell]) -> None:
         f"{agree} agree, {counted[Mark.SMALL]} more are no larger than the tolerance, {counted[Mark.INCONSISTENT]} are "
         f"contradicted by the report itself, {counted[Mark.DIFFERS]} differ"
     )
-    text = (ROOT / "mcnav" / "COMMANDS.md").read_text(encoding="utf-8")
+    text = (ROOT / "mcnav" / "docs" / "COMMANDS.md").read_text(encoding="utf-8")
     assert f"all {len(cells)} printed numbers" in text
     assert said in text

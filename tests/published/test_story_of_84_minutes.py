@@ -153,6 +153,6 @@ def test_the_chapter_has_the_numbers_of_the_findings(tmp_path: Path) -> None:
 def test_the_documentation_counts_right(numbers: tuple[Number, ...]) -> None:
     wrong = sum(each.standing is Standing.MISPRINT for each in numbers)
     said = f"the {len(numbers)} printed numbers and the plots of *The Story of 84 Minutes*"
-    text = (ROOT / "mcnav" / "COMMANDS.md").read_text(encoding="utf-8")
+    text = (ROOT / "mcnav" / "docs" / "COMMANDS.md").read_text(encoding="utf-8")
     assert said in text
     assert f"{len(numbers) - wrong} agree, {wrong} are misprinted or miscalculated" in text

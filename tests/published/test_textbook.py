@@ -98,7 +98,7 @@ def test_counts_and_causes_of_the_documentation(numbers: tuple[Number, ...]) -> 
         assert each.remark in text
     for source in SOURCES.values():
         assert source in text
-    commands = (ROOT / "mcnav" / "COMMANDS.md").read_text(encoding="utf-8")
+    commands = (ROOT / "mcnav" / "docs" / "COMMANDS.md").read_text(encoding="utf-8")
     assert f"{len(numbers)} published numbers" in commands
     assert f"{len(numbers) - differ} agree, {differ} differ" in commands
 

@@ -194,7 +194,7 @@ def test_the_page_and_the_documentation_tell_the_same(folder: Path) -> None:
     document = COMMITTED.read_text(encoding="utf-8")
     inside = 40 - document.count(" ≠ |")
     assert f"{inside} of the 40" in document
-    assert f"{inside} of the 40" in (ROOT / "mcnav" / "COMMANDS.md").read_text(encoding="utf-8")
+    assert f"{inside} of the 40" in (ROOT / "mcnav" / "docs" / "COMMANDS.md").read_text(encoding="utf-8")
     printed = [number for filters in PRINTED.values() for numbers in filters.values() for number in numbers]
     assert all(f"| {each} " in document for each in printed)
 

@@ -74,7 +74,7 @@ def test_a_symbol_is_where_the_notation_says() -> None:
     """Names in the second column occur in a file of the last one."""
     where: list[str] = []
     rows, wrong = 0, []
-    for line in (PACKAGE / "NOTATION.md").read_text(encoding="utf-8").splitlines():
+    for line in (PACKAGE / "docs" / "NOTATION.md").read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if not line.startswith("|") or len(cells) != 4 or cells[0] in {"symbol", "---"}:
             continue
@@ -118,15 +118,14 @@ def test_every_page_is_shown(page: Page, capsys: pytest.CaptureFixture[str]) -> 
 
 def test_every_page_has_a_name_and_is_in_the_lists_of_pages() -> None:
     assert {PACKAGE / file for file in PAGES.values()} == set(PACKAGE.rglob("*.md"))
-    guide = (PACKAGE / "GUIDE.md").read_text(encoding="utf-8")
+    guide = (PACKAGE / "docs" / "GUIDE.md").read_text(encoding="utf-8")
     assert all(f"`{page}`" in guide for page in PAGES if page != "guide")
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert all(f"({page.relative_to(ROOT)})" in readme for page in PACKAGE.rglob("*.md"))
+    assert "(mcnav/docs/GUIDE.md)" in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_readme_is_short() -> None:
-    """Two screens; everything else is in the pages that it lists."""
+    """A screen and a half; everything else is in the pages that the guide lists."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(readme.splitlines()) < 150
+    assert len(readme.splitlines()) <= 90
     picture = ROOT / re.findall(r"!\[.*?\]\((.*?)\)", readme)[0]
     assert picture.stat().st_size < 200_000
