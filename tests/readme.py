@@ -33,8 +33,8 @@ SIZE: Final = (17.0, 6.6)
 """Width and height of the picture, cm."""
 
 TEXT: Final = """\
-An hour of flight with GNSS. The filter estimates the biases of its sensors, and leaves out their misalignments and scale
-factors: `mcnav run {campaign}`
+An hour of flight with GNSS. The filter estimates the biases of its sensors, and leaves out their misalignments and
+scale factors: `mcnav run {campaign}`
 
 {table}
 

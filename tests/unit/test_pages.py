@@ -14,7 +14,7 @@ from tests.conftest import ROOT
 
 PACKAGE = ROOT / "mcnav"
 FILES = [ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md", *sorted(PACKAGE.rglob("*.md"))]
-EXACT = [*(PACKAGE / f"{page}.md" for page in ("ARCHITECTURE", "NOTATION", "THEORY")), FILES[1]]
+EXACT = [*(PACKAGE / "docs" / f"{page}.md" for page in ("ARCHITECTURE", "NOTATION", "THEORY")), FILES[1]]
 
 
 def named(page: Path) -> str:
