@@ -201,17 +201,20 @@ __all__ = [
 _SHORT = {"identify": "identify_noise", "judge": "judge_recording"}
 """Names of the commands, and the functions behind them."""
 
-_EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult", "fly": "run"}
-"""Former names, which work for one release with a warning."""
+_EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult"}
+"""Former names, which user-defined scenarios may still use."""
+
+_RENAMED = {"fly": "run"}
+"""Former names that work for one release with a warning."""
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name on first use, so that ``mcnav --help`` does not wait for numerical libraries."""
-    if name in _EARLIER:
+    if name in _RENAMED:
         from warnings import warn
 
-        warn(f"mcnav.{name} is now mcnav.{_EARLIER[name]}", DeprecationWarning, stacklevel=2)
-    name = _EARLIER.get(name, name)
+        warn(f"mcnav.{name} is now mcnav.{_RENAMED[name]}", DeprecationWarning, stacklevel=2)
+    name = (_EARLIER | _RENAMED).get(name, name)
     name = _SHORT.get(name, name)
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)

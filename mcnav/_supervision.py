@@ -31,7 +31,7 @@ and when code will be ended that does not listen to its time limit (`time.monoto
 ENDED_LATE: Final = 1
 """Exit status of a process that `faulthandler` ends."""
 
-PLACES: Final = 64
+PLACES: Final = 24
 """Threads whose places in the user's code are noted."""
 
 LAST_WORDS: Final = PLACES

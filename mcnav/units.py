@@ -328,7 +328,7 @@ def quantity(text: object, unit: str, shares: bool = False) -> float:
                 raise UnitError(f"got {text!r} without a unit; {expected}")
             plain.read = True
         try:
-            text = f"{float(text)!r} {unit if unit != '1' else ''}"
+            text = f"{float(text)!r} {unit}" if unit != "1" else repr(float(text))
         except OverflowError:
             raise UnitError(f"got a number beyond 1e308; {expected}") from None
     if not isinstance(text, str):

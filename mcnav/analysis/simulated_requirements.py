@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from scipy import special
 
 from mcnav._dataclasses import dataclass
 from mcnav.analysis.requirements import Finding
-from mcnav.analysis.summary import RequirementEntry, Summary
+
+if TYPE_CHECKING:
+    from mcnav.analysis.summary import RequirementEntry, Summary
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,7 @@ def measured_scale(entry: RequirementEntry) -> float:
 
     Examples
     --------
+    >>> from mcnav.analysis.summary import RequirementEntry
     >>> measured_scale(RequirementEntry(kind="quantile", outputs=["y"], limits=[10.0], probability=0.9, finding="met",
     ...     estimate=9.0, interval=(8.8, 9.2), linear=8.0, linear_meets=True, samples_needed=None, largest_sigmas=None))
     1.15

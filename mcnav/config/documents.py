@@ -91,7 +91,7 @@ def written(given: Mapping[str, Any]) -> Document:
         content["scenario"] = table
     if isinstance(content.get("accept"), list):
         content["accept"] = _joined(content["accept"])
-    plain = {key: _plain(value, key) for key, value in content.items() if value is not None}
+    plain = {key: _plain(value, key) for key, value in content.items()}
     return Document(load_mapping({"units": SI, **plain}, UNNAMED), code=code)
 
 
@@ -157,7 +157,7 @@ def _joined(requirements: Sequence[Any]) -> Content:
 def _plain(value: Any, key: str) -> Any:
     """Return a value as TOML has it; quantities of pint become text, and numbers of numpy numbers."""
     if isinstance(value, Mapping):
-        return {str(name): _plain(entry, f"{key}.{name}") for name, entry in value.items() if entry is not None}
+        return {str(name): _plain(entry, f"{key}.{name}") for name, entry in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(entry, f"{key} #{number}") for number, entry in enumerate(value, start=1)]
     if isinstance(value, ErrorSize):

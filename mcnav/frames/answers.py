@@ -104,8 +104,8 @@ def lincov(campaign: Description, at: str | Sequence[float] = ()) -> LinearResul
     --------
     >>> import mcnav as mc
     >>> answer = mc.lincov({"scenario": {"type": "reentry", "trajectory": 4}, "errors": {"altitude": 5e3}})
-    >>> answer.outputs.round(3).loc["altitude", ["unit", "sigma_linear"]].to_list()
-    ['km', 6.631]
+    >>> answer.outputs["sigma_linear"].round(3)["altitude"], answer.outputs["unit"]["altitude"]
+    (np.float64(6.631), 'km')
     """
     times: Any = read_times(at) if isinstance(at, str) else pd.Series(list(at), dtype=float).to_numpy()
     return LinearResult(linear_covariance(campaign, times if len(times) else None))

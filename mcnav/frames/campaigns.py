@@ -135,8 +135,8 @@ class Campaign:
         return f"Campaign {checked.name!r}: {checked.samples:,} samples of {type(checked.scenario).__name__}"
 
 
-def read_campaign(path: str | Path) -> Campaign:
-    """Read a campaign file.
+def read_campaign(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Campaign:
+    """Read a campaign file, with top-level entries in place of some of its own.
 
     Raises `CampaignError`, which lists every mistake.
 
@@ -144,4 +144,5 @@ def read_campaign(path: str | Path) -> Campaign:
     >>> mc.read_campaign("campaigns/11_cruise.toml").samples  # doctest: +SKIP
     20000
     """
-    return Campaign.of(document_of(path))
+    document = document_of(path)
+    return Campaign.of(replace(document, content={**document.content, **(overrides or {})}))

@@ -14,6 +14,7 @@ import pytest
 import tomli_w
 
 import mcnav
+from mcnav.config.read import read_campaign
 from mcnav.notebook import FlownRun
 from mcnav.store.run_folder import RunFolder
 
@@ -63,7 +64,7 @@ def test_a_campaign_refuses_what_it_cannot_change(tmp_path: Path) -> None:
     with pytest.raises(
         mcnav.CampaignError, match=r"store: cannot be replaced in a Campaign; only samples and seed can"
     ):
-        mcnav.run(mcnav.read_campaign(path), tmp_path / "run", store="summary")  # type: ignore[arg-type]
+        mcnav.run(read_campaign(path), tmp_path / "run", store="summary")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,8 @@ class _Found:
         self.groups: dict[str, FilterRatio] = {}
         self.outputs: dict[str, FilterRatio] = {}
         self.filter, self.samples, self.failed = self, 100, 0
-        self.mean_error, self.units_shown = (), ()
+        self.mean_error, self.units_shown, self.sigma_paired, self.sigma_linear, self.mean_linear = (), (), (), (), ()
+        self.beyond_range = None
 
 
 def _results(kind: str, verdicts: str) -> list[KindResult]:

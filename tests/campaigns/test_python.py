@@ -188,7 +188,7 @@ def test_a_closed_loop_is_simulated_and_linearized() -> None:
 def test_the_notebook_runs_as_it_stands() -> None:
     """Trajectory 4 in twenty lines with the verdict of campaign 01, and a function of the notebook, run and stored."""
     matplotlib.use("Agg")
-    notebook = ROOT / "campaigns" / "trajectory_4.ipynb"
+    notebook = ROOT / "mcnav" / "docs" / "tutorials" / "trajectory_4.ipynb"
     cells = code_cells(notebook)
     assert sum(bool(line) for cell in cells[:4] for line in cell.splitlines()) <= 20
     names = execute(notebook, cells[:4])

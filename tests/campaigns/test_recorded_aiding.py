@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav import linear_covariance, read_campaign, run_campaign, samples_of
-from mcnav.config.read import Campaign, parse_campaign
+from mcnav import linear_covariance, run_campaign, samples_of
+from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.errors import CampaignError
 from mcnav.systems.ins.scenario import Ins

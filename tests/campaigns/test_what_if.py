@@ -14,7 +14,7 @@ import pytest
 
 from mcnav.analysis.improvements import improvements, largest_share
 from mcnav.analysis.what_if import WhatIf
-from mcnav.config.overrides import document_of
+from mcnav.config.documents import document_of
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.studies.lincov import answer_linearly
 from mcnav.workflow.what_if import what_if_of_answer
@@ -132,14 +132,16 @@ def test_file_without_changes_states_no_further_beliefs() -> None:
 def test_sum_without_a_filter(number: str) -> None:
     """With correlated sources, distributions, a mean, and processes of noise."""
     path = CAMPAIGNS / f"{number}.toml"
-    content, file, _ = document_of(read_campaign(path))
+    document = document_of(read_campaign(path))
+    content, file = document.content, document.file
     found, factors, answer = changed(content, file, 5)
     assert differences(found, factors, answer)[0] < 1e-9
 
 
 def test_sum_of_a_closed_loop() -> None:
     """A loop's filter, whose beliefs of processes and measurements are stated."""
-    content, file, _ = document_of(CAMPAIGNS / "29_orbit_correction.toml")
+    document = document_of(CAMPAIGNS / "29_orbit_correction.toml")
+    content, file = document.content, document.file
     found, factors, answer = changed(content, file, 7)
     sigma, own = differences(found, factors, answer)
     assert sigma < 1e-8

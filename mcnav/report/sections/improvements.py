@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_causes import shares_by_kind
@@ -17,9 +17,11 @@ from mcnav.analysis.what_if import WhatIf
 from mcnav.contract.quantities import Output
 from mcnav.report.document import CODE, Cell, Column, Folded, Part, Section, Sentence, Table, joined
 from mcnav.report.format import number, rounded
-from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
 from mcnav.store.manifest import Variable
+
+if TYPE_CHECKING:
+    from mcnav.report.model import RunAnalysis
 
 SHOWN: Final = 6
 """Numbers that are not folded."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterable, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.changeable_campaign import MARK, ChangeableCampaign
-from mcnav.analysis.summary import Summary
 from mcnav.analysis.what_if import LimitedErrors, WhatIf
 from mcnav.contract.quantities import Output
 from mcnav.report import sentences
@@ -21,6 +20,9 @@ from mcnav.report.names import humanize
 from mcnav.report.requirements import NamedRequirement, stated
 from mcnav.store.manifest import Variable
 from mcnav.units import conversion
+
+if TYPE_CHECKING:
+    from mcnav.analysis.summary import Summary
 
 LARGEST: Final = 1_200_000
 """Bytes of numbers, beyond which a page would become too large: it has no such section then."""

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from mcnav import notebook
 from mcnav.report import output_columns, terminal
 from mcnav.report.document import Column, Page, Section, Table
 from mcnav.report.export import as_csv
@@ -113,4 +112,3 @@ def test_a_new_column_of_the_outputs_is_seen_everywhere(monkeypatch: pytest.Monk
     assert (table.frame()["sigma_twice"] == 2.0).all()
     assert "sigma_twice" in output_columns.output_rows({"": summary})[0]
     assert (output_columns.outputs_frame(summary)["sigma_twice"] == 2.0).all()
-    assert notebook.NAMES.get("sigma_twice") is None  # shown as "sigma twice" by `FlownRun.outputs`
