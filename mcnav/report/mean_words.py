@@ -30,7 +30,7 @@ def large_means_of(summary: Summary) -> tuple[LargeMean, ...]:
     if summary.beyond_range or not len(sigma) == len(summary.mean_linear) == len(summary.outputs):
         return ()
     if not summary.mean_error:
-        are_errors = np.array([output.of == "navigation" for output in summary.outputs]) & (sigma > 0.0)
+        are_errors = np.array([output.of == "navigation" for output in summary.outputs], dtype=bool) & (sigma > 0.0)
         mean = np.where(are_errors, summary.mean_linear, np.nan)
         return large_means(mean, sigma, np.zeros(len(mean)))
     mean = _numbers(summary.mean_error)
