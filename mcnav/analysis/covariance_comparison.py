@@ -34,7 +34,7 @@ class CovarianceComparison:
     together : Judgement or None
         Judgement of ``sqrt(mean NEES / dimension)``; none for a covariance of zero.
     direction : ndarray, shape (outputs,)
-        Weights, on outputs in units of their sigmas, of the combination whose sigma ratio is farthest from one.
+        Weights, on outputs in units of their sigmas, of the combination with the worst sigma ratio.
     direction_ratio : float
         Its sigma ratio; it is the largest of all directions, so that it has no interval.
     """

@@ -44,7 +44,7 @@ class Described(Protocol):
 
 
 Description = str | Path | Campaign | Described | Mapping[str, Any]
-"""What a campaign can be given as."""
+"""Forms in which a campaign can be given."""
 
 
 def document_of(campaign: Description) -> Document:

@@ -101,7 +101,7 @@ class Campaign:
 
     @cached_property
     def checked(self) -> CheckedCampaign:
-        """What the program reads of it."""
+        """The campaign as the program reads it."""
         return parse_document(self.document, {})
 
     def vary(self, values: Mapping[str, Value]) -> Campaign:

@@ -34,7 +34,7 @@ WORDS: Final = {
 
 @dataclass(frozen=True)
 class CovarianceVerdict:
-    """What samples say of a covariance.
+    """Verdict of samples on a covariance.
 
     Attributes
     ----------
@@ -49,9 +49,9 @@ class CovarianceVerdict:
     nees, nees_expected : float
         Mean normalised estimation error squared, paired where it can be, and its expectation.
     worst_direction : Series
-        Weights, in units of the outputs' sigmas, of the combination whose sigma ratio is farthest from one.
+        Weights, in units of the outputs' sigmas, of the combination with the worst sigma ratio.
     worst_ratio : float
-        Its sigma ratio. It was chosen for being the farthest, and has no interval.
+        Its sigma ratio. The worst of all directions was chosen, so it has no interval.
     samples, failed : int
     paired : bool
         Whether the sampling noise that samples and linear analysis share was taken out.
