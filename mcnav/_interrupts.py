@@ -9,11 +9,10 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from mcnav import _supervision
-from mcnav._dataclasses import dataclass
 
 INTERRUPTED: Final = 130
 TERMINATED: Final = 143

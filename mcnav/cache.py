@@ -11,10 +11,10 @@ import hashlib
 import os
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.files import is_temporary, read_whole, write_whole
 
 VARIABLE: Final = "MCNAV_CACHE_DIR"

@@ -6,12 +6,12 @@ import difflib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from pydantic_core import ValidationError
 
-from mcnav._dataclasses import dataclass
 from mcnav.units import printable
 
 MOST_PROBLEMS: Final = 50

@@ -6,10 +6,9 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, Protocol
-
-from mcnav._dataclasses import dataclass
 
 
 class Phase(StrEnum):

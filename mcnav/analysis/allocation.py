@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement
 from mcnav.analysis.requirements import Finding
 from mcnav.analysis.simulated_requirements import Basis

@@ -8,12 +8,12 @@ samples (`SampleMoments`) or from a summary (`SummaryMoments`); the analysis doe
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.linear.block_sums import BlockSums, Normalization
 from mcnav.statistics.chunked import scatter, squared_distances, stretches_of_blocks

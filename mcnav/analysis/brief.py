@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.allocation import Allocation
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.linear_filter import LinearVerdict

@@ -8,12 +8,11 @@ y and z share cancels (z is a control variate whose covariance is known). Its er
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.block_moments import (

@@ -6,9 +6,10 @@ wide as the sampling noise of a variance, ``sigma_ratio (1 +- 1.96 / sqrt(2 n))`
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.block_moments import SampleMoments
 from mcnav.analysis.decision_rule import DecisionRule

@@ -7,11 +7,11 @@ several epochs are nearly equal, the largest one is so by chance, and with it th
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_consistency import MEAN, NeglectedError
 from mcnav.analysis.filter_evidence import LinearFilter
 

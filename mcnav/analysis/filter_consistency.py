@@ -18,13 +18,13 @@ that no correction is needed (an intersection-union test; Berger, 1982). See `mc
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.floor import negligible
 from mcnav.analysis.linear_covariance import NOMINAL

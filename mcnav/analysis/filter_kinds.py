@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.summary import FilterRatio, Summary
 from mcnav.analysis.sweep import Variable

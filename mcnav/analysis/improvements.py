@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.changeable_campaign import Slider
 from mcnav.analysis.requirements import size_probability

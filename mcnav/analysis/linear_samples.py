@@ -6,12 +6,12 @@ class, their agreement is tested: with another covariance the estimate would agr
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.comparison import Model
 from mcnav.statistics.whitening import whitening

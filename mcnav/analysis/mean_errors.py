@@ -7,11 +7,11 @@ by the mean of its departure from the nominal. Commands and times are no errors.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.quantities import Of
 

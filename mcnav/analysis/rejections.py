@@ -10,12 +10,12 @@ alone, and where no sensor with a gate is accepted from k on. In both the reject
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.filter_causes import NEARLY
 from mcnav.contract.gates import RejectedErrors, RejectionLaws, RejectionReading

@@ -11,11 +11,10 @@ reach further where the skewness of the blocks requires it (`mcnav.statistics.es
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.decision_rule import spread_of

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from mcnav._dataclasses import dataclass
 from mcnav.statistics.power import sensible_step
 from mcnav.statistics.samples_to_decide import MOST, samples_to_meet, samples_to_reject
 

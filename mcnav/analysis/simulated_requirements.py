@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.requirements import Finding
 
 if TYPE_CHECKING:

@@ -17,11 +17,11 @@ remainder holds the higher orders and the sampling error of the paired differenc
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Model
 from mcnav.linear.covariance import propagated_variances

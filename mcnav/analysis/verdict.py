@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.statistics.samples_to_decide import samples_for_ratio
 
 

@@ -12,12 +12,11 @@ numbers size ``C_nq = P_n S_nq P_q^T + P_q S_qn P_n^T``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.changeable_campaign import ChangeableCampaign
 from mcnav.analysis.requirements import Requirement

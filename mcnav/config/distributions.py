@@ -6,13 +6,13 @@ The models are what both the reading of campaign files and their schema for edit
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter, ValidationInfo, create_model
 from pydantic_core.core_schema import CoreSchema, float_schema, with_info_before_validator_function
 
-from mcnav._dataclasses import dataclass
 from mcnav.config.table_of_values import read_values
 from mcnav.contract.quantities import Source
 from mcnav.entries.context import FileContext

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol, runtime_checkable
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav.config.campaign import Campaign
 from mcnav.config.toml import Content, load_file, load_mapping
 from mcnav.contract.quantities import Output, Source

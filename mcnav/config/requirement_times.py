@@ -7,13 +7,12 @@ time of ``at``, and begin and end of ``after`` and ``during``, become epochs of 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.config.schema import OUTAGES, AcceptTable, CircularTable, QuantileTable
 from mcnav.contract.scenario import EpochScenario, Scenario, has_epochs

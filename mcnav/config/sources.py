@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.config.distributions import ENTRY, KIND, implausible
 from mcnav.config.schema import CorrelationTable, JointTable
 from mcnav.config.table_of_values import ValuesError

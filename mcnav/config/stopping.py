@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.config.schema import QUANTITIES, UntilTable
 from mcnav.entries.context import FileContext
 

@@ -7,12 +7,12 @@ tune it anew. The campaign written here states under ``[filter.believes]`` what 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import tomli_w
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.changeable_campaign import MARK, Belief, ChangeableCampaign, Size, Slider
 from mcnav.analysis.filter_causes import kind_of

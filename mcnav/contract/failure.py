@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final
-
-from mcnav._dataclasses import dataclass
 
 OK: Final = "ok"
 """Status of a sample that succeeded."""

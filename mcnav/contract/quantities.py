@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Final, Literal, Protocol
-
-from mcnav._dataclasses import dataclass
 
 Of = Literal["navigation", "truth", "control", "time"]
 """Kind of a quantity: navigation error, dispersion of the truth, control effort, or time of an event."""

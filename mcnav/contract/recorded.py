@@ -13,12 +13,11 @@ are those that the filter used on this record. The covariances of the start, of 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 Times = TypeVar("Times", float, Array)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, Final, get_args, get_origin
 
 import numpy as np
@@ -13,7 +14,6 @@ from pydantic_core.core_schema import (
     no_info_wrap_validator_function,
 )
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.entries.mistakes import Mistake, Place, refuse
 from mcnav.entries.quantities import UNIT, JsonSchema, Table

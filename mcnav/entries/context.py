@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mcnav._dataclasses import dataclass
 from mcnav.entries.inputs import SourceFile
 from mcnav.errors import CampaignError, Problem, suggestion
 from mcnav.units import UnitError, quantity

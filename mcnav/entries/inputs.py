@@ -19,12 +19,11 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.contract.scenario import ScenarioError
 
 SETTLED_AFTER: Final = 2.0

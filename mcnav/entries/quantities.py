@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import FunctionType
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
@@ -28,7 +29,6 @@ from pydantic_core.core_schema import (
     no_info_wrap_validator_function,
 )
 
-from mcnav._dataclasses import dataclass
 from mcnav.entries.mistakes import Mistake, explain_keys, refuse, told
 from mcnav.entries.rules import Rule
 from mcnav.entries.values import display

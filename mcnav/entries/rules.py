@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
+from dataclasses import dataclass
 from typing import Protocol
 
-from mcnav._dataclasses import dataclass
 from mcnav.entries.mistakes import Mistake
 
 

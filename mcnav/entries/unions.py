@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import reduce
 from typing import Any, ClassVar, Final, Literal, get_args, get_origin
 
@@ -21,7 +22,6 @@ from pydantic_core.core_schema import (
     with_info_wrap_validator_function,
 )
 
-from mcnav._dataclasses import dataclass
 from mcnav.entries.mistakes import Mistake, refuse, told
 from mcnav.entries.quantities import UNIT, JsonSchema, Table, json_schema_of
 from mcnav.entries.values import display

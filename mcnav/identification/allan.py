@@ -14,14 +14,13 @@ equivalent degrees of freedom; γ_k is that of the fitted model, from its spectr
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from scipy.fft import dct
 from scipy.stats import chi2, norm
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.identification.processes import GAUSS_MARKOV, QUANTIZATION, RATE_RANDOM_WALK, WHITE, Grid, Model
 

@@ -15,12 +15,12 @@ records of the catalogue's grades 5.1 % are rejected, with the exponent four 3.8
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.stats import chi2
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.identification.fit import Candidate
 from mcnav.identification.processes import Grid

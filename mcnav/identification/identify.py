@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.identification.fit import AxisFit, Estimate, fit
 from mcnav.identification.goodness import Goodness, check_fit

@@ -11,12 +11,12 @@ values of a parameter at which the largest likelihood over the others is within 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.stats import chi2
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.identification.processes import CORRELATION_TIME, Grid, Model
 from mcnav.identification.spectrum import Bands

@@ -19,12 +19,12 @@ m/s²/sqrt(s), m/s², m/s; τ in s.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 

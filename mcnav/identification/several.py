@@ -9,11 +9,11 @@ freedom as there are parameters besides the common ones. The standard deviation 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.identification.fit import AxisFit, Candidate
 from mcnav.identification.likelihood import Maximum, maximize

@@ -8,13 +8,12 @@ weighted with the variances of a model near the truth, so that the slope of the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from scipy.fft import dct
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.identification.processes import Grid
 

@@ -7,11 +7,11 @@ of them in it, the other is not stated.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav.identification.fit import AxisFit, Estimate
 from mcnav.identification.processes import (
     CORRELATION_TIME,

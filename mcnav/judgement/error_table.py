@@ -15,12 +15,12 @@ are measured: see the documentation.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy import stats
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 MOST_ORDER: Final = 12

@@ -13,13 +13,13 @@ Anderson and Moore 1979, *Optimal Filtering*, section 10.5).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.optimize import brentq, minimize_scalar
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.errors import NumericalError

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.recorded import GROUPS, FilteredRecord
 from mcnav.judgement.simulation import Innovations

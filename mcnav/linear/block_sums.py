@@ -7,12 +7,11 @@ whatever the mean. Sums are additive: over chunks that share a block, and over t
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.statistics.whitening import whitening
 

@@ -6,9 +6,9 @@ A study that cannot be made is an `Uncomputed` with its reason. The manifest has
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeVar
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.linear.partials import SimulationFailed
 

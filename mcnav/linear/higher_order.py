@@ -16,12 +16,12 @@ quadratic one: a prediction without it has the covariance wrong.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.linear.partials import Propagate, simulate_or_raise
 

@@ -7,6 +7,7 @@ few thousand samples determine it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import chain, combinations_with_replacement
 from typing import Final
 
@@ -14,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import compiled
 from mcnav.linear.partials import Propagate, simulate_or_raise

@@ -7,11 +7,11 @@ kurtosis are sums over pairs of monomials, of which only those with the same par
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import compiled
 from mcnav.linear.polynomial import PolynomialMap, least_squares, monomials, products

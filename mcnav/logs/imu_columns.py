@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.logs.column_names import named, triads
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from numpy.typing import NDArray
-
-from mcnav._dataclasses import dataclass
 
 Values: TypeAlias = NDArray[Any]
 """A column, shape (n,): integers, floating-point numbers with NaN where they are missing, or objects."""

@@ -7,11 +7,11 @@ keys, or for all axes of a vector at once by `gyro`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.errors import suggestion
 from mcnav.logs.column_names import named, spelled_unit

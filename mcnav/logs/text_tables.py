@@ -7,13 +7,13 @@ import csv
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import pyarrow as pa
 
-from mcnav._dataclasses import dataclass
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, Values
 from mcnav.parquet import numbers_in

@@ -8,12 +8,12 @@ Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I (1993), se
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.compiled.jit import uncontracted
 

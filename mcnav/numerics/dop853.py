@@ -10,13 +10,13 @@ Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I (1993), se
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled_with_caller, uncontracted
 from mcnav.numerics.integration import Tolerances

@@ -9,12 +9,12 @@ and the fit of a proposal, of squares alone, describes it.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.rare.facets import Facets
 from mcnav.rare.limits import Limit, side_towards

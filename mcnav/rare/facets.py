@@ -24,14 +24,13 @@ Chertkov, 2019); these here are not zero where an event has moved away from the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.rare.limits import AnyEpoch, Limit
 

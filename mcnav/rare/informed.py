@@ -9,13 +9,12 @@ beyond, and the spread along all others is one. Where correlations are noise, th
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.rare.facets import Facets
 from mcnav.rare.levels import Levels

@@ -19,12 +19,12 @@ it sees no more than plain sampling does (`mcnav.rare.widened` looks for those).
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.rare.flights import Flown
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final
 
@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.rare.facets import Facets
 from mcnav.rare.flights import Flown, Places

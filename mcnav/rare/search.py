@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.rare.facets import Facets
 from mcnav.rare.flights import Flown, Margins, Places

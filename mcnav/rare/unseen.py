@@ -12,11 +12,11 @@ logarithm of a single one has the variance ``h^2 s^2(v)``.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.rare.facets import Facets, Outputs
 from mcnav.rare.flights import Flown

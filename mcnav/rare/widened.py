@@ -19,13 +19,13 @@ over the flights i that do not fail, or fail unforeseen: one that fails as fores
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.rare.flights import Flown, Places
 from mcnav.rare.interval import weights_interval

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.allocation import MOST, Allocation, Goal, GradeChange, GradeSearch, NumberChange
 from mcnav.analysis.linear_answer import LinearRequirement
 from mcnav.analysis.simulated_requirements import Basis

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.allocation import Allocation
 from mcnav.analysis.brief import Advice, FilterRemedy
 from mcnav.analysis.filter_consistency import Honesty

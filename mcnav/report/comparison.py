@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.run_comparison import Change
 from mcnav.analysis.summary import Summary

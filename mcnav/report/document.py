@@ -8,12 +8,12 @@ terminal shows without its tags.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final, Generic, Literal, TypeAlias, TypeVar
 
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav.report.format import number
 
 if TYPE_CHECKING:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.summary import FaultEntry, Summary
 from mcnav.report.document import Column
 from mcnav.report.format import number

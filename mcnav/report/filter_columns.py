@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_consistency import cause_words
 from mcnav.analysis.filter_decision import deciding_names
 from mcnav.analysis.filter_remarks import instant, period

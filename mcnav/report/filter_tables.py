@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.filter_consistency import FilterConsistency, Finding, Honesty, SigmaConsistency
 from mcnav.analysis.filter_remarks import group_words, instant

@@ -9,7 +9,7 @@ unlimited.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from textwrap import wrap
 from typing import Final
 
@@ -19,7 +19,6 @@ from rich.segment import Segment
 from rich.style import Style
 from rich.text import Text
 
-from mcnav._dataclasses import dataclass
 from mcnav.units import printable
 
 UNLIMITED: Final = 1_000_000

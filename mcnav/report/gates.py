@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.gates import SIGMAS
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.rejections import OnLinear, RejectionAnswer

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.identification.allan import AllanDeviation
 from mcnav.identification.fit import AxisFit

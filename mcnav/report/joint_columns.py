@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.summary import ContainedEntry, HypothesisEntry, Summary
 from mcnav.report.document import Cell, Column, five_digits
 from mcnav.report.format import fixed, number, probability

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.contract.quantities import NAVIGATED, TRUE, TRUE_DISPERSION, Output, kind_of
 from mcnav.store.manifest import Variable
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -10,7 +11,6 @@ import pandas as pd
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.linearity import AloneRange, DispersionRange
 from mcnav.contract.quantities import Output, Source, end_words

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.summary import Summary
 from mcnav.report.document import LivePart, Note, Page, Section

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.summary import Ends, Summary
 from mcnav.contract.quantities import AT_END, FINAL_ERRORS, KINDS, end_words, kinds_of

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from html.parser import HTMLParser
 from typing import Final
-
-from mcnav._dataclasses import dataclass
 
 LONGEST: Final = 600
 """Characters of an answer that are kept."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.summary import QuantileEntry, Summary
 from mcnav.report.document import Cell, Column
 from mcnav.report.format import number

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from threading import Timer
 from typing import Final
 
@@ -15,7 +16,6 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from mcnav._dataclasses import dataclass
 from mcnav.progress import COMPILATION, MEASUREMENT, Phase, Progress, duration
 
 QUIET_SECONDS: Final = 1.0

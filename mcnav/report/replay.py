@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import pandas as pd
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.history import History
 from mcnav.contract.quantities import FINAL_ERRORS, Output, Source, end_words

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_consistency import MEAN, cause_words
 from mcnav.analysis.filter_remarks import instant
 from mcnav.report import sentences

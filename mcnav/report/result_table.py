@@ -8,13 +8,12 @@ a medium shows them: ``templates/parts.html`` on pages, `mcnav.report.terminal_p
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav.report.document import Column, Table
 from mcnav.units import conversion
 

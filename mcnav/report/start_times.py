@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.comparison import Comparison, OutputComparison
 from mcnav.contract.quantities import KINDS, Output, Source, end_words, kinds_of
 from mcnav.linear.start_times import StartTimeStudy

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav.report.figures.palette import BAND, FLOWN, INK, MUTED, variable
 from mcnav.report.format import rounded
 

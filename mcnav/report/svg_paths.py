@@ -7,12 +7,12 @@ scaling them.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 UNIT: Final = 20

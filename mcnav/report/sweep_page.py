@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.accuracy_measures import Measure
 from mcnav.analysis.curve_refinement import BEND
 from mcnav.analysis.sweep import Confirmation, JustMet, Sweep, Variable

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Sequence
+from dataclasses import dataclass
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.summary import Departure, Ends, FilterSummary, Summary

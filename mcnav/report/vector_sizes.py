@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.report.document import Cell, Column
 from mcnav.report.format import number
 from mcnav.report.names import humanize

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Final, TypeVar
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.contract.engine import Engine, has_histories, smoother_of

@@ -15,7 +15,7 @@ import tempfile
 import time
 from collections.abc import Collection, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from multiprocessing.context import get_spawning_popen
 from multiprocessing.reduction import DupFd
@@ -23,7 +23,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-from mcnav._dataclasses import dataclass
 from mcnav._interrupts import deferred
 from mcnav._subprocess import interrupts_blocked, start_trackers
 from mcnav.errors import ClusterError

@@ -12,11 +12,11 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav._types import Array
 from mcnav.contract.engine import ConditionalEngine, ConditionalNoise, Engine, conditions_noise

@@ -11,12 +11,12 @@ block length; never on chunks or workers.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.special import ndtri
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.sampler.sobol_net import scrambled_net
 

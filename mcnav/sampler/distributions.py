@@ -8,12 +8,12 @@ are symmetric about zero, except that `Fixed` is a constant; others are in `mcna
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 

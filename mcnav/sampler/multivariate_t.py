@@ -19,13 +19,13 @@ by the orthant probability of the normal; without groups it is (6 / pi) arcsin(r
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.errors import NumericalError
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 import math
 import warnings
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 

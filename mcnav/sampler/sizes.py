@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav.sampler.distributions import Distribution, Fixed, Normal, StudentT, Triangular, TruncatedNormal, Uniform
 from mcnav.sampler.scipy_and_tables import EmpiricalDistribution, ScipyDistribution, shape_names
 from mcnav.units import parted, quantity, si_unit

@@ -20,12 +20,12 @@ with the canonical correlations rho_i of the two vectors.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.statistics.adaptive_quadrature import integrals
 from mcnav.statistics.bisection import root_between

@@ -23,13 +23,13 @@ A second hyperbola with other nodes must give the same; a quantile is also check
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Final
 
 import numpy as np
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.errors import NumericalError
 from mcnav.statistics.bisection import root_between

@@ -15,11 +15,11 @@ probability, however small. Second-order reliability (Breitung,
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.statistics.bisection import root_between
 

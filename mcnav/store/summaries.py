@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +17,6 @@ from typing import Any, Final
 import numpy as np
 import pyarrow.parquet as pq
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason, without_numbers
 from mcnav.linear.block_sums import BlockSums

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import pyarrow.parquet as pq
 
-from mcnav._dataclasses import dataclass
 from mcnav._recent import Recent
 from mcnav._types import Array
 from mcnav.contract.filter_record import FilterSchema

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import thread_time
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_kinds import KindComparison, KindResult
 from mcnav.analysis.sweep import Variable
 from mcnav.config.overrides import VariedCampaign

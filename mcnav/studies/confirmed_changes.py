@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.allocation import LEAST, Goal, GradeChange, GradeSearch, NumberChange
 from mcnav.analysis.requirements import Finding
 from mcnav.analysis.simulated_requirements import least_margin, measured_scale

@@ -13,14 +13,13 @@ from the asymptotic normal law of the estimates, each half of which is stretched
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from scipy.stats import norm
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.config.overrides import Value, VariedCampaign
 from mcnav.config.read import Campaign

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,7 +11,6 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import chi2
 
-from mcnav._dataclasses import dataclass
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.constants import STANDARD_GRAVITY

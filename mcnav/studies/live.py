@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Final
 
 import tomli_w
 
-from mcnav._dataclasses import dataclass
 from mcnav.config.data_sheet import DataSheetNumber, data_sheet_numbers
 from mcnav.config.overrides import Value, override
 from mcnav.config.read import Campaign, parse_campaign, read_campaign

@@ -8,12 +8,11 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav.config.read import read_campaign
 from mcnav.contract.scenario import ScenarioError

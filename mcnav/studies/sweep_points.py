@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import product
 from typing import Final, TypeVar
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure, requirement_measures

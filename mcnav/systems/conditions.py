@@ -11,11 +11,11 @@ conditional simulation). The outcomes get ``N Q^T w`` by the condition, and at r
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 LEFT: Final = 1e-4

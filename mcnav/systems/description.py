@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Final, get_args, get_origin
 
-from mcnav._dataclasses import dataclass
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext

@@ -27,13 +27,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, NoReturn, ParamSpec, TypeVar
 
 import numpy as np
 
 from mcnav import _supervision
-from mcnav._dataclasses import dataclass
 from mcnav._interrupts import interrupts
 from mcnav._subprocess import is_worker
 from mcnav.contract.samples import Batch

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
-from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray

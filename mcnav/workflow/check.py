@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._threads import one_thread
 from mcnav.analysis.heading import heading_remark
 from mcnav.config.read import Campaign, parse_campaign, read_campaign

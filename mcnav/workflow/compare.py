@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._threads import one_thread
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.run_comparison import SampleSet, change

@@ -7,6 +7,7 @@ import math
 import os
 import shlex
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -14,7 +15,6 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.summary import Summary
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.files import write_whole

@@ -5,13 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
 from mcnav.analysis.requirements import requirements_from

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 
-from mcnav._dataclasses import dataclass
 from mcnav.config.stopping import StoppingRule
 from mcnav.progress import Phase, Progress
 from mcnav.runner.chunks import ChunkJob

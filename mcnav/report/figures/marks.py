@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.report.figures.palette import INK, MUTED, SOURCE_COLOURS, variable
 from mcnav.report.figures.ticks import limits

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.quantities import Output
 from mcnav.report.figures.figure import HALF, Figure, side_by_side

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav.report import sentences
 from mcnav.report.document import Answers, Cell, Column, Table, five_digits, label
 from mcnav.report.filter_tables import FilterAnswer, filter_answers

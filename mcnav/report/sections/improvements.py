@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_causes import shares_by_kind
 from mcnav.analysis.filter_consistency import cause_words
 from mcnav.analysis.filter_remarks import instant

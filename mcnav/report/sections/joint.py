@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.multivariate import CorrelationDifference, MultivariateTests
 from mcnav.analysis.summary import HigherOrder
 from mcnav.report import formulas, joint_words

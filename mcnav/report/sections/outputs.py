@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.report import formulas
 from mcnav.report.document import (

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 import shlex
+from dataclasses import dataclass
 from typing import Final
 
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav.errors import shortened
 from mcnav.report.document import (
     CODE,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.report.document import STRONG, Column, Folded, Heading, Note, Part, Sentence, Table
 from mcnav.report.figures.sources import SHOWN, flown_shares

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistency
 from mcnav.analysis.filter_remarks import instant
 from mcnav.report.document import Cell, Column, Note, Part, Section, Sentence, Table, joined, label

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-from mcnav._dataclasses import dataclass
 from mcnav.systems.closed_loop.rotations import Side
 
 

@@ -6,14 +6,13 @@ The linear outcome of a sample is the plan's linear system with the same draws.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.systems.closed_loop.algebra import combine, propagate, update

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from mcnav._dataclasses import dataclass
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.guard import call_user
 

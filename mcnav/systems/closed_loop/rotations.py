@@ -7,11 +7,11 @@ vectors of shape (3, n), by unit quaternions (scalar first), so that nothing is 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 Side = Literal["reference", "body"]

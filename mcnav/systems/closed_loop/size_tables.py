@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Final
 
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter, ValidationInfo
 from pydantic_core.core_schema import CoreSchema, with_info_plain_validator_function
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.entries.axes import AxisSizes
 from mcnav.entries.quantities import Duration, JsonSchema, Later, Table

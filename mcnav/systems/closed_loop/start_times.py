@@ -8,12 +8,11 @@ derivatives along the nominal are those of any start: of each start the filter's
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.differences import Derivatives

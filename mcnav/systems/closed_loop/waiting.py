@@ -7,12 +7,11 @@ beside the samples, at each stage of a step.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.closed_loop.flight import Flight
 from mcnav.systems.closed_loop.maps import Maps

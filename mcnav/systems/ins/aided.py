@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._subprocess import side_threads
 from mcnav._types import Array, IndexArray
 from mcnav.contract.failure import Failure, Reason

@@ -11,12 +11,12 @@ north, east, down at the geodetic position.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled, inlined, uncontracted
 from mcnav.numerics.elements import stack_elements

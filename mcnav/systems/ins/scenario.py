@@ -8,14 +8,13 @@ and the definition of their noise, which each draws by generators of its own.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, STANDARD_GRAVITY
 from mcnav.contract.engine import Engine

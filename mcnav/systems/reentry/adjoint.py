@@ -16,11 +16,11 @@ from the truth by the drag that it misses, which this neglects.
 from __future__ import annotations
 
 from bisect import bisect_right
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER

@@ -10,13 +10,13 @@ be integrated layer by layer with a smooth density: the layer boundaries are kin
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from math import exp
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav.compiled.jit import compiled
 
 GEOPOTENTIAL_RADIUS: Final = 6_356_766.0

@@ -8,11 +8,11 @@ Engines and linear analysis compute the errors of the polar state alone. What el
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE
 from mcnav.contract.quantities import Output

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE, TN_GRAVITY
 from mcnav.systems.reentry.instruments import Error

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav.compiled.jit import compiled
 from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RATE
 

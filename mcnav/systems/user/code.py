@@ -11,10 +11,9 @@ import sys
 import types
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
-from mcnav._dataclasses import dataclass
 from mcnav._imports import load_at_once
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile, OpenedFiles, SourceFile, find_inputs, record_opened_files

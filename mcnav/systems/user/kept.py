@@ -16,6 +16,7 @@ import json
 import platform
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from math import prod
@@ -25,7 +26,6 @@ from typing import Final
 import numpy as np
 from pydantic import ValidationError
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.cache import VARIABLE, Cache, DamagedError
 from mcnav.compiled.target import target

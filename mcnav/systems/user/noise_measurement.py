@@ -19,14 +19,13 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile
 from mcnav.entries.values import SettingError, display

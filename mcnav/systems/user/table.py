@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 from pydantic import ConfigDict, Field
 
-from mcnav._dataclasses import dataclass
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import OUTSIDE, is_inside, read_file, why_unreadable

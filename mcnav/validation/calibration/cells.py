@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Final, TypeVar
 
 from joblib import Parallel, delayed
 
-from mcnav._dataclasses import dataclass
 from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav._threads import one_thread
 

@@ -15,6 +15,7 @@ import sys
 import tomllib
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -22,7 +23,6 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from mcnav._dataclasses import dataclass
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.config.read import Campaign, campaign_from

@@ -21,11 +21,11 @@ covariance Q in the linear model.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.validation.calibration.cells import LEVEL

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from typing import Final
@@ -18,7 +19,6 @@ from typing import Final
 import numpy as np
 from scipy import integrate, special, stats
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.rare.estimate import Rare, estimate_probability
 from mcnav.rare.limits import AnyEpoch, Distance, Limit, Sides

@@ -6,10 +6,11 @@ joint covariance over one interval is known in closed form, and a random walk as
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.signal import lfilter
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 

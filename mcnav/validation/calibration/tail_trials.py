@@ -13,12 +13,11 @@ the end and at each epoch, with an analyst's numbers of runs.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.analysis.requirements import Finding, Requirement, judge_requirement

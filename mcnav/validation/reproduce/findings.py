@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.report.document import Cell, Column, Table
 
 TONES: Final = {"holds": "agrees", "in part": "undecided", "does not hold": "differs"}

@@ -11,12 +11,12 @@ inertial angular rate w of the body in its own axes, the axes' rate W and the pl
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.ins.earth import Earth, local_axes
 

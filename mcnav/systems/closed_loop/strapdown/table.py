@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.entries.context import FileContext
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.closed_loop.strapdown.navigator import ERRORS, INSTABILITY, PROCESSES, WALKS, Strapdown

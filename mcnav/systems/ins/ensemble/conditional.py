@@ -7,13 +7,12 @@ at an epoch; conditions are those of `mcnav.systems.conditions`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.conditions import Conditions

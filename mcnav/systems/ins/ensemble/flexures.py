@@ -6,11 +6,11 @@ and epochs are drawn before a sample is simulated.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.filter.model import FilterState
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop

@@ -12,14 +12,13 @@ rule. The linear errors of the same draws are a sum over the steps (`mcnav.syste
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free, compiled
 from mcnav.compiled.shapes import check_shapes

@@ -14,12 +14,12 @@ has the measurements up to T = t + lag: those after it are taken away by the pro
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_loop, allocation_free_part
 from mcnav.compiled.vectors import LANES, load, room

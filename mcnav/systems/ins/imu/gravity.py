@@ -13,11 +13,11 @@ error ``-C^T d`` of their readings.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 DEFLECTION: Final = "gravity_deflection"

@@ -7,12 +7,11 @@ of scale factors and misalignments, plus what its own error law and its processe
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.ins.imu.gravity import DISTURBANCES, GravityDisturbance
 

@@ -5,11 +5,11 @@ The system is that of `mcnav.systems.ins.linear.response`, here by the midpoint 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import compiled
 from mcnav.systems.ins.linear.covariance import output_map

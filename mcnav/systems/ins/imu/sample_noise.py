@@ -7,12 +7,11 @@ those of `mcnav.systems.ins.imu.fine_noise`. A process that is left out changes 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.imu.fine_noise import boundary_values, draw_noise, gravity_values, gyro_drifts, process_values
 from mcnav.systems.ins.imu.instruments import Imu

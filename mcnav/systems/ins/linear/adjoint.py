@@ -7,9 +7,10 @@ what it draws, and no linear state needs to be propagated beside its own.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.compiled.jit import allocation_free_part
 from mcnav.compiled.vectors import load, store

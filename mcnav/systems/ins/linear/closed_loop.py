@@ -14,12 +14,11 @@ by the recursions of `mcnav.systems.ins.linear.recursions`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.filter.tables import FilterTables, same_memory, tabulate_filter

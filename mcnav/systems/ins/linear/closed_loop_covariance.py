@@ -13,11 +13,10 @@ cause. The mean is the response to the constant errors' mean.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.earth import local_axes
 from mcnav.systems.ins.imu.gravity import DISTURBANCES, add_by_cause

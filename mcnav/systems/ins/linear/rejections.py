@@ -22,10 +22,11 @@ with ``G = (1 + V^T B V)^-1`` and ``E = A V G``. A first rejection has D = V V^T
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_subroutine, compiled
 from mcnav.contract.gates import RejectedErrors

@@ -22,11 +22,11 @@ with a lag has the measurements up to t + lag: a pass from there for each instan
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 
 

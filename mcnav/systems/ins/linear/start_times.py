@@ -9,11 +9,11 @@ is treated in the same way with its bias, and its covariance is summed backwards
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, count_processes
 from mcnav.systems.ins.linear.covariance import constant_inputs, output_map, process_systems, transitions

@@ -7,14 +7,13 @@ to measurement: what a `mcnav.contract.recorded.FilteredRecord` consists of.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.contract.recorded import (
     FilteredRecord,

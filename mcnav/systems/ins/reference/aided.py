@@ -18,13 +18,13 @@ navigator's mean of readings has depends on how long it averages, and is part of
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.filter.consistency import SensorCounts, normalized_errors, record_row
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel

@@ -21,12 +21,12 @@ of second order in the step.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import compiled
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel, FilterState

@@ -9,11 +9,11 @@ the matter of others: of a sample along a truth (`mcnav.systems.ins.reference.ai
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.filter.model import NAVIGATION

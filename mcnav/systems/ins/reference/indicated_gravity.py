@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, GravityStates

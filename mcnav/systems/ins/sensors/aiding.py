@@ -11,12 +11,11 @@ predicts for it less what is measured is the innovation. `mcnav.systems.ins.sens
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.recorded import MeasurementFile
 from mcnav.systems.ins.imu.instruments import AXES

@@ -6,11 +6,11 @@ zero at the begin to its size at the end. After the end the sensor is right agai
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 FaultKind = Literal["spike", "ramp", "bias"]

@@ -19,11 +19,11 @@ where t is the time since the start: over a duration T they keep ``e^(-a T)`` of
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.ins.imu.instruments import AXES
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 from pydantic import TypeAdapter
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.inputs import InputFile

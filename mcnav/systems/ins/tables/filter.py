@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, WithJsonSchema
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.gates import USUAL, GateQuestion
 from mcnav.contract.quantities import Source

@@ -7,13 +7,12 @@ A value holds for each axis. A list gives the axes one by one (three, or for mis
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Annotated, Any, Final
 
 import numpy as np
 from pydantic import Field
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import OneOf, Table

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import Any, Final
 
-from mcnav._dataclasses import dataclass
 from mcnav.entries.axes import units_of
 
 INSTABILITY: Final = "bias_instability"

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PlainValidator, WithJsonSchema
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.mistakes import Mistake, refuse, told

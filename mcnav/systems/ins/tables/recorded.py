@@ -7,12 +7,12 @@ log = "gnss.csv", columns = { time = "tow", latitude = "phi", longitude = "lambd
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._recent import Recent
 from mcnav._types import Array, IndexArray
 from mcnav.contract.recorded import MeasurementFile

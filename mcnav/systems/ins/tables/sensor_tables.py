@@ -5,12 +5,12 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Callable, Iterator, Mapping, Set
+from dataclasses import dataclass
 from functools import cache, reduce
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, WithJsonSchema, create_model
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.entries.axes import AxisSizes, Fault, within
 from mcnav.entries.mistakes import Mistake, told

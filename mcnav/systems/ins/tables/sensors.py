@@ -6,12 +6,12 @@ The same keys give the errors in ``[[aiding]]`` and what a filter believes of th
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import Table

@@ -24,13 +24,13 @@ roll = { amplitude = "5 deg", period = "9 s" }
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from pydantic import TypeAdapter
 
-from mcnav._dataclasses import dataclass
 from mcnav._recent import Recent
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import read_file

@@ -11,13 +11,13 @@ the pad it grows out of the force that supports the vehicle, so that the specifi
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Any, Final, Literal
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.numerics.integration import integrate
 from mcnav.systems.ins.earth import Earth, local_axes

@@ -11,12 +11,12 @@ high above the earth it points west, until the vehicle has come down.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.truth.quintic import earth_fixed_quintic, row_times

@@ -5,13 +5,12 @@ Rows are counted from one, without the header.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.systems.ins.earth import Earth, local_axes

@@ -15,13 +15,12 @@ more, are left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final, Protocol
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled, inlined
 from mcnav.constants import STANDARD_GRAVITY

@@ -6,13 +6,12 @@ spline with a continuous angular acceleration. A vehicle at rest is at rest exac
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.truth.spline_states import Instants, Splines, SplineStates, intervals, states_of_splines

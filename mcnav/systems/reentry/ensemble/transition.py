@@ -14,11 +14,11 @@ Axes: X horizontal (east), Y up and Z down at the range angle of the reference a
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled
 from mcnav.constants import GRAVITATIONAL_PARAMETER

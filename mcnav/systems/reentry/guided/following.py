@@ -17,6 +17,7 @@ times the deviation of r.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -24,7 +25,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS
 from mcnav.systems.reentry.guided.description import FollowingLaw

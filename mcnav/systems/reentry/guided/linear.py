@@ -17,6 +17,7 @@ largest specific force changes by ``df + f' dt_k`` where it is at such a kink or
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Final, TypeAlias
 
@@ -24,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER

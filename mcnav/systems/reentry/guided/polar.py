@@ -5,12 +5,12 @@ The equations of the reference path, `mcnav.systems.reentry.guided.reference`.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled, uncontracted
 from mcnav.constants import EARTH_RADIUS

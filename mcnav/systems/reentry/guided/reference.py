@@ -9,12 +9,12 @@ lift law reaches or leaves its limit, or passes a knot. The ensemble path shares
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.failure import Failure

@@ -11,7 +11,7 @@ one with a radius 1e10 times larger.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import lru_cache
 from typing import Final
@@ -19,7 +19,6 @@ from typing import Final
 import numpy as np
 from scipy.optimize import brentq
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.steady.ensemble import simulate_ensemble
 from mcnav.systems.steady.linearized import linearize

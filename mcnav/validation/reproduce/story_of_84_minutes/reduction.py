@@ -7,12 +7,12 @@ their root sum of squares at the end, and as the largest so far.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import pandas as pd
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.validation.reproduce.story_of_84_minutes import schuler
 from mcnav.validation.reproduce.story_of_84_minutes.numbers import (

@@ -6,12 +6,12 @@ processes. The rate is the slope of a straight line fitted to the CEP of three h
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy import special
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.imu.instruments import Imu, Noise

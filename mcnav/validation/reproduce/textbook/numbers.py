@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
-
-from mcnav._dataclasses import dataclass
 
 CONFIDENCE: Final = 0.999
 """Confidence of each interval of the samples: a hundred intervals all contain their numbers with 90 % probability."""

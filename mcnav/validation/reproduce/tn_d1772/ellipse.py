@@ -8,9 +8,10 @@ Every function takes r (m), r' (m/s) and theta' (rad/s), or r, V (m/s) and gamma
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.constants import GRAVITATIONAL_PARAMETER
 

@@ -8,13 +8,13 @@ as samples; of the air and of the vehicle, for comparison, density by 5 %, drag 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 import pandas as pd
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.constants import REENTRY_ALTITUDE
 from mcnav.contract.samples import Batch

@@ -5,14 +5,13 @@ Both navigators get the same samples of the report's ten errors; the spatial one
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 import pandas as pd
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.constants import REENTRY_ALTITUDE
 from mcnav.contract.engine import without_noise

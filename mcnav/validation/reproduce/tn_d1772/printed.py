@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 from typing import Final
-
-from mcnav._dataclasses import dataclass
 
 COLUMNS: Final = ("h_ef_km", "range_ef_km", "hdot_ef_m_s", "range_rate_ef_m_s")
 NAMES: Final = ("altitude", "range", "altitude rate", "range rate")

@@ -13,13 +13,13 @@ Speed and angle errors are of the sizes that the report's rate errors, taken as 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 import pandas as pd
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.report.figures.figure import THIRD, Figure
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Series, Span

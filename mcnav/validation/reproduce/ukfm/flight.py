@@ -7,12 +7,12 @@ rest and has its speed of 1 m/s after one step of 105 m/s^2.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 
 DURATION: Final = 30.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -10,7 +11,6 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.files import write_texts
 from mcnav.report.document import Cell, Column, MarkKey, Note, Page, Part, Section, Sentence, Table, counts_in_words

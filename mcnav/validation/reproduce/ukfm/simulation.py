@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cached_property
 from time import thread_time
 from typing import Final
 
 import numpy as np
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.validation.reproduce.ukfm import flight
 from mcnav.validation.reproduce.ukfm.kernel import SCORES, simulate

@@ -8,12 +8,12 @@ ends, the next sample takes its lane. What a sample does therefore does not depe
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.compiled.jit import allocation_free, allocation_free_part
 from mcnav.compiled.shapes import check_shape
