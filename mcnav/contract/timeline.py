@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -272,6 +273,21 @@ class Timeline:
     def end(self) -> int:
         """Last position, T."""
         return len(self.is_update)
+
+    @cached_property
+    def updates_before(self) -> IndexArray:
+        """Number of updates before each position, shape (T + 1,); it is that of an update that begins there."""
+        return np.concatenate([[0], np.cumsum(self.is_update)]).astype(np.int64)
+
+    @cached_property
+    def steps_before(self) -> IndexArray:
+        """Number of steps before each position, shape (T + 1,)."""
+        return np.arange(len(self.is_update) + 1) - self.updates_before
+
+    def time_at(self, position: int) -> float:
+        """Return the time of a position; between two updates it is that of both."""
+        instant = int(np.searchsorted(self.instants.before, position, side="right")) - 1
+        return float(self.instants.times[max(instant, 0)])
 
     def positions(self, times: Array, side: Literal["before", "after"] = "after") -> IndexArray:
         """Return the positions of times that are instants; ValueError where one is not."""
