@@ -81,8 +81,7 @@ def arbitrary(seed: int, count: int, knows_truth: bool = False) -> Timeline:
     f = 6 if knows_truth else 3
     total = np.zeros((steps, 6, 6))
     for of in noise.values():
-        covariance = of.covariance if of.covariance is not None else of.factor @ of.factor.swapaxes(1, 2)
-        total[:, of.rows[:, None], of.rows] += covariance
+        total[:, of.rows[:, None], of.rows] += of.covariances
     believed = sum(started.values())[:f, :f] if knows_truth else np.eye(3)
     filter_transitions = transitions[:, :f, :f] if knows_truth else transitions[:, :3, :3] * 0.9
     filtered = TimelineFilter(
