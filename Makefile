@@ -78,7 +78,7 @@ OBJECTS := mcnav/compiled/objects
 dist: .venv/installed
 	$(PIP) build
 	rm -rf dist build/lib $(OBJECTS)
-	for level in x86-64-v3 x86-64-v4; do $(BIN)/mcnav compile --out $(OBJECTS) --level $$level || exit 1; done
+	for level in x86-64-v3 x86-64-v4; do $(BIN)/mcnav dev compile --out $(OBJECTS) --level $$level || exit 1; done
 	$(BIN)/python -m build --sdist
 	$(BIN)/python -m build --wheel
 	rm -rf $(OBJECTS)

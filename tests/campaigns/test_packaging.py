@@ -33,7 +33,7 @@ MADE = ("PKG-INFO", "setup.cfg", "mcnav.egg-info/")
 """What its build adds."""
 
 OBJECT = "mcnav/compiled/objects/x86-64-v4/kernel.nbc"
-"""Machine code as `mcnav compile --out` writes it: of the wheel alone."""
+"""Machine code as `mcnav dev compile --out` writes it: of the wheel alone."""
 
 IGNORED = shutil.ignore_patterns("__pycache__", "*.py[co]", ".lock", "objects")
 
