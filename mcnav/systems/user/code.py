@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
-from mcnav._imports import load_at_once
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile, OpenedFiles, SourceFile, find_inputs, record_opened_files
 from mcnav.systems.guard import CodeMisbehaved, call_user, in_user_code
@@ -169,7 +168,6 @@ def _execute(code: SourceFile) -> tuple[types.ModuleType, OpenedFiles]:
     module.__file__ = code.file
     sys.modules[module.__name__] = module  # dataclasses and pickles look up the module of a class there
     linecache.cache[code.file] = (len(code.text), None, code.text.splitlines(keepends=True), code.file)
-    load_at_once()
     try:
         with in_user_code(code.file, "while it was read"), record_opened_files() as opened:
             call_user(exec, compile(code.text, code.file, "exec"), module.__dict__)
