@@ -172,7 +172,30 @@ def demo(
         print_line(f"{len(copy_examples(copy))} files\n\nwritten: {copy}")
         print_next(next_command.written("run", copy / f"{next(iter(examples()))}.toml"))
     else:
-        run(campaign=example(name))
+        _run_example(example(name))
+
+
+def _run_example(campaign: Path) -> None:
+    """Run an example into its usual folder, and print its answer on one screen."""
+    from mcnav.config.read import read_campaign
+    from mcnav.report import answer_screen, progress
+    from mcnav.runner.executors import open_executor
+    from mcnav.store.run_folder import RunFolder
+    from mcnav.workflow.run import engine_of, run_campaign
+
+    content = read_campaign(campaign, {})
+    target = output_folder(None, run_folder(campaign))
+    with open_executor(None, None, None) as (executor, workers, notes), progress.shown(err) as shown:
+        done = run_campaign(content, target, engine_of(target, campaign), workers, progress=shown, executor=executor)
+    print_notes((*notes, *done.notices))
+    stored, program = RunFolder(target), next_command.program()
+    execution, epochs = stored.finished_manifest().execution, stored.epochs()
+    closing = (f"Report:   {target / 'report.html'}", f"Look:     {program} report {target} --open",
+               f"Your own: {program} new ins NAME")  # fmt: skip
+    seconds = execution.seconds if execution is not None and done.simulated else None
+    out.print(answer_screen.screen(done.results, {} if epochs is None else epochs[0], seconds, closing))
+    if done.results.failed:
+        raise typer.Exit(SOME_FAILED)
 
 
 @command("check")
