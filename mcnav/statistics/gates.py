@@ -53,7 +53,7 @@ NEGLIGIBLE: Final = 1e-12
 MOST_TERMS: Final = 4096
 
 WIDTH: Final = 1e-6
-"""Width of the last bracket of an error that is looked for, in sigmas of the innovation: it is printed in three digits."""
+"""Width of the last bracket of an error that is looked for, in sigmas of the innovation: three digits are printed."""
 
 PLACES: Final = 17
 """Places at which the largest value of a function is looked for first."""
@@ -62,7 +62,7 @@ PLACES_NEAR: Final = 9
 """Places in each finer grid around the best one: each is four times as fine as the one before."""
 
 FINER: Final = 3
-"""Finer grids: the last one is 64 times as fine as the first one, and a parabola through its three best places finer."""
+"""Finer grids: the last one is 64 times as fine as the first one. A parabola through its best places follows."""
 
 SEARCHED: Final = 1e-4
 """Error of the probability of an unnoticed error to search with, as a share of it."""
@@ -218,7 +218,8 @@ class GatedError:
         begin = np.concatenate([np.maximum(ends[0], -TAIL), np.full(len(edges), -TAIL)])[:, None]
         end = np.concatenate([np.full(len(edges), TAIL), np.minimum(ends[1], TAIL)])[:, None]
         breaks = np.concatenate([begin, np.tile(edges, (2, 1)), np.maximum(begin, end)], axis=1)
-        tails = integrals(density, np.sort(np.clip(breaks, begin, np.maximum(begin, end)), axis=1), SEARCHED if rough else ACCURACY)
+        breaks = np.sort(np.clip(breaks, begin, np.maximum(begin, end)), axis=1)
+        tails = integrals(density, breaks, SEARCHED if rough else ACCURACY)
         return np.asarray(tails.reshape(2, -1).sum(axis=0))
 
     def _edges(self, slope: Array, left: Array) -> Array:

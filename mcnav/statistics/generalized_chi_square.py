@@ -31,7 +31,8 @@ PATHS: Final = ((2.0**0.5 - 1.0, 16), (0.3, 20), (2.0**0.5 - 1.0, 6))
 """Slope t of a hyperbola and nodes of the trapezoidal rule in a unit of v: first, second and rough route.
 
 Hyperbolas between 45 and 90 degrees from the real axis will do. The first one is amid them, so that the integrand is
-analytic and bounded within a strip of half width pi / 8 in v: the rule's error is exp(-2 pi 16 pi / 8) = 7e-18, with six nodes 4e-7: enough to search with.
+analytic and bounded within a strip of half width pi / 8 in v: the rule's error is exp(-2 pi 16 pi / 8) = 7e-18, and
+with six nodes 4e-7, which is enough to search with.
 """
 
 UNITS: Final = 5
@@ -122,8 +123,8 @@ def _hyperbola(path: int, block: int) -> tuple[Array, Array]:
 def _saddles(variances: Array, centres: Array, squares: Array, below: bool) -> tuple[Array, Array]:
     """Find the saddle points c of ``K(s) - s q - log|s|``, shape (n,), and return them with ``1 - 2 lambda c``.
 
-    They are looked for as ``c = -x``, or as ``c = x / (1 + 2 lambda x)`` with the largest variance, in log x: on a coarse
-    grid around that of a normal variable with the mean and variance of Q, on a fine one, and by interpolation.
+    They are looked for as ``c = -x``, or as ``c = x / (1 + 2 lambda x)`` with the largest variance, in log x: on a
+    coarse grid around that of a normal variable with the mean and variance of Q, on a fine one, and by interpolation.
     """
     doubled, means = 2.0 * (variances if below else variances[-1] - variances), centres**2
 

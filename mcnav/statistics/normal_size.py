@@ -1,8 +1,8 @@
 """The law of the size ``|x|`` of a normal vector x ~ N(mean, covariance), as that of a velocity correction or a radius.
 
 In principal axes ``|x|^2 = sum lambda_j (z_j + b_j)^2``, a generalized chi-square variable, whose tails
-`mcnav.statistics.generalized_chi_square` integrates along a hyperbola. A second hyperbola with other nodes must give the
-same; a quantile is also checked for order.
+`mcnav.statistics.generalized_chi_square` integrates along a hyperbola. A second hyperbola with other nodes must give
+the same; a quantile is also checked for order.
 """
 
 from __future__ import annotations

@@ -99,7 +99,7 @@ def test_where_nothing_is_stopped() -> None:
     assert smallest_stopped(lambda size: 1.0, 0.9) == np.inf
     assert smallest_stopped(lambda size: 0.05, 0.9) == 0.0
     assert largest_of(lambda x: np.cos(x - 0.3), 2.0) == pytest.approx(0.3, abs=1e-6)
-    with pytest.raises(NumericalError, match="should accept with 0.05 is accepted with 0.06"):
+    with pytest.raises(NumericalError, match=r"should accept with 0\.05 is accepted with 0\.06"):
         check_stopped(0.06, 0.95)
 
 
