@@ -175,7 +175,7 @@ def _show_start_times(campaign: Path, folder: Path | None, axes: str | None, cou
     target = output_folder(folder, Path("reports") / f"{campaign.stem}_start_times")
     with progress.shown(err) as shown:
         times, files = write_start_times(content, target, axes, count, checks, shown)
-    out.print(terminal.best_starts(times.study, times.checks, times.own_sigma, content.scenario.outputs))
+    out.print(terminal.best_starts(times.study, times.checks, times.own_rms, content.scenario.outputs))
     out.print()
     print_written(files)
     print_next(next_command.written("lincov", campaign))
