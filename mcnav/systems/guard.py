@@ -35,10 +35,11 @@ import numpy as np
 
 from mcnav import _supervision
 from mcnav._interrupts import interrupts
+from mcnav._stopping import Stopped
 from mcnav._subprocess import is_worker
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError
-from mcnav.systems.timeouts import SampleTimeout, Stopped
+from mcnav.systems.timeouts import SampleTimeout
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")

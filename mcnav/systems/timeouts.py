@@ -4,7 +4,7 @@
 into it, are stopped by a signal; code that ignores signals, such as a compiled loop, is stopped by ending the worker
 process. Signals reach the main thread only, so the runner uses worker processes when there is a limit.
 
-Simulations in another thread are stopped between two samples (`stopped_by`).
+Simulations in another thread are stopped between two samples (`mcnav._stopping`).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final, TypeVar
 
+from mcnav._stopping import check_stopped
 from mcnav._supervision import LATE, own_notes
 
 Result = TypeVar("Result")
@@ -27,32 +28,10 @@ PATIENCE: Final = 1.5
 
 _seconds: list[float] = []
 _silent: list[int] = []
-_stop = threading.local()
 
 
 class SampleTimeout(BaseException):
     """A sample that exceeded its time; a user's ``except Exception`` does not catch it."""
-
-
-class Stopped(BaseException):
-    """Simulations whose results are not needed any more."""
-
-
-@contextmanager
-def stopped_by(event: threading.Event) -> Iterator[None]:
-    """Raise `Stopped` in this thread before its next sample once the event is set."""
-    _stop.event = event
-    try:
-        yield
-    finally:
-        del _stop.event
-
-
-def check_stopped() -> None:
-    """Raise `Stopped` when the event of `stopped_by` is set in this thread."""
-    event = getattr(_stop, "event", None)
-    if event is not None and event.is_set():
-        raise Stopped
 
 
 def timeout_message(seconds: float) -> str:

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
+from mcnav._stopping import check_stopped
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.exceedance import Event, allowed_share, most_likely_way, samples_deciding
@@ -33,7 +34,6 @@ from mcnav.sampler.designs import SamplingDesign
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.statistics.bisection import root_between
 from mcnav.store.manifest import ExceedanceRecord
-from mcnav.systems.timeouts import check_stopped
 from mcnav.workflow.prepare import LinearHistory, PreparedSystem, exact_part, linear_history, same_times
 
 RAREST: Final = 12.0

@@ -11,6 +11,7 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from mcnav._stopping import stopped_by
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
 from mcnav.analysis.requirements import requirements_from
@@ -32,7 +33,7 @@ from mcnav.store.provenance import commit
 from mcnav.store.run_files import CAMPAIGN, FORMAT
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY
-from mcnav.systems.timeouts import stopped_by, time_limit
+from mcnav.systems.timeouts import time_limit
 from mcnav.workflow.analyse import analyse, linear_model, summary_frame, write_results
 from mcnav.workflow.corrections import compute_corrections
 from mcnav.workflow.exceedance import estimate_exceedances

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from joblib import Parallel, delayed
 
+from mcnav._stopping import Stopped
 from mcnav._subprocess import side_threads
 from mcnav.contract.engine import without_noise
 from mcnav.contract.filter_record import FilterSchema
@@ -24,7 +25,7 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.linear.corrections import Corrections
 from mcnav.runner.processes import IsolatedEngine
 from mcnav.runner.worker_processes import end_workers
-from mcnav.systems.timeouts import Stopped, within_limit
+from mcnav.systems.timeouts import within_limit
 from tests.conftest import ROOT, campaign
 from tests.faults.scenarios import OnAdvance, command, environment
 from tests.processes import LONG, run_to_end, wait_for

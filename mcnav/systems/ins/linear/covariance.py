@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav._types import Array
 from mcnav.systems.ins.earth import local_axes
-from mcnav.systems.ins.imu.gravity import DISTURBANCES, add_by_cause
-from mcnav.systems.ins.imu.instruments import CONSTANTS, PROCESSES, Imu, Noise, process_sizes
+from mcnav.systems.ins.imu.gravity import DISTURBANCES
+from mcnav.systems.ins.imu.instruments import PROCESSES, Imu, Noise, process_sizes
 from mcnav.systems.ins.linear.response import StepResponses
 from mcnav.systems.ins.truth.trajectory import Truth
 
@@ -199,41 +199,3 @@ def _quantization(responses: StepResponses, noise: Noise, axis: int, first: int)
 def biased_processes(responses: StepResponses, imu: Imu) -> tuple[str, ...]:
     """Return the names of the processes that are biases, in order."""
     return tuple(name for name, (response, _, _) in process_systems(responses, imu).items() if response.any())
-
-
-def propagate(truth: Truth, responses: StepResponses, imu: Imu, epochs: IndexArray) -> LinearErrors:
-    """Propagate the linear system along the truth.
-
-    Parameters
-    ----------
-    epochs : ndarray of int, shape (m,)
-        Rising; numbers of the times at which it is read out, 0 being the start.
-    """
-    transition, inputs = transitions(responses), constant_inputs(responses)
-    systems = process_systems(responses, imu)
-    partials = np.zeros((9, len(CONSTANTS)))
-    partials[:, :9] = np.linalg.inv(output_map(truth, float(responses.times[0])))
-    covariance = np.zeros((len(systems), 10, 10))
-    augmented = np.zeros((len(systems), len(transition), 10, 10))
-    added = np.zeros((len(transition), len(systems), 10, 10))
-    for number, (response, noise, variance) in enumerate(systems.values()):
-        covariance[number, 9, 9] = variance
-        augmented[number, :, :9, :9] = transition
-        augmented[number, :, :, 9] = response
-        added[:, number] = noise
-    seen_partials, seen_covariance = [], []
-    wanted = set(epochs.tolist())
-    for number, time in enumerate(responses.times):
-        if number > 0:
-            step = number - 1
-            partials = transition[step] @ partials
-            partials[:, 9:] += inputs[step]
-            over = augmented[:, step]
-            covariance = over @ covariance @ over.swapaxes(1, 2) + added[step]
-        if number in wanted:
-            to_outputs = output_map(truth, float(time))
-            seen_partials.append(to_outputs @ partials)
-            seen_covariance.append(to_outputs @ covariance[:, :9, :9] @ to_outputs.T)
-    by_process = np.stack(seen_covariance)
-    named = add_by_cause({name: by_process[:, number] for number, name in enumerate(systems)})
-    return LinearErrors(responses.times[epochs], np.stack(seen_partials), named)

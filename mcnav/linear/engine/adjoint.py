@@ -1,0 +1,41 @@
+"""Rows of outputs backwards along a timeline: what each state, step and measurement before adds to them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mcnav._threads import one_thread
+from mcnav._types import Array
+from mcnav.contract.timeline import Timeline
+from mcnav.linear.engine.transitions import Block, bounds, expand
+
+
+def adjoint(timeline: Timeline, gains: Array | None, end: int, outputs: Array) -> Array:
+    """Compute the rows ``L_T = C``, ``L_k = L_(k+1) A_k`` of outputs at every position up to their own.
+
+    Parameters
+    ----------
+    gains : ndarray, shape (U, f, M), optional
+        K; none where there are no updates.
+    end : int
+        Position of the outputs.
+    outputs : ndarray, shape (o, n)
+        C.
+
+    Returns
+    -------
+    ndarray, shape (end + 1, o, n)
+        Of the outputs to X at each position.
+    """
+    rows = np.empty((end + 1, *outputs.shape))
+    rows[end] = outputs
+    with one_thread():
+        for first, last in reversed(bounds(0, end)):
+            take_back(expand(timeline, gains, first, last), rows[first : last + 1])
+    return rows
+
+
+def take_back(block: Block, rows: Array) -> None:
+    """Take rows back over a block, whose last ones are known, shape (k + 1, o, n)."""
+    for k in range(len(block.transitions) - 1, -1, -1):
+        np.matmul(rows[k + 1], block.transitions[k], out=rows[k])

@@ -1,0 +1,84 @@
+"""Joint law of an innovation and of the outputs' errors after its update.
+
+    n = H X + D c + v        X+ = X - M K n        y = C X+
+
+An error b of the measurement takes b from n and adds ``C M K b`` to y. The law is that of a navigator that takes every
+measurement: it is exact up to the first one that is rejected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.contract.timeline import Timeline, Updates
+from mcnav.linear.engine.design import filter_of
+from mcnav.linear.engine.products import transform
+from mcnav.linear.engine.propagate import propagate, readout_maps
+
+
+@dataclass(frozen=True)
+class InnovationLaw:
+    """Joint law of an innovation with m components and of o outputs after its update.
+
+    Attributes
+    ----------
+    size : int
+        m.
+    partials : ndarray, shape (m + o, s + 1)
+        Of both, the innovation first, to the error sources and to what is deterministic.
+    noise : ndarray, shape (m + o, m + o)
+        Covariance of both by all processes of noise.
+    responses : ndarray, shape (o, m)
+        Of the outputs to an error of the measurement.
+    """
+
+    size: int
+    partials: Array
+    noise: Array
+    responses: Array
+
+
+def positions_of(timeline: Timeline, updates: IndexArray) -> IndexArray:
+    """Return the positions before updates, by their numbers."""
+    return np.asarray(np.flatnonzero(timeline.is_update)[updates], dtype=np.int64)
+
+
+def innovation_laws(timeline: Timeline, gains: Array, updates: IndexArray) -> list[InnovationLaw]:
+    """Compute the laws of updates by their numbers, in any order.
+
+    Parameters
+    ----------
+    gains : ndarray, shape (U, f, M)
+        K.
+    """
+    if timeline.updates is None:
+        raise ValueError("timeline: has no updates")
+    positions = positions_of(timeline, updates)
+    whole = np.eye(timeline.states)
+    before = propagate(timeline, gains, positions, by_cause=False, maps=lambda _: whole)
+    return [
+        _law(timeline, timeline.updates, gains, u, position, partials, covariances.sum(axis=0))
+        for u, position, partials, covariances in zip(
+            updates.tolist(), positions.tolist(), before.partials, before.covariances, strict=True
+        )
+    ]
+
+
+def _law(
+    timeline: Timeline, updates: Updates, gains: Array, u: int, position: int, state: Array, covariance: Array
+) -> InnovationLaw:
+    """Compute the law of an update from X before it."""
+    m, outputs = int(updates.sizes[u]), readout_maps(timeline)(position + 1)
+    responses = outputs @ filter_of(timeline).place @ gains[u, :, :m]
+    # both as what X, c and the measurement's noise make of them
+    of_noise = np.concatenate([np.eye(m), -responses])
+    rows = of_noise @ updates.responses[u, :m]
+    rows[m:] += outputs
+    variances = sum((of[u, :m] for of in updates.variances.values()), np.zeros(m))
+    return InnovationLaw(
+        m, rows @ state + of_noise @ updates.disturbances[u, :m],
+        transform(rows, covariance) + transform(of_noise, np.diag(variances)), responses,
+    )  # fmt: skip

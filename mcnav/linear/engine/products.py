@@ -1,0 +1,123 @@
+"""Products of the linear engine: the only ones of the form ``M P M'`` of the package outside of kernels of samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+
+ROUNDED: Final = 1e-14
+"""Share of the variance that a sum would have without cancellation, up to which its own is rounding.
+
+Each of its two products of nine terms has nine units of rounding, 2e-15 together; the covariance's entries, which add
+up steps and updates, have some more.
+"""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of a process in some transitions of a block, shape (k,) of them.
+
+    Attributes
+    ----------
+    places : ndarray of int, shape (k,)
+        The transitions, rising.
+    rows : ndarray of int, shape (r,)
+        What it is added to.
+    covariance, factor : ndarray, shapes (k, r, r), (k, r, c)
+        Either of both, as in `mcnav.contract.timeline.StepNoise`.
+    """
+
+    places: IndexArray
+    rows: IndexArray
+    covariance: Array | None
+    factor: Array | None
+
+    def between(self, first: int, last: int) -> Noise:
+        """Return that of the transitions from the first to before the last, counted from the first."""
+        begin, end = np.searchsorted(self.places, (first, last))
+        return Noise(
+            self.places[begin:end] - first,
+            self.rows,
+            None if self.covariance is None else self.covariance[begin:end],
+            None if self.factor is None else self.factor[begin:end],
+        )
+
+
+def transform(matrix: Array, covariance: Array) -> Array:
+    """Compute ``M P M'``, symmetric to the last bit, of shapes (..., r, n), (..., n, n).
+
+    >>> transform(np.array([[1.0, 2.0]]), np.diag([9.0, 4.0]))
+    array([[25.]])
+    """
+    product = matrix @ covariance @ matrix.swapaxes(-1, -2)
+    return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))
+
+
+def update(covariance: Array, gain: Array, response: Array, variances: Array) -> Array:
+    """Compute the covariance after an update with any gain: Joseph's form, ``(I - K H) P (I - K H)' + K R K'``.
+
+    Parameters
+    ----------
+    gain, response, variances : ndarray, shapes (f, m), (m, f), (m,)
+        K, H and the diagonal of R.
+    """
+    left = -gain @ response
+    left[np.diag_indices_from(left)] += 1.0
+    product = left @ covariance @ left.T + (gain * variances) @ gain.T
+    return np.asarray(0.5 * (product + product.T))
+
+
+def sum_of_products(weights: Array, noise: Noise) -> Array:
+    """Compute ``sum_k Z_k Q_k Z_k'`` over the transitions that have noise, with large products.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (transitions, o, n)
+        Z by transition.
+
+    Returns
+    -------
+    ndarray, shape (o, o)
+    """
+    rows = weights[noise.places][:, :, noise.rows]
+    if noise.factor is not None:
+        halves = _side_by_side(rows @ noise.factor)
+        return np.asarray(halves @ halves.T)
+    assert noise.covariance is not None
+    total = _side_by_side(rows @ noise.covariance) @ _side_by_side(rows).T
+    return np.asarray(0.5 * (total + total.T))
+
+
+def _side_by_side(matrices: Array) -> Array:
+    """Return matrices, shape (k, o, r), beside each other, shape (o, k r)."""
+    return matrices.transpose(1, 0, 2).reshape(matrices.shape[1], -1)
+
+
+def map_covariances(maps: Array, covariances: Array) -> Array:
+    """Compute ``M P M'``; rows and columns of variances that are rounding are zero.
+
+    Parameters
+    ----------
+    maps, covariances : ndarray, shapes (..., r, n), (..., n, n)
+
+    Returns
+    -------
+    ndarray, shape (..., r, r)
+
+    Examples
+    --------
+    Two errors that are one, and their difference:
+
+    >>> map_covariances(np.array([[1.0, 0.0], [3.0, -0.3]]), np.array([[0.01, 0.1], [0.1, 1.0]]))
+    array([[0.01, 0.  ],
+           [0.  , 0.  ]])
+    """
+    mapped = maps @ covariances @ maps.swapaxes(-1, -2)
+    variances = np.maximum(np.diagonal(covariances, axis1=-2, axis2=-1), 0.0)
+    sizes = (np.abs(maps) @ np.sqrt(variances)[..., None])[..., 0]
+    kept = np.diagonal(mapped, axis1=-2, axis2=-1) > ROUNDED * sizes**2
+    return np.asarray(np.where(kept[..., :, None] & kept[..., None, :], mapped, 0.0))

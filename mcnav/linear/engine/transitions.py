@@ -1,0 +1,123 @@
+"""Transitions of a timeline in blocks, with updates closed by gains.
+
+With gains an update is a transition like any other: ``A = I - M K H``, ``B = -M K D``, and the noise of process j is
+``-M K v_j``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.contract.timeline import Steps, Timeline
+from mcnav.linear.engine.products import Noise
+
+BLOCK: Final = 256
+"""Transitions that are expanded at the same time."""
+
+TOGETHER: Final = "all processes"
+"""Name of all processes added up."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Transitions from one position to another, k of them.
+
+    Attributes
+    ----------
+    first : int
+        Position at which they begin.
+    transitions, inputs : ndarray, shapes (k, n, n), (k, n, s + 1)
+        A and B.
+    noise : mapping of str to tuple of Noise
+        By process: of steps, and of updates.
+    """
+
+    first: int
+    transitions: Array
+    inputs: Array
+    noise: Mapping[str, tuple[Noise, ...]]
+
+    @property
+    def last(self) -> int:
+        """Position at which they end."""
+        return self.first + len(self.transitions)
+
+
+def bounds(first: int, last: int) -> list[tuple[int, int]]:
+    """Divide positions into blocks, in order.
+
+    >>> bounds(0, 600)
+    [(0, 256), (256, 512), (512, 600)]
+    """
+    return [(begin, min(begin + BLOCK, last)) for begin in range(first, last, BLOCK)]
+
+
+def expand(
+    timeline: Timeline, gains: Array | None, first: int, last: int, constants: Array | None = None,
+    together: bool = False,
+) -> Block:  # fmt: skip
+    """Expand the transitions between two positions.
+
+    Parameters
+    ----------
+    gains : ndarray, shape (U, f, M), optional
+        K; none where there are no updates in between.
+    constants : ndarray, shape (s + 1, s + 1), optional
+        E, by which B is multiplied.
+    together : bool
+        All processes are one, `TOGETHER`.
+    """
+    states, sources = timeline.states, timeline.sources
+    is_update = timeline.is_update[first:last]
+    transitions = np.empty((last - first, states, states))
+    inputs = np.empty((last - first, states, sources + 1))
+    noise: dict[str, tuple[Noise, ...]] = {}
+    places = np.flatnonzero(~is_update)
+    if len(places):
+        steps = timeline.steps(*timeline.steps_before[[first, last]].tolist())
+        transitions[places], inputs[places] = steps.transitions, steps.inputs
+        noise = {TOGETHER: (_added_up(steps, places),)} if together else noise_of_steps(steps, places)
+    if is_update.any():
+        variances = timeline.updates.variances if timeline.updates is not None else {}
+        if together and variances:
+            variances = {TOGETHER: np.add.reduce(list(variances.values()))}
+        _expand_updates(timeline, gains, variances, first, last, transitions, inputs, noise)
+    return Block(first, transitions, inputs if constants is None else inputs @ constants, noise)
+
+
+def noise_of_steps(steps: Steps, places: IndexArray) -> dict[str, tuple[Noise, ...]]:
+    """Return the noise of steps by process, at their places in a block."""
+    return {name: (Noise(places, of.rows, of.covariance, of.factor),) for name, of in steps.noise.items()}
+
+
+def _added_up(steps: Steps, places: IndexArray) -> Noise:
+    """Return the noise of all processes in steps."""
+    total = np.zeros_like(steps.transitions)
+    for of in steps.noise.values():
+        total[:, of.rows[:, None], of.rows] += of.covariances
+    return Noise(places, np.arange(total.shape[1]), total, None)
+
+
+def _expand_updates(
+    timeline: Timeline, gains: Array | None, by_process: Mapping[str, Array], first: int, last: int,
+    transitions: Array, inputs: Array, noise: dict[str, tuple[Noise, ...]],
+) -> None:  # fmt: skip
+    """Write the updates between two positions into a block."""
+    updates, place = timeline.updates, timeline.filter
+    if gains is None or updates is None or place is None:
+        raise ValueError("gains: got none, expected those of the updates of the timeline")
+    places, numbers = np.flatnonzero(timeline.is_update[first:last]), slice(*timeline.updates_before[[first, last]])
+    corrections = -(place.place @ gains[numbers])
+    transitions[places] = np.eye(timeline.states) + corrections @ updates.responses[numbers]
+    inputs[places] = corrections @ updates.disturbances[numbers]
+    rows = np.flatnonzero(place.place.any(axis=1))
+    for name, variances in by_process.items():
+        u, c = np.nonzero(variances[numbers])
+        if len(u):
+            factor = corrections[u, :, c][:, rows] * np.sqrt(variances[numbers][u, c])[:, None]
+            noise[name] = (*noise.get(name, ()), Noise(places[u], rows, None, factor[:, :, None]))
