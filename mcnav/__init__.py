@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from mcnav.logs.imu_log import ImuLog, read_imu_log
     from mcnav.logs.tables import read_table
     from mcnav.logs.track import Track, read_track
-    from mcnav.notebook import FlownRun, check_scenario, open_run, run, run_campaign, sweep
+    from mcnav.notebook import RunResult, check_scenario, open_run, run, run_campaign, sweep
     from mcnav.sampler.errors import Errors
     from mcnav.sampler.sizes import fixed, normal, student_t, table, triangular, truncated_normal, uniform
     from mcnav.studies.allocate import allocate
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
         White,
     )
     from mcnav.systems.closed_loop.strapdown.navigator import Strapdown
-    from mcnav.systems.user.flown import Flown, Innovations
+    from mcnav.systems.user.simulated import Innovations, Simulated
     from mcnav.workflow.analyse import report_run, samples_of
     from mcnav.workflow.compare import RunComparison, compare_runs
     from mcnav.workflow.export import export_run
@@ -80,12 +80,12 @@ _HOMES = {
     "Campaign": "mcnav.frames.campaigns",
     "CampaignError": "mcnav.errors",
     "Epochs": "mcnav.contract.history",
-    "Flown": "mcnav.systems.user.flown",
-    "FlownRun": "mcnav.notebook",
+    "Simulated": "mcnav.systems.user.simulated",
+    "RunResult": "mcnav.notebook",
     "History": "mcnav.contract.history",
     "ImuLog": "mcnav.logs.imu_log",
     "IdentifiedNoise": "mcnav.identification.identify",
-    "Innovations": "mcnav.systems.user.flown",
+    "Innovations": "mcnav.systems.user.simulated",
     "Judgement": "mcnav.judgement.verdict",
     "SimulationResult": "mcnav.contract.samples",
     "LinearAnswer": "mcnav.analysis.linear_answer",
@@ -141,8 +141,6 @@ __all__ = [
     "Epochs",
     "Errors",
     "Filter",
-    "Flown",
-    "FlownRun",
     "GaussMarkov",
     "History",
     "IdentifiedNoise",
@@ -158,6 +156,8 @@ __all__ = [
     "RecordingFiles",
     "RunComparison",
     "RunFolderError",
+    "RunResult",
+    "Simulated",
     "SimulationResult",
     "Source",
     "Strapdown",
@@ -204,7 +204,7 @@ _SHORT = {"identify": "identify_noise", "judge": "judge_recording"}
 _EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult"}
 """Former names, which user-defined scenarios may still use."""
 
-_RENAMED = {"fly": "run"}
+_RENAMED = {"fly": "run", "Flown": "Simulated", "FlownRun": "RunResult"}
 """Former names that work for one release with a warning."""
 
 

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MplFigure
 
 
-class FlownRun:
+class RunResult:
     """A finished run folder, judged.
 
     Parameters
@@ -249,13 +249,13 @@ def _check_units(units: str) -> None:
         raise ValueError(f"units must be one of SI, shown; got {units!r}")
 
 
-def open_run(path: str | Path) -> FlownRun:
+def open_run(path: str | Path) -> RunResult:
     """Open a finished run folder.
 
     Raises `RunFolderError` when there is no such folder, or it holds no run, one that is not finished, or one that is
     damaged.
     """
-    return FlownRun(Path(path))
+    return RunResult(Path(path))
 
 
 def run(
@@ -267,7 +267,7 @@ def run(
     fresh: bool = False,
     force: bool = False,
     **instead: int,
-) -> FlownRun:
+) -> RunResult:
     """Run a campaign into a run folder and write its report there; stored samples are not simulated again.
 
     Parameters
@@ -290,7 +290,7 @@ def run(
         As `mcnav.workflow.run.run_campaign`.
     """
     workflow.run_campaign(campaign_from(campaign, instead), Path(folder), engine, jobs, fresh, force=force)
-    return FlownRun(Path(folder))
+    return RunResult(Path(folder))
 
 
 def run_campaign(

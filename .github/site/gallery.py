@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -55,17 +54,11 @@ def draw(campaign: Path, folder: Path) -> Path:
     return written
 
 
-def question_and_answer(text: str) -> tuple[str, str]:
-    """Split the comments with which an example begins."""
-    comments = re.match(r"(#.*\n)+", text)
-    prose = " ".join(re.sub(r"^# ?", "", comments[0] if comments else "", flags=re.MULTILINE).split())
-    question, _, answer = prose.partition("Expected answer:")
-    return question.removeprefix("Question:").strip(), answer.strip()
-
-
 def page() -> str:
     """Write the page."""
     from escaping import escape
+
+    from mcnav.entries.examples import question_and_answer
 
     parts = [HEAD]
     for file in sorted((ROOT / "campaigns").glob("*.toml")):

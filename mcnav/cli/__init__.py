@@ -14,10 +14,10 @@ import typer
 from typer.main import get_command_name
 
 from mcnav._interrupts import interruptible
-from mcnav.cli import advanced, analyse, look, start
+from mcnav.cli import advanced, analyse, look, start, vary
 from mcnav.cli.program import app, failure
 
-MODULES: Final = (start, analyse, look, advanced)
+MODULES: Final = (start, analyse, vary, look, advanced)
 """Modules of commands; importing one adds its commands to the program."""
 
 GARBAGE_THRESHOLD = 50_000

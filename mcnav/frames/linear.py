@@ -13,7 +13,7 @@ from mcnav._types import Array
 from mcnav.contract.errors import SimulationFailed
 from mcnav.contract.quantities import Output
 from mcnav.contract.scenario import ScenarioError
-from mcnav.frames.systems import Simulated, system_of
+from mcnav.frames.systems import Simulatable, system_of
 from mcnav.linear.covariance import propagated_covariance
 from mcnav.sampler.errors import Errors, as_errors
 
@@ -25,7 +25,7 @@ WITHOUT: Final = "noise left out"
 
 
 def partials(
-    system: Simulated, errors: Errors | Mapping[str, Any], outputs: Sequence[str | Output] = ()
+    system: Simulatable, errors: Errors | Mapping[str, Any], outputs: Sequence[str | Output] = ()
 ) -> pd.DataFrame:
     """Compute the partial-derivative matrix P about no errors: TN D-1772, eq. (13).
 

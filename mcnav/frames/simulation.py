@@ -13,18 +13,19 @@ import pandas as pd
 from mcnav._threads import one_thread
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.frames.systems import Simulated, System, system_of
+from mcnav.frames.systems import Simulatable, System, system_of
+from mcnav.runner.worth import worth_from
 from mcnav.sampler.errors import SAMPLING
 
 REASON: Final = "reason"
 """Column of results that says why a sample failed; there is one where any did."""
 
-WORTH: Final = 2.0
-"""Time that the samples still to be simulated must take, s, for further workers: starting them takes about one."""
+COST: Final = {"loky": 2.0, "threading": 0.1}
+"""Time that workers take until they simulate, s: processes import for more than a second."""
 
 
 def simulate(
-    system: Simulated,
+    system: Simulatable,
     draws: pd.DataFrame,
     jobs: int = 2,
     outputs: Sequence[str | Output] = (),
@@ -94,7 +95,7 @@ def _run(system: System, samples: Batch, jobs: int) -> SimulationResult:
     begun = time.perf_counter()
     results = [_simulate(system, samples[places[0]])]
     left = places[1:]
-    if jobs > 1 and (time.perf_counter() - begun) * len(left) > WORTH:
+    if time.perf_counter() - begun > worth_from(jobs, len(left), COST[system.backend]):
         from joblib import Parallel, delayed
 
         workers = Parallel(n_jobs=jobs, backend=system.backend)

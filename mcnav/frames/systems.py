@@ -200,11 +200,13 @@ class ScenarioSystem:
         return float(shares.max())
 
 
-Simulated = Description | Callable[[Any], Any] | type | Any
+Simulatable = Description | Callable[[Any], Any] | type | Any
 """What can be simulated: a function, a class or object with ``propagate`` or ``fly``, a scenario, a campaign."""
 
 
-def system_of(given: Simulated, sources: Sequence[str], probes: Array, outputs: Sequence[str | Output] = ()) -> System:
+def system_of(
+    given: Simulatable, sources: Sequence[str], probes: Array, outputs: Sequence[str | Output] = ()
+) -> System:
     """Return what is given as a system.
 
     Parameters

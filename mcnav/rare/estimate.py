@@ -30,12 +30,12 @@ from mcnav.rare.levels import Levels, simulate_levels
 from mcnav.rare.limits import AnyEpoch, Limit
 from mcnav.rare.plan import BEFORE, CHEAP, Laid, Plan
 from mcnav.rare.proposal import Proposal
-from mcnav.rare.search import RELEVANT, Search, foreseen, search_elsewhere
+from mcnav.rare.search import Search, foreseen, search_elsewhere
 from mcnav.rare.unseen import UnseenNoise
-from mcnav.rare.widened import Widened, draw_widened, fly_widened, ratio
+from mcnav.rare.widened import Widened, draw_widened, fly_widened
 
-FEW, MANY = 400, 4_000
-"""Flights with widened errors: where flights are dear, and where they are cheap."""
+FEW, MANY, MORE = 400, 4_000, 20_000
+"""Flights with widened errors: where flights are dear, where they are cheap, and there where lines do not suffice."""
 
 FOLLOWED_FEW, FOLLOWED_MANY = 5, 12
 """Unforeseen failures that are followed to the nearest point."""
@@ -47,10 +47,16 @@ CHECKED_FEW, CHECKED_MANY = 40, 800
 """Failures with widened errors whose lines are checked, those that stand for most probability first."""
 
 MUCH: Final = 0.25
-"""Share of the estimate that few lines may cover, by which its interval is widened; with more it is refused."""
+"""Share of the estimate by which its interval may be widened for what few failures away from the lines stand for."""
 
 COUNTED: Final = 20.0
-"""Independent failures from which a probability that no line covers is added; with fewer it is refused."""
+"""Independent failures away from the lines from which they may stand for more."""
+
+SPREAD: Final = 0.05
+"""Share of the flights with widened errors that may fail away from the lines: more is a region of its own."""
+
+ROUNDS: Final = 2
+"""Times that failures on no line, or on few, are followed: those of the pilot, and those of the estimate."""
 
 AGREE: Final = 0.995
 """Confidence at which levels and lines must contradict each other."""
@@ -133,11 +139,6 @@ def estimate_probability(
     return routes.estimate(facets, precision, confidence, most, allowed)
 
 
-def _left_out_by(plan: Plan, laid: Laid, places: Places) -> NDArray[np.bool_]:
-    late, heavy = plan.left_out(places, laid)
-    return late | heavy
-
-
 def _refused(flown: Flown, reason: str, dimensions: int) -> Rare:
     return Rare(math.nan, math.nan, math.nan, flown.flights, reason, np.full(dimensions, math.nan))
 
@@ -168,32 +169,44 @@ class _Routes:
         nearest = plan.nearest(pilot)
         lost = flown.failed
         levels = simulate_levels(flown, self.dimensions, self._generator(1)) if self.cheap else None
-        widened = self._widened(facets, proposals)
-        surprises = pilot.points[(pilot.facet >= facets.foreseen) & np.isfinite(pilot.entry)].and_also(pilot.before)
-        surprises = surprises.and_also(widened.unforeseen)
+        widened = self._widened(facets, proposals, MANY if self.cheap else FEW)
+        failures = pilot.points[(pilot.facet >= facets.foreseen) & np.isfinite(pilot.entry)].and_also(pilot.before)
+        failures = failures.and_also(widened.places[widened.heaviest(self.checked)])
         if levels is not None:
-            surprises = surprises.and_also(self._of_levels(levels, facets, proposals))
-        followed = FOLLOWED_MANY if self.cheap else FOLLOWED_FEW
-        left_out = partial(_left_out_by, plan, plan.expected_lines(pilot, proposals))
-        search = search_elsewhere(flown, facets, nearest, surprises, followed, left_out)
-        if len(search.facets.distances) > len(facets.distances) or levels is not None:
-            facets = search.facets
-            if curvature is not None:
-                facets = curvature.turned(replace(facets, turned=None), self.limit)
-            informed = None
-            if levels is not None and len(levels.points) and not facets.shared:
-                informed = inform(facets, levels)
-                facets = informed.facets
-            plan = Plan(flown, self.expected, facets, generator, unseen, informed)
-            pilot, proposals = plan.pilot()
-        flown.failed = lost  # far out flights may have no result
-        affordable = CHEAP * most if self.cheap else most - flown.flights
-        laid = plan.estimate(pilot, proposals, precision, confidence, affordable)
-        if flown.failed:
-            return _refused(flown, laid.doubt, self.dimensions)
+            failures = failures.and_also(self._of_levels(levels))
+        surprises = failures[np.logical_or(*plan.left_out(failures, plan.expected_lines(pilot, proposals)))]
+        for attempt in range(ROUNDS):
+            search = search_elsewhere(flown, facets, nearest, surprises, FOLLOWED_MANY if self.cheap else FOLLOWED_FEW)
+            grown, facets = len(search.facets.distances) > len(facets.distances), search.facets
+            if attempt and not grown:
+                break
+            if grown or levels is not None:
+                if curvature is not None:
+                    facets = curvature.turned(replace(facets, turned=None), self.limit)
+                informed = None
+                if levels is not None and len(levels.points) and not facets.shared:
+                    informed = inform(facets, levels)
+                    facets = informed.facets
+                plan = Plan(flown, self.expected, facets, generator, unseen, informed)
+                pilot, proposals = plan.pilot()
+            flown.failed = lost  # far out flights may have no result
+            affordable = CHEAP * most if self.cheap else most - flown.flights
+            laid = plan.estimate(pilot, proposals, precision, confidence, affordable)
+            if flown.failed:
+                return _refused(flown, laid.doubt, self.dimensions)
+            if laid.doubt:
+                break
+            missed = np.logical_or(*self._missed(plan, laid, widened))
+            if not 0.0 < float(np.mean(missed)) <= SPREAD:
+                break
+            surprises = widened.places[missed & widened.seen]
         if not laid.doubt and len(pilot.before):
             laid = replace(laid, doubt=BEFORE)
-        return self._weighed(plan, laid, widened, levels, search, confidence, allowed)
+        rare = self._weighed(plan, laid, widened, levels, search, confidence, allowed)
+        if self.cheap and (rare.refusal or rare.by_levels):
+            widened = self._widened(plan.facets, laid.proposals, MORE)
+            rare = self._weighed(plan, laid, widened, levels, search, confidence, allowed)
+        return rare
 
     def expected(self, points: Array) -> Array:
         """Return the margins by the linear model."""
@@ -202,88 +215,75 @@ class _Routes:
     def _generator(self, route: int) -> np.random.Generator:
         return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(route,))))
 
-    def _widened(self, facets: Facets, proposals: Sequence[Proposal]) -> Widened:
-        points = draw_widened(MANY if self.cheap else FEW, self.dimensions, self._generator(2))
+    def _widened(self, facets: Facets, proposals: Sequence[Proposal], count: int) -> Widened:
+        points = draw_widened(count, self.dimensions, self._generator(count))
         return fly_widened(self.flown, points, foreseen(points, self.expected, facets, proposals))
 
-    def _of_levels(self, levels: Levels, facets: Facets, proposals: Sequence[Proposal]) -> Places:
-        """Return some points of the event by levels that nothing foresees."""
-        surprising = levels.points[~foreseen(levels.points, self.expected, facets, proposals)]
-        surprising = surprising[:: max(1, len(surprising) // OF_LEVELS)]
-        return Places(surprising, self.flown.new_noise(len(surprising)))
+    @property
+    def checked(self) -> int:
+        """How many failures with widened errors are put on their lines."""
+        return CHECKED_MANY if self.cheap else CHECKED_FEW
+
+    def _of_levels(self, levels: Levels) -> Places:
+        """Return some points of the event by levels."""
+        points = levels.points[:: max(1, len(levels.points) // OF_LEVELS)]
+        return Places(points, self.flown.new_noise(len(points)))
 
     def _weighed(
         self, plan: Plan, laid: Laid, widened: Widened, levels: Levels | None, search: Search,
         confidence: float, allowed: float,
     ) -> Rare:  # fmt: skip
         """Compare the routes, and state what they agree on."""
-        flown, corner = self.flown, search.corner <= search.far
-        scatter = math.inf if levels is None else levels.scatter
+        flown, smooth = self.flown, levels
+        if levels is None or levels.scatter > ROUGHEST or search.jumps or search.corner <= search.far:
+            smooth = None
         stated = partial(
             Rare, flights=flown.flights, refusal="", point=laid.point, sides=laid.sides, power=widened.power(allowed)
         )
         if laid.doubt:
-            failures = widened.failed & widened.seen
-            if levels is not None and scatter <= ROUGHEST and not search.jumps and not corner:
-                return stated(levels.value, *levels.interval(confidence), by_levels=True)
-            if self.cheap and widened.counted(failures) >= COUNTED:
-                return stated(*widened.probability(failures, confidence), by_levels=True)
-            return _refused(flown, laid.doubt, self.dimensions)
-        if scatter > ROUGHEST:
-            levels = None
-        smooth = None if search.jumps or corner else levels
-        left, above, reason = self._left_out(plan, laid, widened, smooth, search.corner, confidence)
-        if reason:
+            everywhere = widened.failed & widened.seen
+            value, low, high = widened.probability(everywhere, confidence)
+            if widened.counted(everywhere) >= COUNTED:
+                return stated(value, low, high, by_levels=True)
+            if smooth is None:
+                return _refused(flown, laid.doubt, self.dimensions)
+            of_levels = smooth.interval(confidence)
+            return stated(smooth.value, min(low, of_levels[0]), max(high, of_levels[1]), by_levels=True)
+        late, heavy = self._missed(plan, laid, widened)
+        counted, known = widened.counted(late | heavy) >= COUNTED, True
+        if counted:
+            value, low, high = _sum(laid.light, widened.probability(late | heavy, confidence))
+        else:
+            value, low, high = _sum((laid.value, laid.low, laid.high), widened.probability(late, confidence))
+            high = max(high, laid.light[0] + widened.probability(late | heavy, confidence)[0])
+            known = high - laid.high <= MUCH * laid.value and search.corner == math.inf
+            known &= float(np.mean(late | heavy)) <= SPREAD
+        if not known and smooth is None:
+            nearest = np.min(np.linalg.norm(widened.places.points[late | heavy], axis=1), initial=search.corner)
+            where = f"{nearest:.2g} sigma from the nominal"
+            reason = f"a flight fails {where} where no failure is expected, by a jump or a gate"
             return _refused(flown, reason, self.dimensions)
-        value, low, high = laid.value + left[0], max(laid.low, left[1]), laid.high + left[2] + above
-        if levels is None:
+        if levels is None or levels.scatter > ROUGHEST:
             return stated(value, low, high)
-        reach = float(special.stdtrit(len(levels.estimates) - 1, 0.5 + 0.5 * AGREE)) * scatter
-        difference = math.log(levels.value / value)
-        of_levels = levels.interval(confidence)
-        if difference > reach:
+        reach = float(special.stdtrit(len(levels.estimates) - 1, 0.5 + 0.5 * AGREE)) * levels.scatter
+        difference, of_levels = math.log(levels.value / value), levels.interval(confidence)
+        if difference > reach or not known:
             return stated(levels.value, min(low, of_levels[0]), max(high, of_levels[1]), by_levels=True)
-        if difference < -reach and not search.jumps and not left[0] > 0.0:
+        if difference < -reach and smooth is not None and not counted:
             low = min(low, of_levels[0])
         return stated(value, low, high)
 
-    def _left_out(
-        self, plan: Plan, laid: Laid, widened: Widened, levels: Levels | None, corner: float, confidence: float
-    ) -> tuple[tuple[float, float, float], float, str]:
-        """Return what lines leave out: the probability of failures on none, and that on few lines, or a refusal.
-
-        The first has an interval and is part of the event's; lines contain the second on average, so that it widens the
-        interval upwards alone.
-        """
-        places, nothing = widened.places, (0.0, 0.0, 0.0)
-        weights = np.where(widened.failed & widened.seen, ratio(places.points), 0.0)
-        most = CHECKED_MANY if self.cheap else CHECKED_FEW
-        picked = np.argsort(-weights, kind="stable")[: min(most, int(np.count_nonzero(weights)))]
-        late, heavy = ~widened.seen & ~widened.foreseen, np.zeros(len(weights), dtype=bool)
+    def _missed(self, plan: Plan, laid: Laid, widened: Widened) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return which flights with widened errors fail on no line of the estimate, and which on few, shape (n,)."""
+        picked, late = widened.heaviest(self.checked), ~widened.seen & ~widened.foreseen
+        heavy = np.zeros_like(late)
         if len(picked):
-            late[picked], heavy[picked] = plan.left_out(Places(places.points[picked], places.noise[picked]), laid)
-        whole = widened.probability(late | heavy, confidence)
-        if widened.counted(late | heavy) >= COUNTED and whole[0] > MUCH * laid.value:
-            return whole, 0.0, ""
-        on_none, on_few = widened.probability(late, confidence), widened.probability(heavy, confidence)
-        if levels is not None and widened.counted(heavy) < COUNTED:
-            above = self._on_few_lines(plan, laid, levels)
-        else:  # few flights: a single one far from all others shows nothing
-            above = on_few[2] if self.cheap or on_few[1] > 0.0 else 0.0
-        if on_none[0] > RELEVANT * laid.value:
-            left = on_none
-        else:
-            left, above = nothing, above + on_none[2]
-        surely = left == nothing or widened.counted(late) >= COUNTED
-        if (self.cheap or corner == math.inf) and surely and (above <= MUCH * laid.value or levels is not None):
-            return left, above, ""
-        nearest = min(corner, float(np.min(np.linalg.norm(places.points[late | heavy], axis=1), initial=math.inf)))
-        where = f"{nearest:.2g} sigma from the nominal"
-        return left, above, f"a flight fails {where} where no failure is expected, by a jump or a gate"
+            late[picked], heavy[picked] = plan.left_out(widened.places[picked], laid)
+        return late, heavy
 
-    def _on_few_lines(self, plan: Plan, laid: Laid, levels: Levels) -> float:
-        """Return the probability of points by levels that are on few lines of the estimate."""
-        picked = np.linspace(0, len(levels.points) - 1, min(OF_LEVELS, len(levels.points))).astype(np.int64)
-        places = Places(levels.points[picked], self.flown.new_noise(len(picked)))
-        weights = levels.weights[picked] / np.sum(levels.weights[picked])
-        return levels.value * float(np.sum(weights[plan.left_out(places, laid)[1]]))
+
+def _sum(lines: tuple[float, float, float], rest: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return the sum of two independent estimates with the ends of its interval, each of a value and its ends."""
+    value = lines[0] + rest[0]
+    low, high = (math.hypot(lines[k] - lines[0], rest[k] - rest[0]) for k in (1, 2))
+    return value, max(value - low, 0.0), value + high

@@ -63,7 +63,7 @@ MINOR: Final = 0.02
 """Share of a cell in the probability below which the pilot, of few lines there, is not compared with."""
 
 SCATTERED: Final = 2.5
-"""Variance of the logarithm of a line's probability by noise that the linear model does not see, at most."""
+"""Variance of the logarithm of a line's probability about the fit, at most, where the linear model misses noise."""
 
 NEVER: Final = 37.0
 """Entry of lines of which none was seen to enter; its probability is 1e-299."""
@@ -132,6 +132,8 @@ class Laid:
         The probability and its two-sided interval.
     doubt : str
         What contradicts the lines; empty where nothing does. Without any lines all else is NaN or empty.
+    light : tuple of float
+        The value and its interval without lines that carry more than `UNLIKELY` of it each.
     point : ndarray, shape (d,)
     sides : int
         See `mcnav.rare.estimate.Rare`.
@@ -148,6 +150,12 @@ class Laid:
     sides: int = 0
     proposals: Sequence[Proposal] = ()
     each: Array = field(default_factory=lambda: np.zeros(0))
+    light: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+
+
+def slopes_of_logarithm(at: Array) -> Array:
+    """Return the slope of ``-log Phi(-t)``, about, shape (n,)."""
+    return np.asarray(np.abs(at) + 1.0 / np.maximum(np.abs(at), 1.0))
 
 
 def nothing_laid(reason: str, dimensions: int) -> Laid:
@@ -350,9 +358,6 @@ class Plan:
         means = self.means(pilot)
         if not np.sum(means) > 0.0:
             return nothing_laid("no flight fails where the linear model expects it", d)
-        scatter = self.unseen_scatter(int(np.argmax(means)), proposals)
-        if scatter > SCATTERED:
-            return nothing_laid("noise that the linear model does not see moves the limit too far", d)
         shares = self.shares(pilot, proposals)
         per_line = pilot.flights / len(pilot.facet) + 1.0 + 1.0 / BETWEEN
         number = self.lines_needed(pilot, proposals, precision)
@@ -377,7 +382,8 @@ class Plan:
         sides = int(np.count_nonzero(parts > 0.01 * value))
         doubt = self.doubt(lines, weights, value, proposals, shares)
         point = self.likely(lines, weights, proposals) if value > 0.0 else np.full(d, math.nan)
-        return Laid(value, low, high, doubt, point, sides, proposals, 1.0 / (number * shares))
+        light = weights_interval(np.where(weights > UNLIKELY * value * number, 0.0, weights), stratum, confidence)
+        return Laid(value, low, high, doubt, point, sides, proposals, 1.0 / (number * shares), light)
 
     def expected_lines(self, pilot: Lines, proposals: list[Proposal]) -> Laid:
         """Return what the fewest lines of an estimate would be by the pilot, of which none is laid."""
@@ -404,14 +410,12 @@ class Plan:
         late = entry > along + NEAR
         return np.asarray(late), np.asarray(~late & (carried > UNLIKELY * laid.value))
 
-    def unseen_scatter(self, facet: int, proposals: list[Proposal]) -> float:
-        """Return the variance of the logarithm of a line's probability by noise that the linear model does not see."""
-        if self.unseen is None:
-            return 0.0
-        proposal = proposals[facet]
-        at, by = self.unseen.scatter(self.facets, facet, self.flown.limit)
-        square = np.mean((at + by @ proposal.mean) ** 2) + np.mean(by**2, axis=0) @ proposal.spread**2
-        return float(square * hazard_at(proposal.constant) ** 2)
+    def scatter(self, lines: Lines, weights: Array, proposals: list[Proposal]) -> float:
+        """Return the variance of the logarithm of a line's probability about the fit, of the heaviest half-space."""
+        j = int(np.argmax(np.bincount(lines.facet, weights, len(proposals))))
+        mine = (lines.facet == j) & np.isfinite(lines.entry)
+        at, fitted = lines.entry[mine], self.entry(j, lines.across[mine], proposals[j])
+        return float(np.var(slopes_of_logarithm(at) * (at - fitted)))
 
     def lines_needed(self, pilot: Lines, proposals: list[Proposal], precision: float) -> float:
         """Return the lines that a relative standard error needs, from the scatter about the fit of the pilot."""
@@ -422,8 +426,7 @@ class Plan:
         t, proposal = pilot.entry[mine], proposals[j]
         if len(t) < 8:
             return math.inf if len(proposal.mean) or self.unseen is not None else 0.0
-        hazard = np.abs(t) + 1.0 / np.maximum(np.abs(t), 1.0)
-        scatter = float(np.std(hazard * (t - self.entry(j, pilot.across[mine], proposal))))
+        scatter = float(np.std(slopes_of_logarithm(t) * (t - self.entry(j, pilot.across[mine], proposal))))
         freedom = max(len(t) - 2.0 * len(proposal.mean) - 2.0, 1.0)
         scatter *= math.sqrt(len(t) / freedom)
         normal = self.generator.standard_normal((DRAWS, len(proposal.mean)))
@@ -450,6 +453,8 @@ class Plan:
             return f"{self.flown.failed} of {self.flown.flights} flights failed"
         if not value > 0.0:
             return "no flight fails where the linear model expects it"
+        if self.unseen is not None and self.scatter(lines, weights, proposals) > SCATTERED:
+            return "noise that the linear model does not see moves the limit too far"
         if len(lines.before):
             return BEFORE
         largest = float(np.max(weights) / np.sum(weights))

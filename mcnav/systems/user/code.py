@@ -9,6 +9,7 @@ from __future__ import annotations
 import linecache
 import sys
 import types
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -162,6 +163,14 @@ def _own_classes(module: types.ModuleType) -> list[type]:
     return [value for value in defined if value.__module__ == module.__name__]
 
 
+@contextmanager
+def _former_names_shown() -> Iterator[None]:
+    """Show that a user's file uses a former name of mcnav, which Python hides outside of the main module."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("default", r"mcnav\.\w+ is now mcnav\.", DeprecationWarning)
+        yield
+
+
 def _execute(code: SourceFile) -> tuple[types.ModuleType, OpenedFiles]:
     """Execute a file as a module, and note what it reads."""
     module = types.ModuleType(f"mcnav_own_{code.digest[:16]}")
@@ -169,7 +178,7 @@ def _execute(code: SourceFile) -> tuple[types.ModuleType, OpenedFiles]:
     sys.modules[module.__name__] = module  # dataclasses and pickles look up the module of a class there
     linecache.cache[code.file] = (len(code.text), None, code.text.splitlines(keepends=True), code.file)
     try:
-        with in_user_code(code.file, "while it was read"), record_opened_files() as opened:
+        with in_user_code(code.file, "while it was read"), record_opened_files() as opened, _former_names_shown():
             call_user(exec, compile(code.text, code.file, "exec"), module.__dict__)
     except CodeMisbehaved:
         raise

@@ -30,13 +30,13 @@ from mcnav.systems.finite_differences import SHARES
 from mcnav.systems.guard import LINEARIZING, call_user
 from mcnav.systems.sample_loop import SampleFailed, format_exception
 from mcnav.systems.user.code import UserScenarioSpec
-from mcnav.systems.user.flown import Flown, record_of, schema_of, spread_out
 from mcnav.systems.user.kept_differences import simulate_for_differences
 from mcnav.systems.user.kept_noise import noise_of
 from mcnav.systems.user.measured_noise import MeasuredNoise
 from mcnav.systems.user.returned import numbers_of
 from mcnav.systems.user.scenario import SINGLE_CHUNK, UserScenario
 from mcnav.systems.user.settings import NAME
+from mcnav.systems.user.simulated import Simulated, record_of, schema_of, spread_out
 from mcnav.systems.user.stochastic_engine import StochasticUserEngine
 from mcnav.units import UnitError, conversion
 
@@ -228,7 +228,7 @@ _UNNAMED: Final = Output(NOISE, "1", "1")
 class TimedUserScenario(StochasticUserScenario):
     """A scenario made of the user's class that declares ``epochs``: ``fly`` returns errors at each of them.
 
-    With ``Flown`` in place of an array it returns the covariance and the innovations of a filter as well.
+    With ``Simulated`` in place of an array it returns the covariance and the innovations of a filter as well.
     """
 
     epochs: Epochs
@@ -346,7 +346,7 @@ class TimedUserScenario(StochasticUserScenario):
         return shares
 
     @cached_property
-    def _nominal(self) -> Flown:
+    def _nominal(self) -> Simulated:
         with self._object.recording(self.spec.code.file, LINEARIZING):
             try:
                 return self._engine.nominal()

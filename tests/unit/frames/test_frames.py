@@ -27,7 +27,7 @@ P = np.array([[1.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
 class TestSimulate:
     def test_any_number_of_jobs(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Processes are started for a function, threads for a reentry; the bits are those of one worker."""
-        monkeypatch.setattr(simulation, "WORTH", 0.0)
+        monkeypatch.setattr(simulation, "COST", {"loky": 0.0, "threading": 0.0})
         draws = ERRORS.draw(20_000, seed=1)
         one, two = (mc.simulate(linear, draws, jobs=jobs, outputs=["x", "y"]) for jobs in (1, 2))
         pd.testing.assert_frame_equal(one, two, check_exact=True)

@@ -13,7 +13,7 @@ from mcnav.rare.levels import simulate_levels
 from mcnav.rare.limits import Sides
 from mcnav.rare.widened import Widened, draw_widened, ratio
 from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
-from mcnav.validation.calibration.rare_trials import (
+from mcnav.validation.calibration.rare_events import (
     CURVED,
     OBLIQUE,
     Coverage,
