@@ -86,10 +86,9 @@ def written(given: Mapping[str, Any]) -> Document:
         content["errors"] = {name: _size(name, size) for name, size in sizes.items()}
     scenario = content.get("scenario")
     table = dict(scenario) if isinstance(scenario, Mapping) else {"type": scenario}
-    if not isinstance(table.get("type"), type) and any(
-        hasattr(table.get("type"), method) for method in ("propagate", "fly", "rates")
-    ):
-        name = type(table["type"]).__name__
+    kind = table.get("type")
+    if not isinstance(kind, type) and any(hasattr(kind, method) for method in ("propagate", "fly", "rates")):
+        name = type(kind).__name__
         raise _refuse("scenario", f"got an object of {name}; give the class, and settings by name: {{'type': {name}}}")
     if callable(table.get("type")):
         source = _code_of(table, sizes)
