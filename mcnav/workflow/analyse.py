@@ -66,6 +66,12 @@ def report_run(path: str | Path) -> dict[str, Any]:
     """Analyse a finished run folder again and write its summary and report.
 
     Raises `RunFolderError` when the folder holds no finished run, or a part of it is damaged.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.report_run("reports/first")["samples"]
+    200
     """
     folder = RunFolder(Path(path))
     folder.existing_manifest()
@@ -81,6 +87,12 @@ def samples_of(path: str | Path) -> pd.DataFrame:
     ``linear NAME [unit]``, with a filter ``filter NAME [unit]`` and ``nees``; SI units.
 
     Raises `RunFolderError` when the run is not finished, or a part of it is damaged.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.samples_of("reports/first").shape[0]
+    200
     """
     import pandas as pd
 
