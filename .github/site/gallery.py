@@ -70,8 +70,7 @@ def page() -> str:
         links += [f"[report](/{report.as_posix()})"] if (ROOT / report).exists() else []
         picture = f"/static/gallery/{file.stem}.svg"
         shown = f"[![Linear analysis of {file.stem}]({picture})](/reference/examples.md#{anchor})"
-        drawn = [shown] if (PICTURES / f"{file.stem}.svg").exists() else []  # a new example has none until it is drawn
-        parts += [f"## {file.stem}", *drawn, f"**{escape(question)}**", escape(answer), " · ".join(links)]
+        parts += [f"## {file.stem}", shown, f"**{escape(question)}**", escape(answer), " · ".join(links)]
     return "\n\n".join(parts) + "\n"
 
 
