@@ -196,13 +196,15 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
         step = later.index(row.run) - 0.5 * (len(later) - 1)
         place = names.index(row.output) + 0.7 * step / max(len(later), 2)
         marks += forest(series[row.run], [place], [(change.ratio, *change.interval)], [humanize(row.output)])
-    rows_axis = Axis(names=[humanize(name) for name in names])
+    shown = {row.output: row.title for row, _ in known}
+    rows_axis = Axis(names=[shown[name] for name in names])
+    measure = "σ" if not any(row.known.about_zero for row, _ in known) else "σ, or of the root mean square,"
     return Figure(
         name="changes",
         title="Sigma of each output relative to the first run",
         description="Difference of the Monte Carlo sigma of each output and run from that of the first run, with its "
         "interval.",
-        panels=[Panel("", Axis("difference of σ from the first run", "%"), rows_axis, marks)],
+        panels=[Panel("", Axis(f"difference of {measure} from the first run", "%"), rows_axis, marks)],
         key=tuple(series.values()),
         columns=dict(outputs([row for row, _ in known], titles).reset_index().items()),
         size=(HALF[0], 82.0 + 24.0 * len(names) * (1 + len(later))),
