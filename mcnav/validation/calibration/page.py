@@ -96,7 +96,7 @@ SYSTEMS: Final = Markup(
     "Systems: <em>linear</em>, the simulation is the linear model; <em>disguised</em>, nonlinear with exactly the"
     " linear mean and covariance; <em>quadratic</em>, y₁ = x₁ + 0.2 x₂², y₂ = x₁/2 + x₃ + 0.2 x₁x₂; "
     "<em>corrupted</em>, the first column of the linear model is 5 % too large; <em>dependent</em>, y₁ = x₁, y₂ ="
-    " 2 x₁, of which y₂ − 2 y₁ has no dispersion; <em>bent</em>, y₂ = 2 x₁ + 0.01 (x₁² − 1), of which it has "
+    " 2 x₁, of which y₂ − 2 y₁ has no dispersion; <em>bent</em>, y₂ = 2 x₁ + 0.001 (x₁² − 1), of which it has "
     "some. For Student's t with five degrees of freedom the program reports no intervals. With ten degrees of "
     "freedom it reports none for antithetic pairs and Sobol nets, and approximate ones with a warning for the "
     "other designs."
