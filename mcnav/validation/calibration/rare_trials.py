@@ -97,13 +97,13 @@ def _always(event: RareEvent, seed: int) -> RareEvent:
     return event
 
 
-def measure(record: Path, seeds: int, jobs: int) -> list[Run]:
-    """Make the runs of so many seeds of each row that a file lacks, and return all of them."""
+def measure(record: Path, seeds: int, jobs: int, names: Sequence[str] = ()) -> list[Run]:
+    """Make the runs of so many seeds of each row, or of some, that a file lacks, and return all that it has."""
     known = {(run.row, run.seed) for run in read_runs(record)}
     chunks = [
         (name, chunk)
         for begin in range(SEED, SEED + seeds, CHUNK)
-        for name in rows()
+        for name in names or rows()
         if (chunk := [seed for seed in range(begin, min(begin + CHUNK, SEED + seeds)) if (name, seed) not in known])
     ]
     with interrupts_blocked():
@@ -144,10 +144,10 @@ def _runs(name: str, seeds: Sequence[int]) -> list[Run]:
     return runs
 
 
-def run_rare_trials(trials: int, jobs: int, record: Path) -> Tally:
-    """Count the statements of so many seeds of each row."""
+def run_rare_trials(trials: int, jobs: int, record: Path, names: Sequence[str] = ()) -> Tally:
+    """Count the statements of so many seeds of each row, or of some."""
     result = Tally()
-    for run in measure(record, trials, jobs):
+    for run in measure(record, trials, jobs, names):
         system = f"{RARE}, {run.row}"
         if not run.refusal:
             result.add(Cell("coverage", system, HOLDS, "normal", "random", FLIGHTS), run.holds)
