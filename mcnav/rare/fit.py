@@ -46,9 +46,9 @@ class Fit:
 
     def entry(self, facet: int, across: Array) -> Array:
         """Return the entries of lines at v of one facet, shape (n,)."""
-        if self.few[facet]:
-            return self.moved(facet, across) + (self.facets.distances[facet] + self.shift)
-        return self.moved(facet, across) + self.proposals[facet].entry(across)
+        few = self.few[facet]
+        later = self.facets.distances[facet] + self.shift if few else self.proposals[facet].entry(across)
+        return np.asarray(self.moved(facet, across) + later)
 
     def moved(self, facet: int, across: Array) -> Array:
         """Return how much later lines at v of a half-space that shares its points enter any by the linear model.
