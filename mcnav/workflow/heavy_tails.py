@@ -67,7 +67,7 @@ def tailed_over_time(record: ModelRecord, heavy: Sequence[str], withheld: Sequen
     if not heavy or record.development is None:
         return tuple(withheld)
     columns = [[source.name for source in record.sources].index(name) for name in heavy]
-    depends = record.development.partials[:, :, columns].any(axis=(0, 2))
+    depends = np.asarray(record.development.partials[:, :, columns].any(axis=(0, 2)))
     depends[list(withheld)] = True
     return tuple(np.flatnonzero(depends).tolist())
 

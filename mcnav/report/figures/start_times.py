@@ -64,7 +64,8 @@ def simulated_rms(study: StartTimeStudy, time: float, comparison: Comparison) ->
     if study.means is None:
         return sigma
     linear = study.means[int(np.abs(study.times - time).argmin())]
-    return np.hypot(sigma, linear + [each.bias.value for each in comparison.outputs])
+    means = linear + np.array([each.bias.value for each in comparison.outputs])
+    return np.asarray(np.hypot(sigma, means))
 
 
 def dispersion(
