@@ -129,7 +129,9 @@ def stage(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(HERE / "static", folder / "static")
     pages = copied_pages()
-    names, attached = {str(page.file): page.name for page in pages}, gallery.attached()
+    # the gallery has the questions of the campaigns' page, with pictures
+    names = {str(page.file): page.name for page in pages} | {"campaigns/README.md": "gallery"}
+    attached = gallery.attached()
     texts = {page.name: linked((ROOT / page.file).read_text(encoding="utf-8"), page, names, attached) for page in pages}
     texts = {name: equations.with_equations(text) for name, text in texts.items()}
     texts |= {name: make() for name, make in GENERATED.items()}
