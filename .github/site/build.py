@@ -105,7 +105,8 @@ def linked(text: str, page: Copied, names: dict[str, str], attached: set[str]) -
             anchor = Path(text).stem.replace("_", "-")
             return f"[`{text}`](/reference/examples.md#{anchor})" if (ROOT / text).exists() else found[0]
         name = text.removeprefix("mcnav docs ") if text.startswith("mcnav docs ") else names.get(text, "")
-        return f"[`{text}`](/{name}.md)" if name and name != page.name and name != "PAGE" else found[0]
+        # some of what mcnav docs shows is no page of the site
+        return f"[`{text}`](/{name}.md)" if name in names.values() and name != page.name else found[0]
 
     pieces = re.split(r"(^```.*?^```\n)", text, flags=re.DOTALL | re.MULTILINE)
     for i in range(0, len(pieces), 2):  # outside of blocks
