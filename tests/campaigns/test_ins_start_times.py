@@ -168,7 +168,7 @@ def test_the_command(tmp_path: Path) -> None:
     table = {"samples": 200, "count": 9, "check": ["60 s", "200 s"], "errors": {"heading": [
         ["20 s", "0.5 mrad"], ["200 s", "2 mrad"]]}}  # fmt: skip
     path = written(tmp_path, described(start_times=table))
-    finished = in_process("start-times", path, "--out", tmp_path / "found")
+    finished = in_process("sweep", path, "--vary", "start", "--out", tmp_path / "found")
     assert finished.exit_code == 0, finished.output
     assert "min of the trajectory" in finished.output
     page = (tmp_path / "found" / "start_times.html").read_text(encoding="utf-8")
@@ -190,7 +190,18 @@ def test_the_command(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_a_page_of_few_sources(tmp_path: Path, errors: dict[str, Any], imu: dict[str, Any], drawn: str) -> None:
     path = written(tmp_path, described(errors=errors, imu=imu))
-    command = ["partials", str(path), "--start-times", "--count", "5", "--out", str(tmp_path / "found")]
+    command = [
+        "sweep",
+        str(path),
+        "--vary",
+        "start",
+        "--confirm",
+        "0",
+        "--points",
+        "5",
+        "--out",
+        str(tmp_path / "found"),
+    ]
     finished = in_process(*command)
     assert finished.exit_code == 0, finished.output
     assert drawn in (tmp_path / "found" / "start_times.html").read_text(encoding="utf-8")
@@ -218,7 +229,7 @@ def test_each_start_of_an_aided_navigation_has_a_filter_of_its_own(platform: str
 
 def test_starts_of_an_aided_navigation_by_the_command(tmp_path: Path) -> None:
     path = written(tmp_path, described(start_times={"count": 9}, **AIDED))
-    finished = in_process("start-times", path, "--out", tmp_path / "found")
+    finished = in_process("sweep", path, "--vary", "start", "--out", tmp_path / "found")
     assert finished.exit_code == 0, finished.output
     frame = pd.read_csv(tmp_path / "found" / "start_times.csv")
     assert (frame["sigma position_north [m]"].iloc[:-1] < 3.0).all()  # all but the navigation of one second

@@ -115,7 +115,7 @@ def test_a_reader_that_has_gone_ends_no_work(tmp_path: Path, stream: str) -> Non
 @pytest.mark.parametrize("form", ["table", "json"])
 def test_output_that_is_closed_is_no_mistake(tmp_path: Path, form: str) -> None:
     """A shell closes it by ``>&-``."""
-    command = f'exec "{sys.executable}" -m mcnav imu --format {form} >&-'
+    command = f'exec "{sys.executable}" -m mcnav docs imu --format {form} >&-'
     done = run_to_end(["sh", "-c", command], cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
 
