@@ -118,7 +118,9 @@ def page(
     parts: list[Part] = [
         drawn.dispersion(study, checks, scale, outputs),
         _by_output(study, outputs) if clock.weighs else _best_table(study, outputs),
-        Note(f"{compared} {WEIGHTED.format(_sizes(study), OF_KIND.format(clock.weighs.lower()) if clock.weighs else '')}"),
+        Note(
+            f"{compared} {WEIGHTED.format(_sizes(study), OF_KIND.format(clock.weighs.lower()) if clock.weighs else '')}"
+        ),
     ]
     if checks:
         parts += [Heading("Monte Carlo checks"), _check_table(study, checks, outputs)]

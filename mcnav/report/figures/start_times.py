@@ -85,13 +85,18 @@ def dispersion(
             marks.append(Points(CHECKED, at, result, 7.5))
         # above the curve, where it hides no Monte Carlo value
         marks.append(Points(BEST, [starts[study.best[i]]], [sigma[study.best[i], i] + 0.02 * sigma[:, i].max()], 9.0))
-        return Panel(f"final {name}", axis, Axis("rms" if of_means else "1σ", outputs[i].shown_in, low=0.0), [*marks, *event])
+        return Panel(
+            f"final {name}", axis, Axis("rms" if of_means else "1σ", outputs[i].shown_in, low=0.0), [*marks, *event]
+        )
 
     names = [humanize(output.name) for output in outputs]
     drawn = [
         i for i, output in enumerate(outputs) if not study.clock.weighs or (sigma[:, i].any() and not output.size_of)
     ]
-    columns = [f"{name}, {'rms' if of_means else '1σ'} [{output.shown_in}]" for name, output in zip(names, outputs, strict=True)]
+    columns = [
+        f"{name}, {'rms' if of_means else '1σ'} [{output.shown_in}]"
+        for name, output in zip(names, outputs, strict=True)
+    ]
     table = {f"start [{study.clock.label}]": starts} | dict(zip(columns, sigma.T, strict=True))
     return Figure(
         name="dispersion",
