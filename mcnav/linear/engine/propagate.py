@@ -149,7 +149,7 @@ class _State:
         for place, names in enumerate(self.names):
             used = self.kept[place] < len(whole)
             rows_kept = self.kept[place][used]
-            own = later if len(rows_kept) == len(whole) else later[:, rows_kept]
+            own = later if np.array_equal(rows_kept, np.arange(len(whole))) else later[:, rows_kept]
             for noise in (of for name in names for of in block.noise.get(name, ())):
                 within = noise.between(first, last)
                 if len(within.places):
