@@ -37,8 +37,8 @@ bench: .venv/benched
 	$(BIN)/python -m tests.benchmarks $(BENCH)
 
 # The small reports under reports/examples; simulated again only where their inputs have changed.
-# The README shows text and picture of another run, which is too large to be stored there.
-README := 20_flight_with_neglected_errors
+# The README shows text and picture of the demonstration, which is too large to be stored there.
+README := 01_tn_d1772_trajectory_4
 EXAMPLES := 01_tn_d1772_trajectory_4 11_cruise 14_polar
 examples: .venv/installed
 	for name in $(EXAMPLES); do \
@@ -49,6 +49,7 @@ examples: .venv/installed
 	run="$(BIN)/mcnav run campaigns/$(README).toml --jobs 1 --out build/examples/$(README)"; \
 	  mkdir -p build/examples; $$run >/dev/null 2>&1 || $$run --fresh
 	$(BIN)/python -m tests.readme build/examples/$(README)
+	$(BIN)/python -m tests.campaign_list
 
 $(BIN)/python:
 	$(PYTHON) -m venv .venv
@@ -78,7 +79,7 @@ OBJECTS := mcnav/compiled/objects
 dist: .venv/installed
 	$(PIP) build
 	rm -rf dist build/lib $(OBJECTS)
-	for level in x86-64-v3 x86-64-v4; do $(BIN)/mcnav compile --out $(OBJECTS) --level $$level || exit 1; done
+	for level in x86-64-v3 x86-64-v4; do $(BIN)/mcnav dev compile --out $(OBJECTS) --level $$level || exit 1; done
 	$(BIN)/python -m build --sdist
 	$(BIN)/python -m build --wheel
 	rm -rf $(OBJECTS)

@@ -23,12 +23,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mcnav.analysis.allocation import Allocation
     from mcnav.analysis.linear_answer import LinearAnswer
     from mcnav.contract.history import Epochs, History, Panel
     from mcnav.contract.quantities import Output, Source
     from mcnav.contract.samples import SimulationResult
     from mcnav.errors import CampaignError, RunFolderError
+    from mcnav.frames.allocation import AllocationResult, allocate
     from mcnav.frames.answers import LinearResult, lincov
     from mcnav.frames.campaigns import Campaign, read_campaign
     from mcnav.frames.comparison import CovarianceVerdict, compare
@@ -39,10 +39,9 @@ if TYPE_CHECKING:
     from mcnav.logs.imu_log import ImuLog, read_imu_log
     from mcnav.logs.tables import read_table
     from mcnav.logs.track import Track, read_track
-    from mcnav.notebook import FlownRun, check_scenario, open_run, run, run_campaign, sweep
+    from mcnav.notebook import RunResult, check_scenario, open_run, run, run_campaign, sweep
     from mcnav.sampler.errors import Errors
     from mcnav.sampler.sizes import fixed, normal, student_t, table, triangular, truncated_normal, uniform
-    from mcnav.studies.allocate import allocate
     from mcnav.studies.judge import judge_recording
     from mcnav.studies.lincov import linear_covariance
     from mcnav.studies.recordings import RecordingFiles
@@ -58,7 +57,7 @@ if TYPE_CHECKING:
         White,
     )
     from mcnav.systems.closed_loop.strapdown.navigator import Strapdown
-    from mcnav.systems.user.flown import Flown, Innovations
+    from mcnav.systems.user.simulated import Innovations, Simulated
     from mcnav.workflow.analyse import report_run, samples_of
     from mcnav.workflow.compare import RunComparison, compare_runs
     from mcnav.workflow.export import export_run
@@ -75,17 +74,17 @@ _HOMES = {
     "Trigger": "mcnav.systems.closed_loop.declarations",
     "Strapdown": "mcnav.systems.closed_loop.strapdown.navigator",
     "White": "mcnav.systems.closed_loop.declarations",
-    "Allocation": "mcnav.analysis.allocation",
+    "AllocationResult": "mcnav.frames.allocation",
     "RunComparison": "mcnav.workflow.compare",
     "Campaign": "mcnav.frames.campaigns",
     "CampaignError": "mcnav.errors",
     "Epochs": "mcnav.contract.history",
-    "Flown": "mcnav.systems.user.flown",
-    "FlownRun": "mcnav.notebook",
+    "Simulated": "mcnav.systems.user.simulated",
+    "RunResult": "mcnav.notebook",
     "History": "mcnav.contract.history",
     "ImuLog": "mcnav.logs.imu_log",
     "IdentifiedNoise": "mcnav.identification.identify",
-    "Innovations": "mcnav.systems.user.flown",
+    "Innovations": "mcnav.systems.user.simulated",
     "Judgement": "mcnav.judgement.verdict",
     "SimulationResult": "mcnav.contract.samples",
     "LinearAnswer": "mcnav.analysis.linear_answer",
@@ -94,7 +93,7 @@ _HOMES = {
     "RecordingFiles": "mcnav.studies.recordings",
     "RunFolderError": "mcnav.errors",
     "Source": "mcnav.contract.quantities",
-    "allocate": "mcnav.studies.allocate",
+    "allocate": "mcnav.frames.allocation",
     "check_scenario": "mcnav.notebook",
     "compare_runs": "mcnav.workflow.compare",
     "export_run": "mcnav.workflow.export",
@@ -131,7 +130,7 @@ _HOMES = {
 }
 
 __all__ = [
-    "Allocation",
+    "AllocationResult",
     "Attitude",
     "Campaign",
     "CampaignError",
@@ -141,8 +140,6 @@ __all__ = [
     "Epochs",
     "Errors",
     "Filter",
-    "Flown",
-    "FlownRun",
     "GaussMarkov",
     "History",
     "IdentifiedNoise",
@@ -158,6 +155,8 @@ __all__ = [
     "RecordingFiles",
     "RunComparison",
     "RunFolderError",
+    "RunResult",
+    "Simulated",
     "SimulationResult",
     "Source",
     "Strapdown",
@@ -204,7 +203,7 @@ _SHORT = {"identify": "identify_noise", "judge": "judge_recording"}
 _EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult"}
 """Former names, which user-defined scenarios may still use."""
 
-_RENAMED = {"fly": "run"}
+_RENAMED = {"fly": "run", "Flown": "Simulated", "FlownRun": "RunResult", "Allocation": "AllocationResult"}
 """Former names that work for one release with a warning."""
 
 
@@ -218,7 +217,11 @@ def __getattr__(name: str) -> Any:
     name = _SHORT.get(name, name)
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'mcnav' has no attribute {name!r}")
+    if name.startswith("_"):
+        raise AttributeError(f"module 'mcnav' has no attribute {name!r}")
+    from mcnav.errors import suggestion
+
+    raise AttributeError(f"module 'mcnav' has no attribute {name!r}{suggestion(name, __all__)}")
 
 
 def __dir__() -> list[str]:

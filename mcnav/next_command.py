@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shlex
+import shutil
+import sys
 from collections.abc import Sequence
 from math import prod
 from pathlib import Path
@@ -21,6 +24,14 @@ def written(*words: object) -> str:
     "mcnav run 'my campaigns/mine.toml'"
     """
     return shlex.join(["mcnav", *map(str, words)])
+
+
+def program() -> str:
+    """Return what one types for mcnav: its name, or its path where the shell does not find it by name."""
+    called = Path(sys.argv[0])
+    if called.stem != "mcnav" or shutil.which("mcnav") is not None:
+        return "mcnav"
+    return shlex.quote(os.path.relpath(called))
 
 
 def after_run(campaign: Path, folder: Path, summary: Summary, reported: bool, opened: bool) -> str:

@@ -11,7 +11,7 @@ Page = Literal[
     "howto-filter", "howto-landing", "howto-judge", "howto-requirements", "howto-rare", "howto-samples",
     "howto-compare", "howto-export", "howto-failures", "method", "theory", "report", "glossary", "notation",
     "campaigns", "scenarios", "trajectories", "commands", "notebook", "scaling", "architecture", "decisions", "kernels",
-    "tn-d1772", "story", "textbook", "ukfm", "other-tools",
+    "tn-d1772", "story", "textbook", "ukfm", "other-tools", "imu",
 ]  # fmt: skip
 
 _ELSEWHERE: Final[dict[Page, str]] = {
@@ -34,8 +34,8 @@ def _file(page: Page) -> str:
     return _ELSEWHERE.get(page, f"docs/{page.upper().replace('-', '_')}.md")
 
 
-PAGES: Final[dict[Page, str]] = {page: _file(page) for page in get_args(Page)}
-"""Files of the pages, from the folder of this package."""
+PAGES: Final[dict[Page, str]] = {page: _file(page) for page in get_args(Page) if page != "imu"}
+"""Files of the pages, from the folder of this package; the catalogue of units is no file."""
 
 
 def page_text(page: Page) -> str:

@@ -92,6 +92,11 @@ def units(incomplete: str) -> list[str]:
     return _quoted(_beginning([unit["name"] for unit in _catalogue()], incomplete))
 
 
+def units_of_page(words: Words, incomplete: str) -> list[str]:
+    """Return the grades and units of the page named before, where that is the catalogue."""
+    return units(incomplete) if words.params.get("page") == "imu" else []
+
+
 def aids(incomplete: str) -> list[str]:
     """Return types of sensors."""
     texts = (
@@ -125,7 +130,7 @@ def examples(incomplete: str) -> list[str]:
 
 def figures(words: Words, incomplete: str) -> list[str]:
     """Return the figures of the report of the run named before."""
-    folder = words.params.get("folder")
+    folder = words.params.get("folder") or next((word for word in words.args if Path(word).is_dir()), None)
     text = _text(Path(folder) / "report.html", 100 * LARGEST) if folder else ""
     return _beginning(dict.fromkeys(FIGURE.findall(text)), incomplete)
 

@@ -81,7 +81,7 @@ def load_kernels() -> None:
 if SERVING in os.environ:
     for name in ("mcnav.workflow.run", "distributed.nanny"):
         import_module(name)
-    import_module("mcnav.runner.processes").end_with_parent = _end_with_server
+    import_module("mcnav.runner.worker_processes").end_with_parent = _end_with_server
     load_kernels()
     gc.freeze()  # joblib's workers collect garbage again and again
     _subprocess.end_with_parent = _end_with_server

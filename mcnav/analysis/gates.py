@@ -11,7 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.requirements import Requirement
 from mcnav.contract.gates import FaultLaw, GateLaw, GateQuestion
-from mcnav.statistics.gates import GatedError, acceptance, largest_of, run_acceptance, smallest_stopped
+from mcnav.statistics.gates import LARGEST, GatedError, acceptance, check_stopped, largest_of, smallest_stopped
 
 SIGMAS: Final = 4.0
 """Limit of an output without a requirement of its own, in true sigmas after the measurement."""
@@ -106,23 +106,27 @@ def _answer(law: GateLaw, component: int, probability: float, limits: Mapping[in
     direction = -inverse[:, component]
     scale = 1.0 / float(np.linalg.norm(direction))
 
-    def accepted(size: float) -> float:
-        ends = [inverse @ law.mean + sign * size * scale * direction for sign in (1.0, -1.0)]
-        return max(acceptance(law.limit, end, whitened) for end in ends)
+    signs = np.array([1.0, -1.0])
+    mean, cross = inverse @ law.mean, inverse @ law.cross[:, output]
+    if not law.mean.any() and not law.mean_errors[output]:
+        signs = signs[:1]  # the other one is alike
 
-    def risk(size: float) -> float:
-        spike, response = size * scale, float(law.responses[output, component])
-        risks = [
-            GatedError(
-                law.limit, inverse @ law.mean + sign * spike * direction, whitened, inverse @ law.cross[:, output],
-                float(law.mean_errors[output]) + sign * spike * response, float(sigmas[output]),
-            ).unnoticed_beyond(float(allowed[output]))
-            for sign in (1.0, -1.0)
-        ]  # fmt: skip
-        return max(risks)
+    def accepted(size: float, rough: bool = True) -> float:
+        return float(acceptance(law.limit, mean + np.outer(signs * size * scale, direction), whitened, rough).max())
+
+    def risk(sizes: Array, rough: bool = True) -> Array:
+        spikes = np.outer(sizes * scale, signs).ravel()
+        errors = law.mean_errors[output] + spikes * law.responses[output, component]
+        means = mean + np.outer(spikes, direction)
+        gated = GatedError(law.limit, means, whitened, cross, errors, float(sigmas[output]))
+        unnoticed = gated.unnoticed_beyond(float(allowed[output]), rough)
+        return np.asarray(unnoticed.reshape(-1, len(signs)).max(axis=1))
 
     spike = smallest_stopped(accepted, probability)
-    worst, at_worst = largest_of(risk, smallest_stopped(accepted, 1.0 - BEYOND))
+    if 0.0 < spike < np.inf:
+        check_stopped(accepted(spike, rough=False), probability)
+    worst = largest_of(risk, min(smallest_stopped(accepted, 1.0 - BEYOND), LARGEST))
+    at_worst = float(risk(np.array([worst]), rough=False)[0])
     ramp = _ramp(law, component, whitened, probability)
     by_ramp = np.abs(law.ramp_errors[:, component]) / np.where(allowed > 0.0, allowed, np.inf)
     harmed = int(np.argmax(by_ramp))
@@ -141,12 +145,16 @@ def _ramp(law: GateLaw, component: int, covariance: Array, probability: float) -
     if largest <= 0.0:
         return float("inf")
     # what is rejected of measurements without a fault does not count
-    usual = acceptance(limit, np.zeros(means.shape[1]), covariance)
+    usual = float(acceptance(limit, np.zeros((1, means.shape[1])), covariance)[0])
 
-    def accepted(size: float) -> float:
-        return run_acceptance(limit, means * (size / largest), covariance, usual)
+    def accepted(size: float, rough: bool = True) -> float:
+        """Return the probability that all are accepted: innovations without a fault are independent of one another."""
+        return float(np.prod(acceptance(limit, means * (size / largest), covariance, rough) / usual))
 
-    return smallest_stopped(accepted, probability) / largest
+    stopped = smallest_stopped(accepted, probability)
+    if 0.0 < stopped < np.inf:
+        check_stopped(accepted(stopped, rough=False), probability)
+    return stopped / largest
 
 
 @dataclass(frozen=True)
@@ -167,7 +175,9 @@ class FaultPrediction:
 
 def predict_fault(law: FaultLaw) -> FaultPrediction:
     """Predict what the gate of a sensor stops of a fault; white innovations are independent of one another."""
-    passed = np.array(
-        [acceptance(law.limit, mean, covariance) for mean, covariance in zip(law.means, law.covariances, strict=True)]
-    )
+    covariances, number = np.unique(law.covariances, axis=0, return_inverse=True)
+    passed = np.zeros(len(law.means))
+    for place, covariance in enumerate(covariances):
+        alike = number.ravel() == place
+        passed[alike] = acceptance(law.limit, law.means[alike], covariance)
     return FaultPrediction(float(np.sum(1.0 - passed)), float(1.0 - np.prod(passed)))

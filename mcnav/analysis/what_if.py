@@ -262,6 +262,9 @@ class WhatIf:
     scales : tuple of float
         By requirement, what linear errors are multiplied by for linear analysis to state the bound of a run
         (`mcnav.analysis.simulated_requirements`), NaN where it bounds nothing; empty without a run.
+    gates : str
+        What gates do by rejecting good measurements, in words, where linear analysis does not hold for that; then no
+        requirement is judged.
     """
 
     campaign: ChangeableCampaign
@@ -271,6 +274,7 @@ class WhatIf:
     beside: str
     estimable: tuple[str, ...] = ()
     scales: tuple[float, ...] = ()
+    gates: str = ""
 
     @property
     def known_scales(self) -> tuple[float, ...]:

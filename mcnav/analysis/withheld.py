@@ -89,8 +89,8 @@ def probability_beyond(laws: RejectionLaws, output: int, size: float) -> float:
     for number, m in enumerate(laws.sizes[: len(reading.once.excess)].tolist()):
         sigma = math.sqrt(float(reading.variances[output] + reading.once.excess[number, output]))
         cross, of_update = reading.once.responses[number, output, :m], of_first[number] / laws.probabilities[number]
-        law = GatedError(float(laws.limits[number]), np.zeros(m), np.eye(m), cross, 0.0, sigma)
-        total += of_update * (_beyond(size, sigma**2) - law.unnoticed_beyond(size))
+        law = GatedError(float(laws.limits[number]), np.zeros((1, m)), np.eye(m), cross, np.zeros(1), sigma)
+        total += of_update * (_beyond(size, sigma**2) - law.unnoticed_beyond(size)[0])
     return float(total)
 
 

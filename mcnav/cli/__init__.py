@@ -13,12 +13,11 @@ from typing import Final
 import typer
 from typer.main import get_command_name
 
-from mcnav._imports import load_when_used
 from mcnav._interrupts import interruptible
-from mcnav.cli import advanced, analyse, look, start
+from mcnav.cli import advanced, analyse, look, start, vary
 from mcnav.cli.program import app, failure
 
-MODULES: Final = (start, analyse, look, advanced)
+MODULES: Final = (start, analyse, vary, look, advanced)
 """Modules of commands; importing one adds its commands to the program."""
 
 GARBAGE_THRESHOLD = 50_000
@@ -29,16 +28,14 @@ def _prepare_process() -> None:
     """Prepare a process that runs one command, before numerical libraries are loaded.
 
     Their sums use one thread; idle threads of their pools would use processor time. pydantic would look for plugins
-    in all packages, and scipy imports parts of numpy that no command uses. A command ends before collecting its many
-    lasting objects would free memory; at its end they are frozen, because the interpreter would look through all of
-    them once more, which took a fifth of a second. joblib's workers would print their stacks when a user's code crashes
-    in them; its samples say that they have failed.
+    in all packages. A command ends before collecting its many lasting objects would free memory; at its end they are
+    frozen, because the interpreter would look through all of them once more, which took a fifth of a second. joblib's
+    workers would print their stacks when a user's code crashes in them; its samples say that they have failed.
     """
     for variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     os.environ.setdefault("PYTHONFAULTHANDLER", "")
-    load_when_used()
     gc.set_threshold(GARBAGE_THRESHOLD, 50, 50)
     atexit.register(gc.freeze)
 

@@ -1,4 +1,4 @@
-"""Commands for a few: matrices, records, the editors' schema, compiling, published numbers, calibration."""
+"""Commands for a few: published numbers, and what developers and images of machines need."""
 
 from __future__ import annotations
 
@@ -8,104 +8,16 @@ from typing import Annotated, Literal
 import typer
 
 from mcnav import next_command
-from mcnav.cli.analyse import show_start_times
-from mcnav.cli.options import (
-    CampaignFile,
-    ChosenAxes,
-    Count,
-    FormatOption,
-    OutFolder,
-)
-from mcnav.cli.printing import (
-    err,
-    out,
-    print_line,
-    print_next,
-    print_rows,
-    print_written,
-    write_data,
-)
-from mcnav.cli.program import command, failure
+from mcnav.cli.options import out_folder
+from mcnav.cli.printing import err, out, print_line, print_next, print_written, write_data
+from mcnav.cli.program import command, dev, failure
 from mcnav.output_place import output_file, output_folder
 
 
-@command()
-def partials(
-    campaign: CampaignFile,
-    method: Annotated[
-        Literal["all", "variational", "differences", "runs"], typer.Option(help="Method used to compute P.")
-    ] = "all",
-    start_times: Annotated[
-        bool, typer.Option("--start-times", help="Compute P for all start times of the flight, as a table and curves.")
-    ] = False,
-    count: Count = None,
-    axes: ChosenAxes = None,
-    folder: OutFolder = None,
-    form: FormatOption = "table",
-) -> None:
-    """Show the partial derivatives P of the final errors.
-
-    They are computed by three methods, whose differences are shown. With --start-times, write P and the linear
-    dispersion as functions of the start of navigation.
-
-    Example: mcnav partials campaigns/11_cruise.toml --method variational
-    """
-    from mcnav.config.read import read_campaign
-    from mcnav.linear.partials import compare_partials
-    from mcnav.report import export, terminal
-
-    if start_times:
-        if form != "table":
-            raise failure("--format: cannot be used with --start-times, which writes CSV; omit one")
-        show_start_times(campaign, folder, axes, count, checks=False)
-        return
-    scenario = read_campaign(campaign).scenario
-    methods = ["variational", "differences", "runs"] if method == "all" else [method]
-    matrix, differences = compare_partials(scenario, methods)
-    if form != "table":
-        rows = export.partial_rows(scenario.sources, scenario.outputs, matrix)
-        shares = [
-            {"method": name, "output": output.name, "largest_difference": float(values[i])}
-            for name, values in differences.items()
-            for i, output in enumerate(scenario.outputs)
-        ]
-        print_rows(form, rows, {"method": methods[0], "partials": rows, "differences": shares})
-    else:
-        out.print(terminal.partials(scenario.sources, scenario.outputs, matrix))
-    if differences:
-        console = out if form == "table" else err
-        console.print()
-        console.print(terminal.agreement(scenario.outputs, differences))
-    if form == "table":
-        print_next(next_command.written("lincov", campaign))
-
-
-@command()
-def record(
-    campaign: CampaignFile,
-    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_record].")] = None,
-    sample: Annotated[int, typer.Option(help="Number of the sample.")] = 0,
-    rate: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Readings per second.")] = 50.0,
-) -> None:
-    """Write what the instruments of one sample read, as a flight.
-
-    The files of instruments and sensors are like those of a recorded flight.
-
-    Example: mcnav record flight.toml --sample 3 --out log
-    """
-    from mcnav.config.read import read_campaign
-    from mcnav.studies.recordings import write_recording
-
-    target = output_folder(folder, Path("reports") / f"{campaign.stem}_record")
-    files = write_recording(read_campaign(campaign), sample, 1.0 / rate, target)
-    print_written(files)
-    print_next(next_command.after_recording(campaign, files))
-
-
-@command()
+@command(group=dev)
 def schema(
     into: Annotated[
-        Path | None, typer.Option("--out", help="Write it into a folder, or a file ending in .json.")
+        Path | None, typer.Option("--out", "-o", help="Write it into a folder, or a file ending in .json.")
     ] = None,
 ) -> None:
     """Print the JSON schema of campaign files, for editors.
@@ -113,7 +25,7 @@ def schema(
     Editors complete, describe and check campaigns by it. A campaign names it in its first line: #:schema
     ./mcnav.schema.json
 
-    Example: mcnav schema --out mcnav.schema.json
+    Example: mcnav dev schema --out mcnav.schema.json
     """
     from mcnav.config.json_schema.files import SCHEMA_FILE, schema_text
     from mcnav.files import write_texts
@@ -126,24 +38,24 @@ def schema(
         print_next(next_command.written("docs", "campaigns"))
 
 
-@command("compile")
+@command("compile", dev)
 def compile_all(
     into: Annotated[
         Path | None,
-        typer.Option("--out", "--into", metavar="FOLDER", help="Write objects there, which a wheel may hold."),
+        typer.Option("--out", "-o", "--into", metavar="FOLDER", help="Write objects there, which a wheel may hold."),
     ] = None,
     level: Annotated[
         Literal["x86-64-v3", "x86-64-v4"] | None,
         typer.Option(help="Processor that objects are for [default: the highest level of this one]."),
     ] = None,
     only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="An example in place of all; repeat.")] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Parallel processes.")] = 2,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Parallel processes.")] = 2,
 ) -> None:
     """Compile all kernels beforehand, for images and clusters.
 
     No later command compiles then. Every example is run with a few samples, by each engine. A line says what is done.
 
-    Example: mcnav compile
+    Example: mcnav dev compile
     """
     if level is not None and into is None:
         raise failure("--level: is for objects; give --out FOLDER")
@@ -172,7 +84,7 @@ def reproduce(
             help="tn-d1772 (NASA TN D-1772), story-of-84-minutes, textbook (closed forms), or ukfm (five filters).",
         ),
     ],
-    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/DOCUMENT].")] = None,
+    folder: Annotated[Path | None, out_folder("reports/DOCUMENT")] = None,
     samples: Annotated[
         int | None, typer.Option(min=2, help="Runs of each filter, of ukfm alone [default: 10000].")
     ] = None,
@@ -220,11 +132,11 @@ def reproduce(
     print_next(following)
 
 
-@command()
+@command(group=dev)
 def calibrate(
     trials: Annotated[int, typer.Option(min=2, help="Synthetic campaigns of each kind.")] = 100,
-    jobs: Annotated[int, typer.Option(min=1, help="Parallel processes.")] = 2,
-    folder: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("reports/calibration"),
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Parallel processes.")] = 2,
+    folder: Annotated[Path, typer.Option("--out", "-o", help="Output folder.")] = Path("reports/calibration"),
     rare: Annotated[
         bool,
         typer.Option("--rare", help="Measure rare events alone; other rates are those of the CSV file there."),
@@ -235,13 +147,15 @@ def calibrate(
     Coverage, false alarms and power are written as a page and a CSV file. The campaigns are synthetic and their
     moments known. Every measured rate has its binomial interval.
 
-    Example: mcnav calibrate --trials 100
+    Example: mcnav dev calibrate --trials 100
     """
     from mcnav.validation.calibration import page
 
     into = output_folder(folder, folder)
     if rare and not (into / page.CSV).is_file():
-        raise failure(f"{into / page.CSV}: no such file; --rare needs the other rates, which mcnav calibrate measures")
+        raise failure(
+            f"{into / page.CSV}: no such file; --rare needs the other rates, which mcnav dev calibrate measures"
+        )
     table, files = page.write_calibration(into, trials, jobs, rare)
     for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
         out.print(f"{count:6} rates {finding}")

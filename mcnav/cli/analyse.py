@@ -1,25 +1,24 @@
-"""Commands that analyse: linear covariance, sweeps, budgets of errors, records, kinds of filters."""
+"""Commands that analyse: linear covariance, budgets of errors, recorded flights, kinds of filters."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from mcnav import next_command
 from mcnav import shell_completion as completion
 from mcnav.cli.options import (
-    Axes,
     CampaignFile,
-    ChosenAxes,
-    Count,
     FormatOption,
-    OutFolder,
+    Jobs,
     columns_of,
+    out_folder,
     pairs_of,
 )
 from mcnav.cli.printing import (
+    Format,
     err,
     out,
     print_next,
@@ -30,89 +29,37 @@ from mcnav.cli.program import BAD_INPUT, command, failure
 from mcnav.output_place import output_folder
 
 
-@command("start-times")
-def start_times(
-    campaign: CampaignFile,
-    count: Count = None,
-    axes: ChosenAxes = None,
-    folder: OutFolder = None,
-) -> None:
-    """Find the best start of navigation.
-
-    It shows linear dispersion by start time, with Monte Carlo checks. The campaign's optional table [start_times]
-    sets errors that vary with the start time, weights of the outputs, and the start times to check.
-
-    Example: mcnav start-times campaigns/09_start_times.toml
-    """
-    show_start_times(campaign, folder, axes, count, checks=True)
-
-
-def show_start_times(campaign: Path, folder: Path | None, axes: Axes | None, count: int | None, checks: bool) -> None:
-    """Compute, write and print the start-time analysis of a campaign."""
-    from mcnav.config.read import read_campaign
-    from mcnav.report import progress, terminal
-    from mcnav.studies.start_times import write_start_times
-
-    content = read_campaign(campaign)
-    target = output_folder(folder, Path("reports") / f"{campaign.stem}_start_times")
-    with progress.shown(err) as shown:
-        times, files = write_start_times(content, target, axes, count, checks, shown)
-    out.print(terminal.best_starts(times.study, times.checks, times.own_sigma, content.scenario.outputs))
-    out.print()
-    print_written(files)
-    print_next(next_command.written("lincov", campaign))
-
-
-@command()
-def linearity(
-    campaign: CampaignFile,
-    tolerance: Annotated[
-        float | None, typer.Option(min=1e-4, max=1.0, help="Allowed relative difference [default: the campaign's].")
-    ] = None,
-    samples: Annotated[int, typer.Option(min=200, max=1_000_000, help="Samples at each multiple.")] = 2_000,
-    largest: Annotated[float, typer.Option(min=0.2, max=1_000.0, help="Largest multiple of all errors.")] = 50.0,
-    folder: OutFolder = None,
-) -> None:
-    """Find the size of errors at which linear analysis fails.
-
-    It is a multiple of the campaign's errors, for each source alone and for all together.
-
-    Example: mcnav linearity campaigns/14_polar.toml --samples 500
-    """
-    from mcnav.config.read import read_campaign
-    from mcnav.report import progress
-    from mcnav.report.linearity import remarks, terminal
-    from mcnav.report.terminal_parts import printed
-    from mcnav.studies.linearity import write_linearity
-
-    content = read_campaign(campaign)
-    target = output_folder(folder, Path("reports") / f"{campaign.stem}_linearity")
-    with progress.shown(err) as shown:
-        study, files = write_linearity(content, target, tolerance, samples, largest, shown)
-    out.print(printed(terminal(content.scenario.outputs, study.together, study.tolerance)))
-    for sentence in remarks(content.scenario.outputs, study.noise, study.sizes_alone):
-        out.print(sentence)
-    out.print()
-    print_written(files)
-    print_next(next_command.written("run", campaign))
-
-
 @command()
 def lincov(
     campaign: CampaignFile,
-    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_lincov].")] = None,
+    folder: Annotated[Path | None, out_folder("reports/NAME_lincov")] = None,
     at: Annotated[
         str | None, typer.Option(metavar="TIMES", help="Times of the trajectory, such as '600 s, 1500 s'.")
+    ] = None,
+    partials: Annotated[
+        bool, typer.Option("--partials", help="Show the partial derivatives P of the final errors instead.")
+    ] = False,
+    method: Annotated[
+        Literal["all", "variational", "differences", "runs"] | None,
+        typer.Option(help="Of --partials: how P is computed [default: all]."),
     ] = None,
     form: FormatOption = "table",
 ) -> None:
     """Compute the linear covariance, its causes, and requirements.
 
     They are of the end and over time; nothing is simulated. With aiding, it is that of the closed loop: true sigmas
-    and those that the filter states, twice where an update falls on a time.
+    and those that the filter states, twice where an update falls on a time. With --partials, P is shown as computed by
+    three methods, with their differences.
 
     Example: mcnav lincov campaigns/19_flight_with_gnss.toml --at "1800 s"
     """
+    if partials:
+        if folder is not None or at is not None:
+            raise failure(f"--{'out' if at is None else 'at'}: does not go with --partials; leave it out")
+        _show_partials(campaign, method or "all", form)
+        return
+    if method is not None:
+        raise failure("--method: belongs to --partials; add it")
     from mcnav.config.read import read_campaign
     from mcnav.report.lincov import exported
     from mcnav.report.lincov_page import terminal
@@ -130,6 +77,33 @@ def lincov(
     out.print()
     print_written(files)
     print_next(next_command.after_lincov(campaign, result))
+
+
+def _show_partials(campaign: Path, method: str, form: Format) -> None:
+    """Show the partial derivatives P of the final errors, and how far the methods that compute it agree."""
+    from mcnav.config.read import read_campaign
+    from mcnav.linear.partials import compare_partials
+    from mcnav.report import export, terminal
+
+    scenario = read_campaign(campaign).scenario
+    methods = ["variational", "differences", "runs"] if method == "all" else [method]
+    matrix, differences = compare_partials(scenario, methods)
+    if form != "table":
+        rows = export.partial_rows(scenario.sources, scenario.outputs, matrix)
+        shares = [
+            {"method": name, "output": output.name, "largest_difference": float(values[i])}
+            for name, values in differences.items()
+            for i, output in enumerate(scenario.outputs)
+        ]
+        print_rows(form, rows, {"method": methods[0], "partials": rows, "differences": shares})
+    else:
+        out.print(terminal.partials(scenario.sources, scenario.outputs, matrix))
+    if differences:
+        console = out if form == "table" else err
+        console.print()
+        console.print(terminal.agreement(scenario.outputs, differences))
+    if form == "table":
+        print_next(next_command.written("lincov", campaign))
 
 
 @command()
@@ -162,14 +136,30 @@ def judge(
         typer.Option("--unit", metavar="NAME=UNIT", help="Unit of the readings, such as gyro=deg/s; repeat."),
     ] = None,
     records: Annotated[int, typer.Option(min=200, max=100_000, help="Simulated records to compare with.")] = 1000,
-    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_judge].")] = None,
+    record: Annotated[
+        bool,
+        typer.Option("--record", help="Write what the instruments of a simulated flight read, to try a judgement."),
+    ] = False,
+    sample: Annotated[int | None, typer.Option(min=0, help="Of --record: number of the sample [default: 0].")] = None,
+    rate: Annotated[
+        float | None, typer.Option(min=1.0, max=1000.0, help="Of --record: readings per second [default: 50].")
+    ] = None,
+    folder: Annotated[Path | None, out_folder("reports/NAME_judge")] = None,
 ) -> None:
     """Judge the filter of a campaign by a recorded flight.
 
-    It says which number is wrong, by how much, and what the record could have shown.
+    It says which number is wrong, by how much, and what the record could have shown. With --record, one sample of the
+    campaign is written in files like those of a recorded flight.
 
     Example: mcnav judge flight.toml --imu imu.csv --measurements gnss=gnss.csv --reference truth.csv
     """
+    if record:
+        if campaign is None or imu is not None or errors is not None:
+            raise failure("--record: takes a campaign alone, whose flight it simulates", BAD_INPUT)
+        _write_record(campaign, folder, sample or 0, rate or 50.0)
+        return
+    if sample is not None or rate is not None:
+        raise failure(f"--{'rate' if sample is None else 'sample'}: belongs to --record; add it", BAD_INPUT)
     from mcnav.report import judged, judged_errors
     from mcnav.report.terminal_parts import printed
     from mcnav.studies.judge import write_error_judgement, write_judgement
@@ -197,16 +187,25 @@ def judge(
     print_next(next_command.after_judgement(campaign))
 
 
+def _write_record(campaign: Path, folder: Path | None, sample: int, rate: float) -> None:
+    """Write what the instruments and sensors of a sample read, in files like those of a recorded flight."""
+    from mcnav.config.read import read_campaign
+    from mcnav.studies.recordings import write_recording
+
+    target = output_folder(folder, Path("reports") / f"{campaign.stem}_record")
+    files = write_recording(read_campaign(campaign), sample, 1.0 / rate, target)
+    print_written(files)
+    print_next(next_command.after_recording(campaign, files))
+
+
 @command()
 def allocate(
     campaign: CampaignFile,
     confirm: Annotated[
         int, typer.Option(metavar="N", min=0, help="Simulate the N smallest changes; 0: linear analysis alone.")
     ] = 3,
-    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs.")] = 2,
-    folder: Annotated[
-        Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_allocate].")
-    ] = None,
+    jobs: Jobs = 2,
+    folder: Annotated[Path | None, out_folder("reports/NAME_allocate")] = None,
     form: FormatOption = "table",
 ) -> None:
     """Find the data-sheet numbers that just meet requirements.
@@ -234,67 +233,6 @@ def allocate(
     print_next(next_command.after_allocation(campaign, result))
 
 
-@command(resumes=True)
-def sweep(
-    campaign: CampaignFile,
-    vary: Annotated[
-        list[str],
-        typer.Option(
-            metavar="KEY=VALUES",
-            help="""A key and its values, such as imu.gyro.bias="0.001..1 deg/h".""",
-            autocompletion=completion.for_words(completion.keys),
-        ),
-    ],
-    against: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="MEASURE",
-            help="What is looked at, such as position_horizontal [default: requirements].",
-            autocompletion=completion.for_words(completion.outputs),
-        ),
-    ] = None,
-    points: Annotated[int, typer.Option(min=2, help="Values of each range.")] = 20,
-    confirm: Annotated[
-        int | None, typer.Option(metavar="N", help="Run Monte Carlo at so many points, corners first.")
-    ] = None,
-    at: Annotated[
-        str | None, typer.Option("--at", "--epoch", metavar="TIMES", help="Times of the trajectory [default: the end].")
-    ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs.")] = 2,
-    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_sweep].")] = None,
-    form: FormatOption = "table",
-) -> None:
-    """Vary one or two keys of a campaign by linear analysis.
-
-    It finds the values at which requirements are just met. VALUES is a range ("0.001..1 deg/h", logarithmic from a
-    decade on) or a list ("1, 2, 5 deg/h"). A MEASURE is an output, position_horizontal, velocity_horizontal, or drms,
-    cep, r95, sep of outputs; a limit may follow.
-
-    Example: mcnav sweep campaigns/19_flight_with_gnss.toml --vary imu.gyro.bias="0.001..1 deg/h"
-    --against "position_horizontal < 20 m"
-    """
-    from mcnav.config.sweep_values import split_varied
-    from mcnav.report import progress
-    from mcnav.report import sweep as tables
-    from mcnav.report.sweep_page import terminal
-    from mcnav.report.terminal_parts import printed
-    from mcnav.studies.lincov import read_times
-    from mcnav.studies.sweep import SweepPlan, write_sweep
-
-    times = () if at is None else tuple(read_times(at).tolist())
-    plan = SweepPlan(split_varied(vary), against or (), points, times, jobs)
-    with progress.shown(err) as shown:
-        target = output_folder(folder, Path("reports") / f"{campaign.stem}_sweep")
-        result, files = write_sweep(campaign, plan, target, confirm, shown)
-    if form != "table":
-        print_rows(form, tables.frame(result).to_dict("records"), {"sweep": tables.table(result)})
-        return
-    out.print(printed(terminal(result)))
-    out.print()
-    print_written(files)
-    print_next(next_command.after_sweep(campaign, target, vary, against or (), confirm))
-
-
 @command("filters", resumes=True)
 def filters(
     campaign: CampaignFile,
@@ -314,9 +252,11 @@ def filters(
             autocompletion=completion.for_words(completion.keys),
         ),
     ] = None,
-    samples: Annotated[int | None, typer.Option(min=1, help="Of each run [default: the campaign's].")] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs.")] = 2,
-    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_filters].")] = None,
+    samples: Annotated[
+        int | None, typer.Option("--samples", "-n", min=1, help="Of each run [default: the campaign's].")
+    ] = None,
+    jobs: Jobs = 2,
+    folder: Annotated[Path | None, out_folder("reports/NAME_filters")] = None,
     form: FormatOption = "table",
 ) -> None:
     """Compare kinds of filters by Monte Carlo.
@@ -382,7 +322,7 @@ def identify(
         ),
     ] = None,
     folder: Annotated[
-        Path | None, typer.Option("--out", help="Also write a page, identify.json and imu.toml into a folder.")
+        Path | None, typer.Option("--out", "-o", help="Also write a page, identify.json and imu.toml into a folder.")
     ] = None,
     form: FormatOption = "table",
 ) -> None:

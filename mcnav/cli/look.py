@@ -1,7 +1,9 @@
-"""Commands that show what is stored or given: runs, reports, figures, trajectories, the catalogue."""
+"""Commands that show runs: their results, reports, figures, and a live page."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,9 +16,8 @@ from mcnav.cli.options import (
     Folder,
     Folders,
     FormatOption,
-    NamedColumns,
     UnitsOption,
-    columns_of,
+    out_folder,
 )
 from mcnav.cli.printing import (
     err,
@@ -30,7 +31,7 @@ from mcnav.cli.printing import (
     print_written,
     write_data,
 )
-from mcnav.cli.program import BAD_INPUT, CHECK_FAILED, command, failure
+from mcnav.cli.program import CHECK_FAILED, command, failure
 from mcnav.output_place import output_file, output_folder
 
 
@@ -81,56 +82,68 @@ def show(
 @command()
 def export(
     folder: Folder,
-    into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: RUN_export].")] = None,
+    into: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Output folder [default: RUN_export]; of --figure, a file.")
+    ] = None,
     units: UnitsOption = "shown",
+    figure: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Draw only this figure of the report, such as scatter, as .pdf, .svg or .png.",
+            autocompletion=completion.for_words(completion.figures),
+        ),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(metavar="WxH", help="Of --figure: width and height, such as 88x60mm [default: the page's]."),
+    ] = None,
+    width: Annotated[float | None, typer.Option(min=2.0, max=100.0, help="Of --figure: width alone, cm.")] = None,
+    font_scale: Annotated[
+        float, typer.Option(min=0.2, max=5.0, help="Of --figure: size of text over the page's.")
+    ] = 1.0,
+    panel: Annotated[
+        list[str] | None, typer.Option(metavar="TITLE", help="Of --figure: only this panel, such as altitude; repeat.")
+    ] = None,
+    columns: Annotated[int | None, typer.Option(min=1, max=10, help="Of --figure: panels side by side.")] = None,
 ) -> None:
-    """Write all tables of a run as CSV, and its matrices.
+    """Write all tables of a run as CSV, or a figure for a paper.
 
-    The matrices are for numpy and MATLAB.
+    The tables come with the matrices for numpy and MATLAB. With --figure, one figure is drawn at the size that a paper
+    needs.
 
-    Example: mcnav export reports/mine --units SI --out mine_in_si
+    Example: mcnav export reports/mine --figure scatter --size 88x60mm --out scatter.pdf
     """
+    if figure is not None:
+        _draw(folder, figure, into or Path(), PaperSize(size, width, font_scale, columns), panel or ())
+        return
     from mcnav.workflow.export import default_folder, export_run
 
     print_written(export_run(folder, output_folder(into, default_folder(folder)), units))
     print_next(next_command.written("docs", "howto-export"))
 
 
-@command()
-def figure(
-    folder: Folder,
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME",
-            help="A figure of the report, such as scatter or budget.",
-            autocompletion=completion.for_words(completion.figures),
-        ),
-    ],
-    into: Annotated[Path, typer.Option("--out", help="File to write, .pdf, .svg or .png; or a folder, for NAME.pdf.")],
-    size: Annotated[
-        str | None, typer.Option(metavar="WxH", help="Width and height, such as 88x60mm [default: the page's].")
-    ] = None,
-    width: Annotated[float | None, typer.Option(min=2.0, max=100.0, help="Width alone, cm.")] = None,
-    font_scale: Annotated[float, typer.Option(min=0.2, max=5.0, help="Size of text over the page's.")] = 1.0,
-    panel: Annotated[
-        list[str] | None, typer.Option(metavar="TITLE", help="Only this panel, such as 'altitude'; repeat.")
-    ] = None,
-    columns: Annotated[int | None, typer.Option(min=1, max=10, help="Panels side by side.")] = None,
-) -> None:
-    """Draw a figure of a run's report for a paper.
+@dataclass(frozen=True)
+class PaperSize:
+    """How large a figure is drawn: ``WxH`` or a width in cm, text over the page's, panels side by side."""
 
-    Example: mcnav figure reports/mine scatter --size 88x60mm --font-scale 0.8 --out scatter.pdf
-    """
+    size: str | None
+    width: float | None
+    font_scale: float
+    columns: int | None
+
+
+def _draw(folder: Path, name: str, into: Path, paper: PaperSize, panels: Sequence[str]) -> None:
+    """Draw a figure of a run's report into a file, or as NAME.pdf into a folder."""
     from mcnav.report.figures.paper import read_size
     from mcnav.workflow.figure import ENDINGS, draw_figure
 
     try:
-        wide, high = (width, None) if size is None else read_size(size)
+        wide, high = (paper.width, None) if paper.size is None else read_size(paper.size)
     except ValueError as wrong:
         raise failure(f"--size: {wrong}") from None
     file = output_file(into, f"{name}.pdf", ENDINGS)
-    print_notes(draw_figure(folder, name, file, wide, high, font_scale, panel or (), columns))
+    print_notes(draw_figure(folder, name, file, wide, high, paper.font_scale, panels, paper.columns))
     print_written([file])
     print_next(next_command.written("export", folder))
 
@@ -145,8 +158,8 @@ def brief(
         int,
         typer.Option(metavar="N", min=0, help="Simulate N changes of numbers; those that hold are listed."),
     ] = 3,
-    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs.")] = 2,
-    into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: RUN_brief].")] = None,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Parallel jobs.")] = 2,
+    into: Annotated[Path | None, out_folder("RUN_brief")] = None,
 ) -> None:
     """Write a run on one sheet for a review board.
 
@@ -169,7 +182,8 @@ def brief(
 def compare(
     folders: Folders,
     html: Annotated[
-        Path | None, typer.Option("--out", "--html", help="Also write a page: a folder, or a file ending in .html.")
+        Path | None,
+        typer.Option("--out", "-o", "--html", help="Also write a page: a folder, or a file ending in .html."),
     ] = None,
     form: FormatOption = "table",
 ) -> None:
@@ -243,7 +257,7 @@ def replay(
             autocompletion=completion.campaigns,
         ),
     ] = None,
-    into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: the run folder].")] = None,
+    into: Annotated[Path | None, out_folder("the run folder")] = None,
 ) -> None:
     """Simulate one sample of a run again, with its history.
 
@@ -297,9 +311,11 @@ def index(
 @command()
 def live(
     campaign: CampaignFile,
-    folder: Annotated[Path | None, typer.Option("--out", help="Folder of runs [default: reports/NAME_live].")] = None,
+    folder: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder of runs [default: reports/NAME_live].")
+    ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page [default: a free one].")] = 0,
-    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs of a run.")] = 2,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Parallel jobs of a run.")] = 2,
     show: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
 ) -> None:
     """Show a campaign on a page that answers while it is changed.
@@ -322,89 +338,3 @@ def live(
             open_address(server.address, "address")
         answer_requests(content, server)
     print_next(next_command.written("run", campaign))
-
-
-@command()
-def trajectory(
-    campaign: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FILE",
-            help="Trajectory file or track (CSV, parquet, .pos, …), or a campaign of type ins (TOML).",
-            autocompletion=completion.campaigns_and_trajectories,
-        ),
-    ],
-    page: Annotated[
-        Path | None, typer.Option("--out", help="Also write a page: a folder, or a file ending in .html.")
-    ] = None,
-    column: NamedColumns = None,
-    form: FormatOption = "table",
-) -> None:
-    """Describe a trajectory: rows, ranges, forces, turn rates.
-
-    It also shows how well velocities agree with positions.
-
-    Example: mcnav trajectory campaigns/flight.csv --out flight.html
-    """
-    from mcnav.files import write_texts
-    from mcnav.report import trajectory as described
-    from mcnav.report.html import page_html
-    from mcnav.report.terminal_parts import printed
-    from mcnav.workflow.trajectory import describe_campaign, describe_file
-
-    columns = columns_of(column)
-    if campaign.suffix == ".toml" and columns:
-        raise failure("--column: belongs to a trajectory file; the campaign names its columns itself", BAD_INPUT)
-    result = describe_campaign(campaign) if campaign.suffix == ".toml" else describe_file(campaign, columns)
-    if form != "table":
-        rows = [vars(row) for row in described.fact_rows(result)]
-        print_rows(form, rows, {"trajectory": rows})
-    else:
-        out.print(printed(described.terminal(result)))
-    if page is not None:
-        file = output_file(page, f"{campaign.stem}_trajectory.html", [".html"])
-        print_written(write_texts(file.parent, {file.name: page_html(described.page(result))}))
-    if form == "table":
-        print_next(next_command.after_trajectory(campaign))
-
-
-@command()
-def imu(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="NAME",
-            help="A grade or unit, such as navigation or STIM300 [default: all].",
-            autocompletion=completion.units,
-        ),
-    ] = None,
-    form: FormatOption = "table",
-) -> None:
-    """List the catalogue of inertial measurement units.
-
-    With NAME, list the values of one with their sources. A campaign takes one with grade = "NAME" in [imu].
-
-    Example: mcnav imu navigation
-    """
-    from mcnav.errors import suggestion
-    from mcnav.report import instruments
-    from mcnav.report.terminal_parts import fitted
-    from mcnav.systems.ins.tables.imu_catalogue import catalogue_units
-
-    units = {unit.name: unit for unit in catalogue_units()}
-    if name is not None and name not in units:
-        raise failure(f"NAME: no grade or unit {name!r}{suggestion(name, list(units))}", BAD_INPUT)
-    values = [
-        instruments.value_row(unit.name, value.instrument, value.key, value.text, value.unit, value.source)
-        for unit in (units.values() if name is None else [units[name]])
-        for value in unit.values
-    ]
-    if form != "table":
-        rows = [vars(value) for value in values]
-        print_rows(form, rows, {"values": rows})
-    elif name is None:
-        out.print(fitted(instruments.catalogue({unit.name: unit.title for unit in units.values()}, values)))
-        print_next(next_command.written("imu", next(iter(units))))
-    else:
-        out.print(fitted(instruments.values(units[name].title, values)))
-        print_next(next_command.written("new", "ins", "mine", "--imu", name))

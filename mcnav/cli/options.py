@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -25,13 +25,10 @@ FormatOption = Annotated[
     Format, typer.Option("--format", help="Print a table, or only CSV or JSON in full precision on stdout.")
 ]
 UnitsOption = Annotated[Literal["shown", "SI"], typer.Option(help="Units: those shown in reports, or SI.")]
-Count = Annotated[int | None, typer.Option("--count", min=2, max=100_000, help="Number of start times [default: 241].")]
-OutFolder = Annotated[
-    Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_start_times or NAME_linearity].")
-]
+Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Parallel jobs.")]
 ChosenAxes = Annotated[Axes | None, typer.Option(help="Where the reference axes are aligned [default: start].")]
 Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the files: letters, digits and _.")]
-Into = Annotated[Path, typer.Option("--out", "--in", metavar="FOLDER", help="Output folder.")]
+Into = Annotated[Path, typer.Option("--out", "-o", "--in", metavar="FOLDER", help="Output folder.")]
 Engine = Annotated[
     str | None,
     typer.Option(
@@ -49,6 +46,11 @@ NamedColumns = Annotated[
     list[str] | None,
     typer.Option(metavar="NAME=COLUMN", help="Column of a trajectory file, such as 'lat=latitude [rad]'; repeat."),
 ]
+
+
+def out_folder(default: str) -> Any:
+    """Return the option that names the folder of several files."""
+    return typer.Option("--out", "-o", help=f"Output folder [default: {default}].")
 
 
 def run_folder(campaign: Path) -> Path:

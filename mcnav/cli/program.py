@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,10 +13,12 @@ from typing import Annotated, Any, Final, ParamSpec, TypeVar
 
 import typer
 from typer.core import TyperCommand, TyperGroup
+from typer.exceptions import TyperException
 
 from mcnav._interrupts import RESUMES, interrupts
 from mcnav._supervision import STORES, own_notes
-from mcnav.cli.printing import err, print_line
+from mcnav.cli.former import current
+from mcnav.cli.printing import err, print_line, print_notes
 
 CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY = 1, 2, 3, 4
 """Exit statuses; 0 is success, and those of interrupts are in `mcnav._interrupts`."""
@@ -23,37 +26,111 @@ CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY = 1, 2, 3, 4
 UNKNOWN_CHOICE = re.compile(r"(?:Value error, )?'(?P<name>.*)' is not one of (?P<known>'.*')\.?", re.DOTALL)
 """Message of typer about an unknown choice."""
 
+PARSERS_WORDS: Final = {
+    "Input should be a valid integer, unable to parse string as an integer": "expected a whole number",
+    "Input should be a valid number, unable to parse string as a number": "expected a number",
+    "Input should be greater than or equal to": "expected at least",
+    "Input should be less than or equal to": "expected at most",
+    "Got unexpected extra argument(s)": "unexpected words",
+}
+"""What is said in place of messages of the parser."""
+
 LONGEST_CHOICE = 60
 """Characters of an unknown choice that are shown."""
 
 GROUPS: Final = {
     "Start": ("demo", "new", "check", "run", "docs"),
-    "Analyse": ("lincov", "sweep", "allocate", "linearity", "start-times", "identify", "judge", "filters"),
-    "Look": ("show", "live", "report", "brief", "compare", "index", "figure", "export", "replay", "trajectory", "imu"),
-    "Advanced": ("partials", "record", "schema", "compile", "reproduce", "calibrate"),
+    "Analyse": ("lincov", "sweep", "allocate", "identify", "judge", "filters"),
+    "Look": ("show", "live", "report", "brief", "compare", "index", "export", "replay"),
+    "Documents": ("reproduce",),
 }
-"""Commands in the order and under the headings of ``mcnav --help``."""
+"""Commands in the order and under the headings of ``mcnav --help``; those of ``mcnav dev`` are not listed."""
 
-EARLIER: Final = {"check-scenario": "check"}
-"""Former names of commands, which still work."""
+FIRST_STEPS: Final = (
+    ("mcnav demo", "a demonstration: reentry of NASA TN D-1772"),
+    ("mcnav new ins mine --aid gnss", "a campaign of your own"),
+    ("mcnav lincov mine.toml", "its answer, in a second"),
+)
+"""Commands that the help ends with."""
 
 
 class _Groups(TyperGroup):
-    """Commands under the headings of `GROUPS`, one line each."""
+    """Commands under the headings of `GROUPS`, one line each; former names and mistakes are answered in one line."""
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command by its name or a former one."""
-        return super().get_command(ctx, EARLIER.get(cmd_name, cmd_name))
+    def make_context(self, info_name: Any, args: list[str], *others: Any, **options: Any) -> Any:
+        """Parse the words of the program."""
+        with _own_style():
+            return super().make_context(info_name, args, *others, **options)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put the name of today in place of a former one, and say so."""
+        words = current(args)
+        if words != args and not ctx.resilient_parsing:
+            print_notes([f"mcnav {args[0]} is now: {shlex.join(['mcnav', *words])}"])
+        return super().parse_args(ctx, words)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Parse the words of a command and execute it."""
+        with _own_style():
+            return super().invoke(ctx)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find a command; suggest a near name for an unknown one."""
+        known = [name for names in GROUPS.values() for name in names]
+        if args and ctx.parent is None and args[0] not in self.commands and not args[0].startswith("-"):
+            from mcnav.errors import did_you_mean, near_names
+            from mcnav.units import printable
+
+            name = printable(args[0], LONGEST_CHOICE)
+            near = did_you_mean(near_names(name, known))
+            raise failure(f"mcnav has no command {name!r}{near or ';'} mcnav --help lists all")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands into the help."""
-        wide = max(map(len, self.commands))
+        listed = [name for names in GROUPS.values() for name in names]
+        wide = max(map(len, listed))
         for heading, names in GROUPS.items():
             with formatter.section(heading):
                 limit = formatter.width - 6 - wide
                 formatter.write_dl(
                     [(f"{name:{wide}}", self.commands[name].get_short_help_str(limit)) for name in names]
                 )
+        with formatter.section("First steps"):
+            formatter.write_dl(FIRST_STEPS)
+
+
+@contextmanager
+def _own_style() -> Iterator[None]:
+    """Turn what the parser refuses into a line like all others, with the command whose help says more."""
+    try:
+        yield
+    except TyperException as wrong:
+        if str(wrong).startswith("Usage:") or isinstance(
+            wrong, typer.Exit | typer.Abort
+        ):  # help without words, or an end
+            raise
+        context = getattr(wrong, "ctx", None)
+        said, command = _said(wrong), "mcnav" if context is None else context.command_path
+        raise failure(f"{said}{' ' if said.endswith('?') else '; '}{command} --help lists what it takes") from None
+
+
+def _said(wrong: TyperException) -> str:
+    """Return what the parser refuses: the option or argument, what is wrong, and the nearest option there is."""
+    from mcnav.errors import did_you_mean
+
+    if (option := getattr(wrong, "option_name", None)) is not None:
+        if not hasattr(wrong, "possibilities"):
+            return f"{option}: {'needs a value' if 'requires' in str(wrong) else 'takes no value'}"
+        return f"{option}: no such option{did_you_mean(wrong.possibilities or ())}"
+    message, parameter = getattr(wrong, "message", "") or "is missing", getattr(wrong, "param", None)
+    for theirs, ours in PARSERS_WORDS.items():
+        message = message.replace(theirs, ours)
+    if parameter is None:
+        return f"{message[:1].lower()}{message[1:]}".rstrip(".")
+    argument = parameter.param_type_name == "argument"
+    name = (parameter.metavar or parameter.name.upper()) if argument else max(parameter.opts, key=len)
+    return f"{name.strip('[]')}: {message.rstrip('.')}"
 
 
 app = typer.Typer(
@@ -61,6 +138,10 @@ app = typer.Typer(
 )
 
 new = typer.Typer(no_args_is_help=True, help="Write a new campaign or scenario, ready to run.")
+
+dev = typer.Typer(
+    no_args_is_help=True, help="Print the schema for editors, compile beforehand, or measure error rates."
+)
 
 Parameters = ParamSpec("Parameters")
 
@@ -203,3 +284,4 @@ def program(
 
 
 app.add_typer(new, name="new")
+app.add_typer(dev, name="dev", hidden=True)

@@ -33,8 +33,8 @@ from mcnav.cli.printing import (
     print_rows,
     print_written,
 )
-from mcnav.cli.program import CHECK_FAILED, SOME_FAILED, SuggestingCommand, app, command, failure, new
-from mcnav.output_place import output_folder
+from mcnav.cli.program import CHECK_FAILED, SOME_FAILED, command, failure, new
+from mcnav.output_place import output_file, output_folder
 from mcnav.pages import Page, page_text
 
 if TYPE_CHECKING:
@@ -44,14 +44,16 @@ if TYPE_CHECKING:
 @command(resumes=True)
 def run(
     campaign: CampaignFile,
-    folder: Annotated[Path | None, typer.Option("--out", help="Run folder [default: reports/NAME].")] = None,
+    folder: Annotated[Path | None, typer.Option("--out", "-o", help="Run folder [default: reports/NAME].")] = None,
     engine: Engine = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Parallel jobs [default: 2].")] = None,
+    jobs: Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Parallel jobs [default: 2].")] = None,
     dask: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Simulate in N processes of a local dask cluster.")
     ] = None,
     scheduler: Scheduler = None,
-    samples: Annotated[int | None, typer.Option(min=2, help="Number of samples [default: the file's].")] = None,
+    samples: Annotated[
+        int | None, typer.Option("--samples", "-n", min=2, help="Number of samples [default: the file's].")
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed [default: the file's].")] = None,
     store: Annotated[
         Literal["samples", "summary"] | None,
@@ -170,7 +172,30 @@ def demo(
         print_line(f"{len(copy_examples(copy))} files\n\nwritten: {copy}")
         print_next(next_command.written("run", copy / f"{next(iter(examples()))}.toml"))
     else:
-        run(campaign=example(name))
+        _run_example(example(name))
+
+
+def _run_example(campaign: Path) -> None:
+    """Run an example into its usual folder, and print its answer on one screen."""
+    from mcnav.config.read import read_campaign
+    from mcnav.report import answer_screen, progress
+    from mcnav.runner.executors import open_executor
+    from mcnav.store.run_folder import RunFolder
+    from mcnav.workflow.run import engine_of, run_campaign
+
+    content = read_campaign(campaign, {})
+    target = output_folder(None, run_folder(campaign))
+    with open_executor(None, None, None) as (executor, workers, notes), progress.shown(err) as shown:
+        done = run_campaign(content, target, engine_of(target, campaign), workers, progress=shown, executor=executor)
+    print_notes((*notes, *done.notices))
+    stored, program = RunFolder(target), next_command.program()
+    execution, epochs = stored.finished_manifest().execution, stored.epochs()
+    closing = (f"Report:   {target / 'report.html'}", f"Look:     {program} report {target} --open",
+               f"Your own: {program} new ins NAME")  # fmt: skip
+    seconds = execution.seconds if execution is not None and done.simulated else None
+    out.print(answer_screen.screen(done.results, {} if epochs is None else epochs[0], seconds, closing))
+    if done.results.failed:
+        raise typer.Exit(SOME_FAILED)
 
 
 @command("check")
@@ -184,17 +209,30 @@ def check_file(
         ),
     ],
     column: NamedColumns = None,
+    trajectory: Annotated[
+        bool, typer.Option("--trajectory", help="Describe the trajectory of FILE: rows, ranges, forces, turn rates.")
+    ] = False,
+    page: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Of --trajectory: also write a page, a folder or .html file.")
+    ] = None,
+    form: FormatOption = "table",
 ) -> None:
     """Check a campaign, the code of a scenario, or a trajectory.
 
     Of campaigns and scenarios it checks determinism, shapes, units, linearity near zero, and partials against
     differences; of a trajectory whether it can be flown, and its heading against its track. For a class of your own it
-    tells what a run takes. Nothing is written; a measured covariance of its noise is kept.
+    tells what a run takes. Nothing is written; a measured covariance of its noise is kept. With --trajectory, a
+    trajectory file, a track, or the trajectory of a campaign of type ins is described instead.
 
     Exit status: 0 all checks passed, 1 a check failed, 2 bad input.
 
     Example: mcnav check campaigns/14_polar.toml
     """
+    if trajectory:
+        _describe_trajectory(file, columns_of(column), page, form)
+        return
+    if page is not None or form != "table":
+        raise failure(f"--{'format' if page is None else 'out'}: belongs to --trajectory; leave it out")
     from mcnav.progress import Phase
     from mcnav.report import progress, terminal
     from mcnav.workflow.check import check_any
@@ -210,6 +248,29 @@ def check_file(
     print_next(next_command.after_check(file, checked[0].campaign, passed))
     if not passed:
         raise typer.Exit(CHECK_FAILED)
+
+
+def _describe_trajectory(file: Path, columns: dict[str, str], page: Path | None, form: Format) -> None:
+    """Describe the trajectory of a file or of a campaign, and how well its velocities agree with its positions."""
+    from mcnav.files import write_texts
+    from mcnav.report import trajectory as described
+    from mcnav.report.html import page_html
+    from mcnav.report.terminal_parts import printed
+    from mcnav.workflow.trajectory import describe_campaign, describe_file
+
+    if file.suffix == ".toml" and columns:
+        raise failure("--column: belongs to a trajectory file; the campaign names its columns itself")
+    result = describe_campaign(file) if file.suffix == ".toml" else describe_file(file, columns)
+    if form != "table":
+        rows = [vars(row) for row in described.fact_rows(result)]
+        print_rows(form, rows, {"trajectory": rows})
+    else:
+        out.print(printed(described.terminal(result)))
+    if page is not None:
+        target = output_file(page, f"{file.stem}_trajectory.html", [".html"])
+        print_written(write_texts(target.parent, {target.name: page_html(described.page(result))}))
+    if form == "table":
+        print_next(next_command.after_trajectory(file))
 
 
 @command("campaign", new)
@@ -238,7 +299,7 @@ def new_ins(
         typer.Option(
             "--imu",
             metavar="UNIT",
-            help="Grade or unit of the catalogue; mcnav imu lists them.",
+            help="Grade or unit of the catalogue; mcnav docs imu lists them.",
             autocompletion=completion.units,
         ),
     ] = "navigation",
@@ -300,12 +361,33 @@ def new_scenario(
     print_next(f"{next_command.written('run', campaign)}, then change {method} in {code}")
 
 
-@app.command(cls=SuggestingCommand)
-def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Page to show.")] = "guide") -> None:
-    """Show a page of the documentation.
+@command()
+def docs(
+    page: Annotated[
+        Page, typer.Argument(metavar="PAGE", help="Page to show; imu is the catalogue of units.")
+    ] = "guide",
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="NAME",
+            help="Of imu: a grade or unit, such as navigation or STIM300 [default: all].",
+            autocompletion=completion.for_words(completion.units_of_page),
+        ),
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Show a page of the documentation, or the catalogue of units.
 
-    Example: mcnav docs campaigns
+    The page imu lists the catalogue of inertial measurement units; with NAME, the values of one with their sources. A
+    campaign takes a unit with grade = "NAME" in [imu].
+
+    Example: mcnav docs imu navigation
     """
+    if page == "imu":
+        _show_units(name, form)
+        return
+    if name is not None or form != "table":
+        raise failure(f"{name or '--format'}: belongs to the page imu; leave it out")
     text = page_text(page)
     if out.is_terminal:
         from rich.markdown import Markdown
@@ -314,3 +396,29 @@ def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Page to show
             out.print(Markdown(text))
     else:
         print_line(text)
+
+
+def _show_units(name: str | None, form: Format) -> None:
+    """List the catalogue of inertial measurement units, or the values of one with their sources."""
+    from mcnav.errors import suggestion
+    from mcnav.report import instruments
+    from mcnav.report.terminal_parts import fitted
+    from mcnav.systems.ins.tables.imu_catalogue import catalogue_units
+
+    units = {unit.name: unit for unit in catalogue_units()}
+    if name is not None and name not in units:
+        raise failure(f"NAME: no grade or unit {name!r}{suggestion(name, list(units))}")
+    values = [
+        instruments.value_row(unit.name, value.instrument, value.key, value.text, value.unit, value.source)
+        for unit in (units.values() if name is None else [units[name]])
+        for value in unit.values
+    ]
+    if form != "table":
+        rows = [vars(value) for value in values]
+        print_rows(form, rows, {"values": rows})
+    elif name is None:
+        out.print(fitted(instruments.catalogue({unit.name: unit.title for unit in units.values()}, values)))
+        print_next(next_command.written("docs", "imu", next(iter(units))))
+    else:
+        out.print(fitted(instruments.values(units[name].title, values)))
+        print_next(next_command.written("new", "ins", "mine", "--imu", name))

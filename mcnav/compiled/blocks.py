@@ -11,9 +11,8 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils
-from numba.core import types as numba_types
-from numba.core.extending import intrinsic
+from numba import types as numba_types
+from numba.extending import intrinsic
 
 from mcnav._types import Array
 from mcnav.compiled.jit import allocation_free_part, inlined
@@ -81,7 +80,7 @@ def _store_block(context: Any, array: Any, place: Any, values: Any) -> Any:
     """Write a block to an array, shape (..., ENTRIES, PART), at a place."""
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        parts = cgutils.unpack_tuple(builder, given[2], ENTRIES)
+        parts = [builder.extract_value(given[2], number) for number in range(ENTRIES)]
         for value, at in zip(parts, _pointers(context, builder, signature, given), strict=True):
             builder.store(value, at).align = 8
         return context.get_dummy_value()

@@ -1,9 +1,8 @@
 """One way of compiling: kept on disk, free of the interpreter lock, contracted but never reassociated.
 
 A function comes from the objects of an installation (`mcnav.compiled.objects`), or from where it was stored when it was
-compiled, or is compiled. numba notices changes of the file that holds a compiled function, but not of constants and
-inlined functions that it takes from other files. The cache is therefore valid for one content of all files of this
-package.
+compiled, or is compiled. Compiled code has constants and inlined functions of other files. Stored code is therefore
+valid for what all files of this package compute; comments and docstrings change nothing.
 
 Where no folder can be written to, as in an installation for reading alone, functions that are not among the objects
 are compiled in every process.
@@ -21,32 +20,30 @@ from __future__ import annotations
 
 import gc
 import os
-import secrets
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
 import numba
 from numba.core import event
-from numba.core.bytecode import FunctionIdentity
-from numba.core.caching import FunctionCache, UserWideCacheLocator
 
-from mcnav.compiled.call_types import keep_call_types
-from mcnav.compiled.objects import Code, CodeFiles, libraries, sources_digest
-from mcnav.compiled.parts import LoopCompiler, PartCompiler, give_entry
+from mcnav.compiled.numba_private import (
+    give_entry,
+    ignore_literals,
+    keep_call_types,
+    known_options,
+    loop_options,
+    number_at_random,
+    part_options,
+    use_store,
+)
+from mcnav.compiled.objects import Code, places_for
 from mcnav.compiled.target import choose_target
 from mcnav.progress import COMPILATION
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-FunctionIdentity._unique_ids = iter(lambda: secrets.randbits(48), None)
-"""Numbers by which numba names what it compiles and its constants; its own begin with one in each process.
-
-A function that is compiled beside a caller loaded from disk could then have the name of the copy that the caller
-contains, and be stored with constants that it shares with that copy: later processes that load both could not call it.
-"""
 
 
 class _Watch(event.Listener):  # type: ignore[misc]
@@ -75,39 +72,11 @@ class _Watch(event.Listener):  # type: ignore[misc]
 
 event.register("numba:compile", _Watch())
 choose_target()
+number_at_random()
 keep_call_types()
 
 TOLD: Final = "MCNAV_TOLD_THAT_CODE_CANNOT_BE_STORED"
 """Variable of the environment that a command's worker processes have from it: they do not say it again."""
-
-
-class _HomeLocator(UserWideCacheLocator):  # type: ignore[misc]
-    """Place of stored code in the home folder; none for a user without one, where numba makes a folder named ~."""
-
-    @classmethod
-    def from_function(cls, function: Callable[..., Any], file: str) -> _HomeLocator | None:
-        """Return the place for a function."""
-        if not Path(cls(function, file).get_cache_path()).is_absolute():
-            return None
-        return cast(_HomeLocator | None, super().from_function(function, file))
-
-
-_PLACES: Final = FunctionCache._impl_class._locator_classes
-_PLACES[_PLACES.index(UserWideCacheLocator)] = _HomeLocator
-
-
-def _stored_code(function: Callable[..., Any]) -> FunctionCache | None:
-    """Return numba's cache of a function, valid for the sources; none where no folder for it can be written to."""
-    try:
-        cached = FunctionCache(function)
-    except RuntimeError as failure:
-        if "no locator available" not in str(failure):
-            raise
-        return None
-    stored = cached._cache_file
-    stamp = (*stored._source_stamp, libraries(), sources_digest())
-    cached._cache_file = CodeFiles(cached.cache_path, cached._impl.filename_base, stamp)
-    return cached
 
 
 def _tell_that_code_cannot_be_stored(function: Callable[..., Any]) -> None:
@@ -116,28 +85,28 @@ def _tell_that_code_cannot_be_stored(function: Callable[..., Any]) -> None:
     if os.environ.get(TOLD):
         return
     os.environ[TOLD] = "1"
-    file = function.__code__.co_filename
-    of_user = Path(UserWideCacheLocator(function, file).get_cache_path()).parent
-    tried = [numba.config.CACHE_DIR, Path(file).parent / "__pycache__", of_user]
-    places = " nor ".join(str(place) for place in tried if str(place))
+    places = " nor ".join(map(str, places_for(Path(function.__code__.co_filename))))
     remedy = "set NUMBA_CACHE_DIR to a folder that is, or every command compiles again"
     print(f"note: compiled code cannot be stored: neither {places} is writable; {remedy}", file=sys.stderr)
 
 
-def _compile(function: Function, **options: Any) -> Function:
-    """Compile a function once for a type: numba would compile it again for each constant that a caller passes.
+def _compile(function: Function, stored: bool = True, **options: Any) -> Function:
+    """Compile a function once for a type.
 
     It has no second entry for callers written in C, whom there are none: that takes a tenth of the time.
     """
-    cached = options.pop("cache", True)
-    dispatcher = numba.njit(error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options)(function)
-    if cached and not numba.config.DISABLE_JIT:
-        dispatcher._cache = Code(function, lambda: _stored_code(function), _tell_that_code_cannot_be_stored)
-    template, unliteral = dispatcher.get_call_template, numba.types.unliteral
-    dispatcher.get_call_template = lambda arguments, keywords: template(
-        tuple(map(unliteral, arguments)), {name: unliteral(each) for name, each in keywords.items()}
-    )
+    options = known_options(error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options)
+    dispatcher = numba.njit(**options)(function)
+    if stored:
+        use_store(dispatcher, Code(function, _describe(options), _tell_that_code_cannot_be_stored))
+    ignore_literals(dispatcher)
     return cast(Function, dispatcher)
+
+
+def _describe(options: Mapping[str, Any]) -> str:
+    """Return options as a text that is the same in each process."""
+    shown = {name: sorted(value) if isinstance(value, set) else value for name, value in options.items()}
+    return ", ".join(f"{name}={getattr(value, '__name__', value)}" for name, value in sorted(shown.items()))
 
 
 def compiled(function: Function) -> Function:
@@ -158,16 +127,16 @@ def allocation_free(function: Function) -> Function:
 
 
 def allocation_free_loop(function: Function) -> Function:
-    """Compile a function that is `allocation_free`, and calls parts for all that it computes (`mcnav.compiled.parts`).
+    """Compile a function that is `allocation_free`, and calls parts for all that it computes.
 
     Without arithmetic of its own, it has the same bits as one that is optimised twice.
     """
-    return _compile(function, pipeline_class=LoopCompiler, fastmath={"contract"}, _nrt=False)
+    return _compile(function, fastmath={"contract"}, _nrt=False, **loop_options())
 
 
 def _compile_part(function: Function, **options: Any) -> Function:
-    """Compile a function without an entry for Python and machine code of its own (`mcnav.compiled.parts`)."""
-    part = _compile(function, pipeline_class=PartCompiler, cache=False, no_cpython_wrapper=True, **options)
+    """Compile a function without an entry for Python and machine code of its own."""
+    part = _compile(function, stored=False, **options, **part_options())
     give_entry(part, cache(lambda: _compile(function, **options)))
     return part
 
@@ -209,7 +178,7 @@ def compiled_with_caller(function: Function) -> Function:
 
     Its results are the same bits wherever it is, as those of an `uncontracted` function.
     """
-    return _compile(function, fastmath=False, cache=False, forceinline=True)
+    return _compile(function, stored=False, fastmath=False, forceinline=True)
 
 
 def reduced_math(function: Function) -> Function:

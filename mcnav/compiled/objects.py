@@ -2,12 +2,13 @@
 
 An installation's objects are in one folder for each processor (`mcnav.compiled.target`) and version. Its name,
 `objects_folder`, has a digest of all that machine code depends on: the processor, Python, the libraries of which some
-compile it and others have constants that it contains, and the content of all files whose functions and constants it may
-contain. Where one differs there is no such folder, and code is compiled.
+compile it and others have constants that it contains, and what all files compute whose functions and constants it may
+contain (`mcnav.compiled.code`): not their docstrings and comments. Where one differs there is no such folder, and code
+is compiled.
 
-Within it a file is one function for one set of types (`CodeFiles`), and begins with what it was compiled from: the
-content of the function's file, the types of its arguments, its byte code, and the processor. It is not read on where
-one of them differs. Code that is stored where it was compiled is in such files as well.
+Within it a file is one function for one set of types (`CodeFiles`), and begins with what it was compiled from: the code
+of the function's file and of the function, the types of its arguments, options, and the processor. It is not read on
+where one of them differs. Code that is stored where it was compiled is in such files as well.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
-import re
 import sys
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
 from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -27,10 +28,11 @@ import llvmlite
 import llvmlite.binding as llvm
 import numba
 import numpy as np
-from numba.core.caching import Cache, FunctionCache, IndexDataCacheFile
-from numba.core.compiler import CompileResult
 
+from mcnav.compiled.code import digest_of_files, digest_of_function
+from mcnav.compiled.numba_private import read_code, write_code
 from mcnav.compiled.target import INTO, target
+from mcnav.files import write_whole
 
 OBJECTS: Final = Path(__file__).with_name("objects")
 """Folder of an installation's objects; a checkout has none."""
@@ -44,13 +46,26 @@ UNCOMPILED: Final = {"tables", "recorded"}
 
 @cache
 def sources_digest() -> str:
-    """Digest the files whose constants and functions compiled code may contain."""
+    """Digest what the files compute whose constants and functions compiled code may contain.
+
+    Where Python keeps no byte code, reading them takes half a second: beside stored code there is a file with the
+    digest, and that of the contents for which it is valid.
+    """
     package = Path(__file__).parents[1]
     files = sorted(
         file for room in ROOMS for file in (package / room).rglob("*.py") if not UNCOMPILED.intersection(file.parts)
     )
     files.append(package / "constants.py")
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    contents = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    folder = place_for(Path(__file__))
+    if folder is None:
+        return digest_of_files(files)
+    kept = folder / f"sources.{_python()}.txt"
+    valid_for, _, digest = kept.read_text(encoding="ascii").partition(" ") if kept.exists() else ("", "", "")
+    if valid_for != contents:
+        digest = digest_of_files(files)
+        write_whole(kept, f"{contents} {digest}".encode("ascii"))
+    return digest
 
 
 @cache
@@ -59,107 +74,144 @@ def libraries() -> tuple[str, ...]:
     return numba.__version__, llvmlite.__version__, np.__version__, version("scipy")
 
 
+def _python() -> str:
+    return f"{sys.implementation.cache_tag}{sys.abiflags}"
+
+
 @cache
 def objects_folder() -> Path:
     """Return the folder of objects that this process may use, whether it exists or not."""
-    python = f"{sys.implementation.cache_tag}{sys.abiflags}"
-    needs = (target(), llvm.get_process_triple(), python, *libraries(), sources_digest())
-    name = f"{target()}-{python}-{hashlib.sha256(chr(10).join(needs).encode()).hexdigest()[:32]}"
+    needs = (target(), llvm.get_process_triple(), _python(), *libraries(), sources_digest())
+    name = f"{target()}-{_python()}-{hashlib.sha256(chr(10).join(needs).encode()).hexdigest()[:32]}"
     return Path(os.environ.get(INTO, OBJECTS)) / name
+
+
+def places_for(file: Path) -> Iterator[Path]:
+    """Yield the folders in which the code of a file may be stored, the first one first.
+
+    A folder that the user names, one beside the file, and one of the user's caches, unless the user has no home.
+    """
+    name = f"{file.parent.name}_{hashlib.sha256(str(file.parent).encode()).hexdigest()[:16]}"
+    if numba.config.CACHE_DIR:
+        yield Path(numba.config.CACHE_DIR, name)
+    yield file.parent / "__pycache__"
+    from platformdirs import user_cache_path  # which most commands do without
+
+    of_user = user_cache_path("numba", appauthor=False)
+    if of_user.is_absolute():
+        yield of_user / name
+
+
+def place_for(file: Path) -> Path | None:
+    """Return the first of `places_for` that can be written to, and make it; none where none can."""
+    return _place_in(file.parent)
+
+
+@cache
+def _place_in(folder: Path) -> Path | None:
+    return next(filter(_is_writable, places_for(folder / "any")), None)
+
+
+def _is_writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
 
 
 @cache
 def _digest_of_file(path: str) -> str:
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    return digest_of_files([Path(path)])
 
 
-class CodeFiles(IndexDataCacheFile):  # type: ignore[misc]
+class CodeFiles:
     """Files of a function's code, one for each set of types of its arguments.
 
-    numba lists its files in an index and numbers them. Processes that store code at the same time would take the same
-    number, and one of them could load the code of the other. Here a file is named after what it is compiled from and
-    begins with it; whichever process writes it last, it is whole and says what it is.
+    A file is named after what it is compiled from and begins with it; whichever process writes it last, it is whole and
+    says what it is.
     """
 
-    def save(self, key: Any, data: Any) -> None:
-        """Store the code for a key, which has types, byte code and processor."""
-        with self._open_for_write(str(self._path(key))) as file:
-            for part in (self._version, (self._source_stamp, key), data):
-                file.write(self._dump(part))
+    def __init__(self, folder: Path, name: str, stamp: Any) -> None:
+        self.folder, self._name, self._stamp = folder, name, stamp
+
+    def save(self, key: Any, code: bytes) -> None:
+        """Store the code for a key, which has types, the function's own code and processor."""
+        write_whole(self._path(key), pickle.dumps((self._stamp, key)) + code)
 
     def load(self, key: Any) -> Any:
-        """Return the code for a key, if it is stored for the same version of numba and the same sources."""
+        """Return the unpickled code for a key, if it is stored for the same sources."""
         try:
             file = self._path(key).open("rb")
         except FileNotFoundError:
             return None
         with file:
-            for part in (self._version, (self._source_stamp, key)):
-                if pickle.load(file) != part:
-                    return None
-            return pickle.load(file)
+            return pickle.load(file) if pickle.load(file) == (self._stamp, key) else None
 
     def _path(self, key: Any) -> Path:
-        name = self._data_name_pattern.format(number=0).removesuffix("0.nbc")
-        return Path(self._cache_path, f"{name}{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc")
+        return self.folder / f"{self._name}.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
 
 
-class Code(Cache):  # type: ignore[misc]
-    """Cache of a function, as numba sees it: its objects come first, then its stored code if there is any.
+class Code:
+    """Code of a function, as numba asks for it: its objects come first, then its stored code if there is any.
 
     Parameters
     ----------
-    stored : callable
-        Returns numba's own cache, or none where it cannot write; called where there is no object.
+    options : str
+        All options that the function is compiled with.
     tell : callable
         Told of the function before it is compiled and cannot be stored.
     """
 
-    def __init__(
-        self,
-        function: Callable[..., Any],
-        stored: Callable[[], FunctionCache | None],
-        tell: Callable[[Callable[..., Any]], None],
-    ) -> None:
-        self._py_func, self._find_stored, self._tell = function, stored, tell
+    def __init__(self, function: Callable[..., Any], options: str, tell: Callable[[Callable[..., Any]], None]) -> None:
+        self._function, self._options, self._tell = function, options, tell
 
     @cached_property
     def _objects(self) -> CodeFiles | None:
-        folder, code = objects_folder(), self._py_func.__code__
+        folder = objects_folder()
         if INTO in os.environ:
             folder.mkdir(parents=True, exist_ok=True)
         elif not folder.is_dir():
             return None
-        name = f"{self._py_func.__module__}.{self._py_func.__qualname__}-{code.co_firstlineno}"
-        return CodeFiles(str(folder), re.sub("[<>]", "", name), _digest_of_file(code.co_filename))
+        return self._files(folder, ())
 
     @cached_property
-    def _stored(self) -> FunctionCache | None:
-        return self._find_stored()
+    def _stored(self) -> CodeFiles | None:
+        folder = place_for(Path(self._function.__code__.co_filename))
+        return None if folder is None else self._files(folder, (*libraries(), sources_digest()))
+
+    def _files(self, folder: Path, needs: tuple[str, ...]) -> CodeFiles:
+        name = f"{self._function.__module__}.{self._function.__qualname__}.{_python()}".translate({60: None, 62: None})
+        return CodeFiles(folder, name, (*needs, _digest_of_file(self._function.__code__.co_filename)))
+
+    @cached_property
+    def _digest(self) -> str:
+        return digest_of_function(self._function)
+
+    def _key(self, signature: Any, processor: Any) -> Any:
+        return signature, processor.magic_tuple(), self._digest, self._options
 
     @property
-    def cache_path(self) -> Any:
+    def cache_path(self) -> str | None:
         """Folder of stored code."""
-        return None if self._stored is None else self._stored.cache_path
+        return None if self._stored is None else str(self._stored.folder)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return a function for types of arguments from its objects, or else from stored code; none if in neither."""
         target_context.refresh()
-        if self._objects is not None:
-            payload = self._objects.load(self._index_key(sig, target_context.codegen()))
-            if payload is not None:
-                return CompileResult._rebuild(target_context, *payload)
-        if INTO in os.environ:
-            return None
-        if self._stored is None:
-            self._tell(self._py_func)
-            return None
-        return self._stored.load_overload(sig, target_context)
+        key = self._key(sig, target_context.codegen())
+        code = None if self._objects is None else self._objects.load(key)
+        if code is None and INTO not in os.environ:
+            if self._stored is None:
+                self._tell(self._function)
+                return None
+            code = self._stored.load(key)
+        return None if code is None else read_code(target_context, code)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store a function that has been compiled, as an object where objects are made."""
-        if INTO not in os.environ:
-            if self._stored is not None:
-                self._stored.save_overload(sig, data)
-        elif self._objects is not None and not data.library.has_dynamic_globals:
-            self._objects.save(self._index_key(sig, data.codegen), data._reduce())
+        files = self._objects if INTO in os.environ else self._stored
+        code = None if files is None else write_code(data)
+        if files is not None and code is not None:
+            files.save(self._key(sig, data.codegen), code)

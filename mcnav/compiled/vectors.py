@@ -14,22 +14,21 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
+from itertools import repeat
 from math import prod
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils
-from numba.core import types as numba_types
-from numba.core.extending import (
+from numba import types as numba_types
+from numba.extending import (
     intrinsic,
     lower_builtin,
     lower_cast,
     models,
     register_model,
+    type_callable,
 )
-from numba.core.typeconv import Conversion
-from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 
 from mcnav._types import Array
 from mcnav.compiled.shapes import check_shape
@@ -69,9 +68,6 @@ class _Vector(numba_types.Type):
 
     def __init__(self, name: str) -> None:
         super().__init__(name=f"{name}[{self.size}]")
-
-    def can_convert_from(self, typingctx: Any, other: Any) -> Conversion | None:
-        return Conversion.safe if isinstance(other, self.scalars) else None
 
     def unify(self, typingctx: Any, other: Any) -> Any:
         return self if isinstance(other, self.scalars) else None
@@ -170,15 +166,27 @@ def _words_of_scalar(context: Any, builder: Any, source: Any, target: Any, value
 
 
 def _define(symbol: Any, result: Any, operands: tuple[Any, ...], method: str, *first: str) -> None:
-    """Define an operator by the instruction that a method of the builder makes."""
+    """Define an operator by the instruction that a method of the builder makes: of vectors, or of one and a scalar."""
 
-    @infer_global(symbol)
-    class _Template(ConcreteTemplate):
-        cases = (signature(result, *operands),)
+    @type_callable(symbol)
+    def _type(context: Any) -> Any:
+        def typer(*given: Any) -> Any:
+            fits = len(given) == len(operands) and all(
+                of is operand or isinstance(of, operand.scalars) for of, operand in zip(given, operands, strict=True)
+            )
+            return result if fits and any(map(operator.is_, given, operands)) else None
 
-    @lower_builtin(symbol, *operands)
+        return typer
+
     def _lower(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        return getattr(builder, method)(*first, *given)
+        vectors = map(context.cast, repeat(builder), given, signature.args, operands)
+        return getattr(builder, method)(*first, *vectors)
+
+    lower_builtin(symbol, *operands)(_lower)
+    if len(operands) > 1:
+        for scalar in operands[0].scalars:
+            lower_builtin(symbol, scalar, operands[1])(_lower)
+            lower_builtin(symbol, operands[0], scalar)(_lower)
 
 
 for _symbol, _in_place, _name in (
@@ -224,15 +232,16 @@ def _call(builder: Any, name: str, kind: Any, given: Any) -> Any:
     """Call one of LLVM's functions for vectors of a kind."""
     vector, suffix = _FLOATS[kind]
     of = ir.FunctionType(vector, [vector] * len(given))
-    return builder.call(cgutils.get_or_insert_function(builder.module, of, f"llvm.{name}.{suffix}"), given)
+    name = f"llvm.{name}.{suffix}"
+    return builder.call(builder.module.globals.get(name) or ir.Function(builder.module, of, name), given)
 
 
 def _define_function(function: Any, name: str) -> None:
     """Define a function of numpy by one of LLVM's."""
 
-    @infer_global(function)
-    class _Template(ConcreteTemplate):
-        cases = tuple(signature(kind, kind) for kind in _FLOATS)
+    @type_callable(function)
+    def _type(context: Any) -> Any:
+        return lambda given: given(given) if given in _FLOATS else None
 
     for kind in _FLOATS:
 
@@ -284,7 +293,7 @@ def _define_conversion(result: Any, given: Any, instruction: str, of: ir.VectorT
 def pointer(context: Any, builder: Any, array_type: Any, array: Any, place: Any, of: ir.VectorType) -> Any:
     """Return the pointer to a vector within an array in C order whose last axis has as many numbers."""
     view = context.make_array(array_type)(context, builder, array)
-    shape = cgutils.unpack_tuple(builder, view.shape, array_type.ndim)
+    shape = [builder.extract_value(view.shape, axis) for axis in range(array_type.ndim)]
     index = place[0]
     for axis, at in enumerate(place[1:], 1):
         index = builder.add(builder.mul(index, shape[axis]), at)
@@ -303,7 +312,9 @@ def place_type(array: Any, place: Any) -> Any:
 
 def unpack(builder: Any, place: Any, of: Any) -> Any:
     """Return the indices of a place of a type."""
-    return cgutils.unpack_tuple(builder, place, len(of)) if isinstance(of, types.BaseTuple) else [place]
+    if not isinstance(of, types.BaseTuple):
+        return [place]
+    return [builder.extract_value(place, axis) for axis in range(len(of))]
 
 
 def _make_load(array: Any, place: Any, of: ir.VectorType, result: Any) -> Any:

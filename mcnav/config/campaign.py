@@ -39,7 +39,7 @@ class Campaign:
     tolerance, confidence : float
         Criterion of agreement between linear covariance and Monte Carlo.
     start_times : StartTimesPlan
-        Plan of ``mcnav start-times``; a run does not use it.
+        Plan of ``mcnav sweep --vary start``; a run does not use it.
     tables : mapping of str to bytes
         Files that the resolved campaign reads, by their relative path.
     resolved : mapping

@@ -228,7 +228,7 @@ class CampaignTable(Table):
     joint: Annotated[
         list[JointTable], Field(max_length=100, description="Groups of sources with a joint distribution.")
     ] = []
-    start_times: Annotated[StartTimesTable, Field(description="Study of mcnav start-times.")] = StartTimesTable()
+    start_times: Annotated[StartTimesTable, Field(description="Study of mcnav sweep --vary start.")] = StartTimesTable()
     accept: Annotated[AcceptTable, Field(description="Requirements, which mcnav run --check tests.")] | None = None
 
     def most_samples(self) -> int:

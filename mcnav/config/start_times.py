@@ -1,4 +1,4 @@
-"""The table ``[start_times]`` of a campaign file: the plan of ``mcnav start-times``."""
+"""The table ``[start_times]`` of a campaign file: the plan of ``mcnav sweep --vary start``."""
 
 from __future__ import annotations
 

@@ -59,6 +59,14 @@ class StepNoise:
         if (self.covariance is None) == (self.factor is None):
             raise ValueError("noise of a step: give either covariance or factor")
 
+    @property
+    def covariances(self) -> Array:
+        """Q of each step, shape (k, r, r), whichever is given."""
+        if self.factor is not None:
+            return np.asarray(self.factor @ self.factor.swapaxes(1, 2))
+        assert self.covariance is not None
+        return self.covariance
+
 
 @dataclass(frozen=True)
 class Steps:

@@ -15,9 +15,11 @@ FOLDER: Final = "campaigns"
 FIRST: Final = "01_tn_d1772_trajectory_4"
 """Name of the first example."""
 
-ENDINGS: Final = (".toml", ".py", ".csv")
+ENDINGS: Final = (".toml", ".py", ".csv", ".md")
 
-_QUESTION: Final = re.compile(r"\A# Question: (.*?)\n# Expected answer", re.DOTALL)
+_HEADER: Final = re.compile(r"\A(?:#.*\n)+")
+_ANSWER: Final = re.compile(r"Expected answer(?: \((.*?)\))?:")
+"""What answers the question stands in brackets, where it is another command than ``mcnav run``."""
 
 
 def examples_folder() -> Path:
@@ -34,11 +36,20 @@ def examples_folder() -> Path:
 
 def examples() -> Mapping[str, str]:
     """Return the question that each example answers, by the name of its file."""
-    result = {}
-    for path in sorted(examples_folder().glob("*.toml")):
-        asked = _QUESTION.match(path.read_text(encoding="utf-8"))
-        result[path.stem] = "" if asked is None else " ".join(asked[1].replace("\n#", " ").split())
-    return result
+    files = sorted(examples_folder().glob("*.toml"))
+    return {path.stem: question_and_answer(path.read_text(encoding="utf-8"))[0] for path in files}
+
+
+def question_and_answer(text: str) -> tuple[str, str]:
+    r"""Split the comments with which an example begins.
+
+    >>> question_and_answer("# Question: is it\n# so?\n# Expected answer (mcnav lincov): yes.\nname = 1")
+    ('is it so?', 'yes.')
+    """
+    header = _HEADER.match(text)
+    prose = " ".join(line.removeprefix("#").strip() for line in header[0].splitlines()) if header else ""
+    question, *_, answer = _ANSWER.split(" ".join(prose.split()), maxsplit=1) if _ANSWER.search(prose) else (prose, "")
+    return question.removeprefix("Question:").strip(), answer.strip()
 
 
 def example(name: str) -> Path:

@@ -55,6 +55,8 @@ class StartTimeStudy:
         How the start times are counted.
     noise : ndarray, shape (n, outputs), optional
         Sigma of the part from noise, SI; none for a scenario without noise.
+    means : ndarray, shape (n, outputs), optional
+        Mean errors, SI; none where they are zero. Start times rank by root mean square.
     """
 
     axes: str
@@ -65,11 +67,24 @@ class StartTimeStudy:
     weights: Array
     clock: StartClock
     noise: Array | None = None
+    means: Array | None = None
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square errors, shape (n, outputs): sigmas where mean errors are zero."""
+        return self.sigma if self.means is None else np.hypot(self.sigma, self.means)
+
+    @property
+    def means_matter(self) -> bool:
+        """Whether a mean error exceeds its sigma at a start time up to the event."""
+        if self.means is None:
+            return False
+        return bool((np.abs(self.means) > self.sigma)[: self.before_event].any())
 
     @property
     def weighted(self) -> Array:
-        """Root sum square of the outputs' weighted sigmas, shape (n,)."""
-        return np.asarray(np.sqrt(((self.sigma * self.weights) ** 2).sum(axis=1)))
+        """Root sum square of the outputs' weighted root mean squares, shape (n,)."""
+        return np.asarray(np.sqrt(((self.rms * self.weights) ** 2).sum(axis=1)))
 
     @property
     def before_event(self) -> int:
@@ -83,12 +98,12 @@ class StartTimeStudy:
 
     @property
     def best(self) -> Array:
-        """Position of the start time of least dispersion in each output, up to the event, shape (outputs,)."""
-        return np.asarray(np.argmin(self.sigma[: self.before_event], axis=0))
+        """Position of the start time of the least root mean square of each output, up to the event, (outputs,)."""
+        return np.asarray(np.argmin(self.rms[: self.before_event], axis=0))
 
     @property
     def best_weighted(self) -> int:
-        """The same for the weighted dispersion."""
+        """The same for the weighted root mean squares."""
         return int(np.argmin(self.weighted[: self.before_event]))
 
 
@@ -109,8 +124,7 @@ def study_start_times(
     schedule : ErrorSchedule, optional
         Constant by default.
     weights : ndarray, shape (outputs,), optional
-        See `StartTimeStudy`; by default each output counts by its sigma for a start at the first point, or those alone
-        that the clock weighs, if they are dispersed.
+        See `StartTimeStudy`; by default as `usual_weights` has them.
     """
     times = scenario.start_times(count)
     partials = scenario.partials_at(times, axes)
@@ -128,10 +142,21 @@ def study_start_times(
         variances = variances + of_noise
         of_noise = np.sqrt(of_noise)
     sigma = np.sqrt(np.maximum(variances, 0.0))
-    if weights is None:
-        counted = sigma[0] > 0.0
-        weighed = counted & np.array([kind_of(output) == scenario.start_clock.weighs for output in scenario.outputs])
-        counted = weighed if weighed.any() else counted
-        weights = np.divide(1.0, sigma[0], out=np.zeros_like(sigma[0]), where=counted)
+    weights = usual_weights(scenario, sigma[0]) if weights is None else weights
     effects = partials * (multiples * np.sqrt(np.diag(start_covariance)))[:, None, :]
     return StartTimeStudy(axes, times, partials, effects, sigma, weights, scenario.start_clock, of_noise)
+
+
+def usual_weights(scenario: VariableStart, first: Array) -> Array:
+    """Return the weights of a campaign without any: over the root mean squares of a start at the first point.
+
+    Those alone count that the clock weighs, if they vary.
+
+    Parameters
+    ----------
+    first : ndarray, shape (outputs,)
+    """
+    counted = first > 0.0
+    weighed = counted & np.array([kind_of(output) == scenario.start_clock.weighs for output in scenario.outputs])
+    counted = weighed if weighed.any() else counted
+    return np.divide(1.0, first, out=np.zeros_like(first), where=counted)

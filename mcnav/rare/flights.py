@@ -29,7 +29,7 @@ class Places:
     points: Array
     noise: IndexArray
 
-    def __getitem__(self, rows: NDArray[np.bool_]) -> Places:
+    def __getitem__(self, rows: NDArray[np.bool_] | IndexArray) -> Places:
         """Return some of them."""
         return Places(self.points[rows], self.noise[rows])
 

@@ -56,7 +56,7 @@ def jump_planes(margins: Margins, dimensions: int) -> list[tuple[Array, float]]:
         zeros, sizes * (1.0 + 1e-9),
     )  # fmt: skip
     at = np.minimum(known.at, sizes)
-    jumped = _jumps(margins, at, rays)
+    jumped = jumps_across(margins, at, rays)
     left, planes = (at[:, None] * rays)[jumped], []
     for _ in range(MOST_PLANES):
         if not len(left):
@@ -70,7 +70,7 @@ def jump_planes(margins: Margins, dimensions: int) -> list[tuple[Array, float]]:
     return planes
 
 
-def _jumps(margins: Margins, at: Array, rays: Array) -> NDArray[np.bool_]:
+def jumps_across(margins: Margins, at: Array, rays: Array) -> NDArray[np.bool_]:
     """Return along which rays the margin jumps where it crosses the limit, shape (n,)."""
     changes = [
         margins((at + step)[:, None] * rays) - margins((at - step)[:, None] * rays) for step in (CLOSE, 0.3 * CLOSE)

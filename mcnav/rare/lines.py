@@ -12,13 +12,19 @@ from mcnav._types import Array, IndexArray
 from mcnav.rare.flights import NoisyMargins
 
 CLOSE: Final = 0.03
-"""Last step of the secant method, times t: what remains is its square or less, and moves Phi(-t) by 0.1 %."""
+"""Last step of the secant method, times t, where the step before was no longer than `NEAR`."""
+
+NEAR: Final = 0.1
+"""Step from which the last one must be smaller in proportion: a secant errs by their product times f'' / 2 f'."""
 
 NARROW: Final = 0.002
 """Width of a bracket, times t, at which a jump is located: its middle moves Phi(-t) by 0.1 % at most."""
 
 THERE: Final = 1e-4
 """Margin over the expected slope, times t, at which a line is at its crossing."""
+
+APART: Final = 4.0
+"""Distance of two points from which their secant says nothing, such as of a margin that rises exponentially."""
 
 MOST_STEPS: Final = 24
 SECANTS: Final = 5
@@ -33,13 +39,10 @@ class Crossings:
     ----------
     at : ndarray
         t of the crossing; infinite for a line that does not enter before its end.
-    jumped : ndarray of bool
-        Where the margin changes its sign without passing through zero.
     flights : int
     """
 
     at: Array
-    jumped: NDArray[np.bool_]
     flights: int
 
 
@@ -73,7 +76,7 @@ def crossings(
         limit enters there.
     """
     number = len(feet)
-    at, jumped, flights = np.full(number, np.inf), np.zeros(number, dtype=bool), 0
+    at, flights = np.full(number, np.inf), 0
     now = np.clip(guesses, begins, ends)
     state = _Search(
         begins.copy(), ends.copy(), now.copy(), now.copy(), np.full(number, np.nan), np.full(number, np.nan)
@@ -96,20 +99,20 @@ def crossings(
         at_begin, at_end = beyond & (t <= begins[active]), ~beyond & (t >= ends[active])
         at[active[at_begin]] = begins[active[at_begin]]
         following, shift = _next(state, active, slopes, below, above, step)
+        gap = np.abs(t - state.before[active])
+        near = (shift * np.maximum(t, 1.0) * np.maximum(gap, NEAR) < CLOSE * NEAR) & (gap < APART)
         width = (state.high - state.low)[active] * np.maximum(t, 1.0)
         closed = below[active] & above[active] & (width < NARROW)
         there = np.abs(margin) * np.maximum(t, 1.0) < THERE * slopes[active]
-        settled = ~at_begin & ~at_end & (closed | there | (shift * np.maximum(t, 1.0) < CLOSE))
+        settled = ~at_begin & ~at_end & (closed | there | near)
         at[active[settled]] = np.where(there, t, np.where(closed, 0.5 * (state.low + state.high)[active], following))[
             settled
         ]
-        jumped[active[settled]] = (closed & ~there & (step > SECANTS))[settled]
         rest = ~(at_begin | at_end | settled)
         now[active] = following
         active = active[rest]
     at[active] = np.where(above[active], 0.5 * (state.low + state.high)[active], np.inf)
-    jumped[active] = above[active]
-    return Crossings(at, jumped, flights)
+    return Crossings(at, flights)
 
 
 def _next(

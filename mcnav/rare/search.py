@@ -10,21 +10,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.rare.facets import Facets
 from mcnav.rare.flights import Flown, Margins, Places
-from mcnav.rare.jumps import nearest_jump
+from mcnav.rare.jumps import jumps_across, nearest_jump
 from mcnav.rare.lines import crossings
 from mcnav.rare.proposal import Proposal
 
-RELEVANT: Final = 0.02
-"""Share of the probability below which another way to fail is left out."""
+RELEVANT: Final = 1e-3
+"""Share of the probability below which another way to fail is left out: less than the interval's own width."""
 
 BEHIND: Final = 0.5
 """Depth before the half-space at a nearest point from which other failures belong to it."""
@@ -41,9 +42,6 @@ CLEAR: Final = 0.03
 MOST_STEPS: Final = 24
 STEP, CLOSE = 0.05, 0.1
 """Step of differences, and the last step towards a nearest point, in standard deviations."""
-
-
-LeftOut = Callable[[Places], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True)
@@ -68,9 +66,7 @@ class Search:
     far: float
 
 
-def search_elsewhere(
-    flown: Flown, facets: Facets, nearest: float, unforeseen: Places, most: int, left_out: LeftOut
-) -> Search:
+def search_elsewhere(flown: Flown, facets: Facets, nearest: float, unforeseen: Places, most: int) -> Search:
     """Follow failures that nothing foresees, and add half-spaces for other ways to fail that matter.
 
     Parameters
@@ -80,11 +76,9 @@ def search_elsewhere(
     nearest : float
         Distance of a half-space as probable as the event.
     unforeseen : Places
-        Points that fail where neither the linear model nor the fitted lines expect it.
+        Points that fail and lie on no line of the pilot's, or on too few.
     most : int
         Failures that are followed; what is left is for `mcnav.rare.estimate` to count.
-    left_out : callable
-        Which places lie on no line of the pilot's, or on too few, shape (n,).
     """
     far = float(-special.ndtri(RELEVANT * special.ndtr(-nearest)))
     if not len(unforeseen):
@@ -95,13 +89,16 @@ def search_elsewhere(
     entries = crossings(
         flown, unforeseen.noise, np.zeros(points.shape), rays, sizes, zeros, zeros, sizes * (1.0 + 1e-9)
     )
-    entered = Places(np.minimum(entries.at, sizes)[:, None] * rays, unforeseen.noise)
-    return _follow(flown, facets, far, entered, entries.jumped, most, left_out)
+    at = np.minimum(entries.at, sizes)
+    jumped = jumps_across(partial(_noisy, flown, unforeseen.noise), at, rays)
+    return _follow(flown, facets, far, Places(at[:, None] * rays, unforeseen.noise), jumped, most)
 
 
-def _follow(
-    flown: Flown, facets: Facets, far: float, places: Places, jumped: NDArray[np.bool_], most: int, left_out: LeftOut
-) -> Search:
+def _noisy(flown: Flown, noise: IndexArray, points: Array) -> Array:
+    return flown(points, noise)
+
+
+def _follow(flown: Flown, facets: Facets, far: float, places: Places, jumped: NDArray[np.bool_], most: int) -> Search:
     """Follow unforeseen failures from the nearest on, and add the facets that lines do not pass."""
     points, corner, jumps = places.points, math.inf, False
     left = np.argsort(np.linalg.norm(points, axis=1), kind="stable")
@@ -115,8 +112,7 @@ def _follow(
         if settled and size <= far:
             beyond, before = margins(np.array([1.0 + CLEAR, 1.0 - CLEAR])[:, None] * point) > 0.0
             settled = bool(beyond and not before)
-            place = Places(point[None] * (1.0 + CLEAR), places.noise[i : i + 1])
-            if settled and not passed(point, facets) and left_out(place)[0]:
+            if settled and not passed(point, facets):
                 facets = facets.with_facet(point)
         if not settled:
             corner = min(corner, float(np.linalg.norm(points[i])))

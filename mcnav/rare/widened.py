@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.rare.flights import Flown, Places
 from mcnav.rare.interval import weights_interval
 
@@ -59,10 +59,11 @@ class Widened:
     foreseen: NDArray[np.bool_]
     seen: NDArray[np.bool_]
 
-    @property
-    def unforeseen(self) -> Places:
-        """Those that fail where nothing expects it."""
-        return self.places[self.failed & ~self.foreseen]
+    def heaviest(self, most: int) -> IndexArray:
+        """Return the numbers of those that fail, with a result, that stand for most probability, shape (n,)."""
+        failures = np.flatnonzero(self.failed & self.seen)
+        weights = ratio(self.places.points[failures])
+        return np.asarray(failures[np.argsort(-weights, kind="stable")[:most]])
 
     def power(self, probability: float) -> float:
         """Return the probability of finding a half-space of so much probability, in no particular direction."""

@@ -105,7 +105,7 @@ TIGHTENED: Final = (
 INSUFFICIENT: Final = "Linear value that the others leave when a number is multiplied by the factor shown."
 
 GRADES: Final = (
-    "Numbers of the inertial measurement unit at the next value among the catalogue’s grades (mcnav imu), and the "
+    "Numbers of the inertial measurement unit at the next value among the catalogue’s grades (mcnav docs imu), and the "
     "requirement with the least margin then."
 )
 """Captions of tables."""

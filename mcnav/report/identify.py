@@ -308,7 +308,9 @@ def _grade_parts(report: IdentificationReport) -> list[Part]:
         Column("Between", _between, "between", "words"),
         Column("Nearest", lambda row: row.nearest, "nearest", "label"),
     ]
-    return [Table("Grades of the catalogue (mcnav imu) around the identified values.", columns, report.grades, "Grade")]
+    return [
+        Table("Grades of the catalogue (mcnav docs imu) around the identified values.", columns, report.grades, "Grade")
+    ]
 
 
 def _between(row: GradeRow) -> str:

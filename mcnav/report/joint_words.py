@@ -37,6 +37,9 @@ NOTABLE: Final = 0.1
 NAMED: Final = 3
 """Combinations named in one sentence."""
 
+THINNEST: Final = 1.1
+"""Variance of a combination over that of the thinnest direction up to which it is called so: sigmas within 5 %."""
+
 BRIEFLY: Final = 2
 """Terms beside the lead output that a cell or a tile has room for."""
 
@@ -75,6 +78,23 @@ def combination_words(result: CombinationEntry, summary: Summary, most: int | No
         words += " and smaller terms"
     own = list(dict.fromkeys(units[name][1] for name in (result.lead, *written)))
     return f"{words} ({', '.join(own)})" if len(own) > 1 else words
+
+
+def direction_words(result: CombinationEntry, summary: Summary) -> str:
+    """Name a combination without its terms: the thinnest direction of the linear ellipsoid where it is that.
+
+    With D the linear sigmas, C the linear covariance and u the combination's terms in sigmas, of length one, its
+    variance ``u' D^-1 C D^-1 u`` is then the smallest eigenvalue of the correlation matrix, within `THINNEST`.
+    """
+    sigma, terms = np.asarray(summary.sigma_linear, dtype=float), np.asarray(result.shares, dtype=float)
+    moving = sigma > 0.0
+    size = float(np.linalg.norm(terms[moving]))
+    if size == 0.0 or moving.sum() < 2:
+        return "combination"
+    own, along = sigma[moving], terms[moving] / size
+    correlation = np.asarray(summary.covariance_linear, dtype=float)[np.ix_(moving, moving)] / np.outer(own, own)
+    smallest = float(np.linalg.eigvalsh(correlation)[0])
+    return "thinnest direction" if float(along @ correlation @ along) <= THINNEST * smallest else "combination"
 
 
 def _plain(size: float) -> str:

@@ -361,7 +361,7 @@ def room_to_grow(summary: Summary) -> str:
     return (
         f"All errors may grow to {told} times their size before a sigma may leave ±{100.0 * summary.tolerance:g} %, "
         f"first that of {humanize(name)}, if departures grow with the square of the errors, as those of smooth systems "
-        "do at first; mcnav linearity measures it."
+        "do at first; mcnav sweep --scale measures it."
     )
 
 
@@ -431,13 +431,13 @@ def caveat(summary: Summary) -> str:
         of = f" of {_join(concerned)}" if len(concerned) < len(summary.names) else ""
         return (
             f"No interval and no verdict is given{of} because of heavy tails ({_join(heavy)}): with such errors and "
-            "this design, nominal 95 % intervals cover far less in calibration (mcnav calibrate)."
+            "this design, nominal 95 % intervals cover far less in calibration (mcnav dev calibrate)."
         )
     long = [labels[name] for name in summary.long_tailed]
     if long:
         return (
             f"The intervals are approximate because of long tails ({_join(long)}): with such errors, nominal 95 % "
             "intervals cover 90 to 95 % in calibration, with 100 samples 86 %, and those of skewness as little as 84 % "
-            "(mcnav calibrate)."
+            "(mcnav dev calibrate)."
         )
     return ""

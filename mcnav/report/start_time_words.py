@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.analysis.linear_range import limits_of, outputs_beyond
+from mcnav.analysis.mean_errors import LargeMean
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.contract.quantities import Output, kind_of
-from mcnav.report.format import number
+from mcnav.report.format import number, signed
+from mcnav.report.mean_words import DIGITS, against
 from mcnav.report.names import humanize
 from mcnav.units import conversion
 
@@ -30,7 +32,8 @@ def answer(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: S
 
     ``checks`` are Monte Carlo comparisons by start time, s.
     """
-    beyond = outputs_beyond(limits_of(output.limit for output in outputs), np.zeros(len(outputs)), study.sigma)
+    means = np.zeros(len(outputs)) if study.means is None else study.means
+    beyond = outputs_beyond(limits_of(output.limit for output in outputs), means, study.sigma)
     candidates, place = beyond[: study.before_event], study.best_weighted
     if candidates.any(axis=1).all():
         exceeding = _exceeding(np.asarray(candidates.any(axis=0)), outputs)
@@ -40,16 +43,18 @@ def answer(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: S
         )
     gain = study.weighted[place] / study.weighted[0] if study.weighted[0] > 0.0 else 1.0
     what = f"of the starts compared, {_weighted(study, outputs)} is smallest there"
-    words = [
-        f"Start at {minutes(study.times[place])} {study.clock.label}: {what}, {gain:.3g} times that of a start at "
-        "the first point."
-    ]
+    words = [_of_means(study, outputs)] if study.means_matter else []
     if place == 0:
-        words[0] = (
+        words.append(
             f"Start at the first point, {minutes(study.times[0])} {study.clock.label}: {what}; an earlier start is not "
             "looked at."
         )
-    elif place == study.before_event - 1:
+    else:
+        words.append(
+            f"Start at {minutes(study.times[place])} {study.clock.label}: {what}, {gain:.3g} times that of a start at "
+            "the first point."
+        )
+    if place > 0 and place == study.before_event - 1:
         words.append("It is the latest start compared; a later one is not looked at.")
     if (differing := _of_single_outputs(study, outputs)) and len(outputs) > 1:
         words.append(differing)
@@ -60,8 +65,28 @@ def answer(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: S
     return " ".join([*words, _confirmed(study, checks)]).strip()
 
 
+def _of_means(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
+    """Say where a mean error exceeds its sigma the most, and that start times rank by root mean square."""
+    assert study.means is not None
+    sigma, means = study.sigma[: study.before_event], study.means[: study.before_event]
+    large = np.abs(means) > sigma
+    ratios = np.divide(np.abs(means), sigma, out=np.where(large, np.inf, 0.0), where=sigma > 0.0)
+    place, index = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+    output = outputs[int(index)]
+    scale = conversion(output.unit, output.shown_in)
+    large_mean = LargeMean(int(index), float(means[place, index]), float(sigma[place, index]))
+    return (
+        f"At {int(large.any(axis=1).sum())} of {len(large)} start times a mean error exceeds its sigma: that of "
+        f"{humanize(output.name)} is {signed(large_mean.mean * scale, DIGITS)} {output.shown_in}, "
+        f"{against(large_mean, scale, output.shown_in)}, for a start at {minutes(study.times[place])} "
+        f"{study.clock.label}. Start times rank by root mean square."
+    )
+
+
 def _weighted(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
     """Name what is weighted."""
+    if study.means_matter:
+        return "the weighted root mean square"
     counted = {kind_of(output) for output, weight in zip(outputs, study.weights, strict=True) if weight > 0.0}
     if counted == {study.clock.weighs}:
         return f"the weighted {study.clock.weighs.lower()}"

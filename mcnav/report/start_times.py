@@ -51,7 +51,7 @@ ALL_STARTS: Final = (
 )
 
 WEIGHTED: Final = (
-    "Weighted: root sum square of the sigmas{}, each divided by its weight in the campaign, or by its value for a "
+    "Weighted: root sum square of the {}{}, each divided by its weight in the campaign, or by its value for a "
     "start at the first point."
 )
 
@@ -67,7 +67,10 @@ def table(study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Ou
     columns = {"start [s]": study.times}
     for i, output in enumerate(outputs):
         columns[f"sigma {output.name} [{output.unit}]"] = study.sigma[:, i]
-    columns["weighted sigma [1]"] = study.weighted
+    columns["weighted sigma [1]" if study.means is None else "weighted rms [1]"] = study.weighted
+    if study.means is not None:
+        for i, output in enumerate(outputs):
+            columns[f"mean error of {output.name} [{output.unit}]"] = study.means[:, i]
     if study.noise is not None:
         for i, output in enumerate(outputs):
             columns[f"sigma {output.name} from noise [{output.unit}]"] = study.noise[:, i]
@@ -112,10 +115,11 @@ def page(
     clock, words = study.clock, end_words(outputs)
     convention = clock.meaning or CONVENTIONS[study.axes].format(clock.aligned)
     compared = clock.compared or (STARTS_TO_AN_EVENT.format(clock.event) if clock.event else ALL_STARTS)
+    kind = OF_KIND.format(clock.weighs.lower()) if clock.weighs else ""
     parts: list[Part] = [
         drawn.dispersion(study, checks, scale, outputs),
         _by_output(study, outputs) if clock.weighs else _best_table(study, outputs),
-        Note(f"{compared} {WEIGHTED.format(OF_KIND.format(clock.weighs.lower()) if clock.weighs else '')}"),
+        Note(f"{compared} {WEIGHTED.format(_sizes(study), kind)}"),
     ]
     if checks:
         parts += [Heading("Monte Carlo checks"), _check_table(study, checks, outputs)]
@@ -146,16 +150,17 @@ def _best_table(study: StartTimeStudy, outputs: Sequence[Output]) -> Table[tuple
 
     def of_output(i: int) -> Column[tuple[str, int]]:
         output = outputs[i]
-        return Column(humanize(output.name), lambda row: float(study.sigma[row[1], i] * scale[i]), unit=output.shown_in)
+        return Column(humanize(output.name), lambda row: float(study.rms[row[1], i] * scale[i]), unit=output.shown_in)
 
     columns: list[Column[tuple[str, int]]] = [
         Column("Best for", lambda row: row[0], kind="label"),
         Column(f"Start, {study.clock.label}", lambda row: minutes(study.times[row[1]])),
         *map(of_output, range(len(outputs))),
     ]
+    what, size = ("root mean square", "") if study.means_matter else ("dispersion", " (1σ)")
     caption = (
-        "Start with the smallest dispersion for each output and for the weighted outputs, by linear analysis, and the "
-        "dispersion (1σ) of every output for that start."
+        f"Start with the smallest {what} for each output and for the weighted outputs, by linear analysis, and the "
+        f"{what}{size} of every output for that start."
     )
     return Table(caption, columns, list(places.items()))
 
@@ -165,18 +170,24 @@ def _by_output(study: StartTimeStudy, outputs: Sequence[Output]) -> Table[int]:
     scale, kinds = scale_of(outputs), kinds_of(outputs)
 
     def sigma(heading: str, place: Callable[[int], int]) -> Column[int]:
-        return Column(heading, lambda i: float(study.sigma[place(i), i] * scale[i]), form=five_digits)
+        return Column(heading, lambda i: float(study.rms[place(i), i] * scale[i]), form=five_digits)
 
+    one = "rms" if study.means_matter else "1σ"
     columns: list[Column[int]] = [
         Column("Output", lambda i: Cell(humanize(outputs[i].name), outputs[i].shown_in), kind="label"),
         Column(f"Best start, {study.clock.label}", lambda i: minutes(study.times[study.best[i]])),
-        sigma("1σ then", lambda i: int(study.best[i])),
-        sigma(f"1σ for {minutes(study.times[study.best_weighted])}, best weighted", lambda i: study.best_weighted),
-        sigma("1σ for a start with the flight", lambda i: 0),
+        sigma(f"{one} then", lambda i: int(study.best[i])),
+        sigma(f"{one} for {minutes(study.times[study.best_weighted])}, best weighted", lambda i: study.best_weighted),
+        sigma(f"{one} for a start with the flight", lambda i: 0),
     ]
-    caption = "Start with the smallest dispersion for each output, by linear analysis, and the dispersion for others."
-    rows = sorted(np.flatnonzero(study.sigma.any(axis=0)).tolist(), key=lambda i: KINDS.index(kinds[i]))
+    what = "root mean square" if study.means_matter else "dispersion"
+    caption = f"Start with the smallest {what} for each output, by linear analysis, and the {what} for others."
+    rows = sorted(np.flatnonzero(study.rms.any(axis=0)).tolist(), key=lambda i: KINDS.index(kinds[i]))
     return Table(caption, columns, rows, group=lambda i: kinds[i])
+
+
+def _sizes(study: StartTimeStudy) -> str:
+    return "root mean squares" if study.means_matter else "sigmas"
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from mcnav.analysis.verdict import combine_verdicts
 from mcnav.contract.quantities import Output, Source, end_words
 from mcnav.report import sentences, start_time_words
 from mcnav.report.export import partial_rows
+from mcnav.report.figures.start_times import simulated_rms
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.names import humanize, labels_of, scale_of
 from mcnav.report.output_columns import outputs_of_runs
@@ -88,17 +89,20 @@ def agreement(outputs: Sequence[Output], differences: Mapping[str, Array]) -> Re
 
 
 def best_starts(
-    study: StartTimeStudy, checked: Mapping[float, Comparison], own_sigma: Array, outputs: Sequence[Output]
+    study: StartTimeStudy, checked: Mapping[float, Comparison], own_rms: Array, outputs: Sequence[Output]
 ) -> RenderableType:
     """State the best start, and tabulate it for each output and for all outputs weighted.
 
-    ``checked`` are Monte Carlo results by start time, s; ``own_sigma`` is the linear dispersion for the campaign's own
-    start, SI, shape (outputs,).
+    ``checked`` are Monte Carlo results by start time, s; ``own_rms`` are the linear root mean squares for the
+    campaign's own start, SI, shape (outputs,).
     """
-    columns = [*texts("best for"), *numbers("start", "best σ", "campaign's σ")]
+    what = "rms" if study.means_matter else "σ"
+    columns = [*texts("best for"), *numbers("start", f"best {what}", f"campaign's {what}")]
     columns += [*numbers("Monte Carlo"), *texts("verdict")] if checked else []
+    sizes = "root mean squares" if study.means_matter else "1σ"
     title = (
-        f"Best start of navigation by linear analysis ({study.clock.label}), and 1σ of the {end_words(outputs).many}"
+        f"Best start of navigation by linear analysis ({study.clock.label}), and {sizes} of the "
+        f"{end_words(outputs).many}"
     )
     table = FittedTable(title, columns)
     scale = scale_of(outputs)
@@ -109,11 +113,11 @@ def best_starts(
             return f"{float(np.sqrt(((sigma * weights) ** 2).sum())):.5g}"
 
         time = float(study.times[place])
-        cells = [f"{time / 60.0:.1f}", size(study.sigma[place]), size(own_sigma)]
+        cells = [f"{time / 60.0:.1f}", size(study.rms[place]), size(own_rms)]
         result = next((each for when, each in checked.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
         if result is not None and result.outputs:
             verdicts = [each.paired.verdict for each, weight in zip(result.outputs, weights, strict=True) if weight > 0]
-            cells += [size(np.array([each.sigma_paired for each in result.outputs])), combine_verdicts(verdicts).value]
+            cells += [size(simulated_rms(study, time, result)), combine_verdicts(verdicts).value]
         elif checked:
             cells += ["–", "not checked"]
         table.add(*(Text(cell, style=COLOURS.get(cell, "")) for cell in (label, *cells)))

@@ -30,7 +30,8 @@ from mcnav.files import write_whole
 from mcnav.runner.chunks import ChunkJob, SampleRange, find_chunk
 from mcnav.runner.dask_worker import incompatibility, processor, simulate_on_worker
 from mcnav.runner.identity import versions
-from mcnav.runner.processes import end_workers_apart, simulate_isolated
+from mcnav.runner.processes import simulate_isolated
+from mcnav.runner.worker_processes import end_workers_apart
 from mcnav.store.chunk_files import ChunkFile, chunk_name
 from mcnav.store.run_folder import RunFolder
 from mcnav.units import printable

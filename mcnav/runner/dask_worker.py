@@ -22,7 +22,8 @@ from mcnav._subprocess import end_with_parent
 from mcnav.errors import ClusterError
 from mcnav.runner.chunks import ChunkJob, SampleRange, find_chunk, simulate_chunk
 from mcnav.runner.identity import versions
-from mcnav.runner.processes import end_workers_apart, simulate_isolated
+from mcnav.runner.processes import simulate_isolated
+from mcnav.runner.worker_processes import end_workers_apart
 from mcnav.store.chunk_files import ChunkFile
 
 

@@ -1,5 +1,7 @@
 """Chunks simulated in worker processes that may die.
 
+Processes take one chunk at a time. One begins; the others start when the chunks that are left are worth it.
+
 A worker that dies ends its pool; stored chunks are kept. The first time, all remaining chunks go to a new pool. When
 that dies as well, the next chunks are simulated one at a time, and a chunk that ends its worker again sample by sample:
 only the sample at fault fails.
@@ -7,17 +9,17 @@ only the sample at fault fails.
 
 from __future__ import annotations
 
-import os
-import threading
+import math
 import time
+from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Future
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
 
 import numpy as np
 
-from mcnav._subprocess import end_with_parent, interrupts_blocked
+from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.contract.engine import ConditionalEngine, ConditionalNoise, Engine, conditions_noise
 from mcnav.contract.failure import Failure, Reason
@@ -35,82 +37,83 @@ from mcnav.runner.chunks import (
     simulate_chunk,
     store,
 )
-from mcnav.runner.memory import SMALL_PIECES, keep_freed_memory
+from mcnav.runner.worker_processes import end_worker, end_workers, ready, start_first, submit
+from mcnav.runner.worth import worth_from
 from mcnav.store.chunk_files import ChunkFile
 from mcnav.systems.sample_loop import join_results
 from mcnav.systems.timeouts import timeout_message
 
-if TYPE_CHECKING:
-    from joblib.externals.loky.process_executor import ProcessPoolExecutor
-
 TRIED_WHOLE: Final = 2
 """Pools that may die before chunks are simulated one at a time."""
 
-IDLE: Final = 60.0
-"""Seconds after which an unused isolated process ends."""
+LOADED_BEFORE: Final = 16
+"""Samples of a chunk from which on one more is simulated to find out what a worker costs."""
 
 
-def _begin_worker(parent: int) -> None:
-    """Let a worker process end with its parent, and keep the memory of a step for the next one."""
-    end_with_parent(parent)
-    keep_freed_memory(*SMALL_PIECES)
+@dataclass
+class _Crew:
+    """Workers of a run: one begins, and all others start as soon as the chunks that are left are worth it.
 
-
-_isolated_executors: dict[int, ProcessPoolExecutor] = {}
-"""One isolated process for each thread; joblib keeps its own pool."""
-
-
-def _isolated_worker() -> ProcessPoolExecutor:
-    from joblib.externals.loky.process_executor import ProcessPoolExecutor  # a twentieth of a second, as joblib
-
-    thread = threading.get_ident()
-    if thread not in _isolated_executors:
-        executor = ProcessPoolExecutor(1, timeout=IDLE, initializer=_begin_worker, initargs=(os.getpid(),))
-        _isolated_executors[thread] = executor
-    return _isolated_executors[thread]
-
-
-def _submit(task: Callable[..., Any], *arguments: Any) -> Future[Any]:
-    """Submit a task to the isolated process, which starts unless it runs."""
-    with interrupts_blocked():
-        submitted: Future[Any] = _isolated_worker().submit(task, *arguments)
-    return submitted
-
-
-def end_workers() -> None:
-    """Kill all worker processes: what they have simulated is stored, and an orderly end takes seconds.
-
-    Without ``reuse`` loky would let the workers of joblib's pool end in order and start another pool.
+    Attributes
+    ----------
+    cost : float
+        Time that a worker takes until it simulates, s.
+    idle : list of int
+        Numbers of the workers that have no chunk, and have started or may now.
+    begun : float
+        When the last chunk was begun, s.
     """
-    from joblib.externals.loky import get_reusable_executor
 
-    get_reusable_executor(reuse=True, kill_workers=True).shutdown(wait=True, kill_workers=True)
-    end_workers_apart()
+    jobs: int
+    cost: float
+    idle: list[int] = field(default_factory=lambda: [0])
+    alone: bool = True
+    begun: float = 0.0
 
+    def patience(self, chunks: int) -> float | None:
+        """Return how long to wait for a chunk of the first worker until others are worth it, s; none for ever."""
+        threshold = worth_from(self.jobs, chunks, self.cost)
+        if not self.alone or math.isinf(threshold):
+            return None
+        return max(threshold - (time.monotonic() - self.begun), 0.0)
 
-def end_workers_apart() -> None:
-    """End the isolated processes."""
-    while _isolated_executors:
-        _isolated_executors.popitem()[1].shutdown(wait=True, kill_workers=True)
+    def start_others(self) -> None:
+        """Let all workers take chunks."""
+        self.alone = False
+        self.idle += range(1, self.jobs)
 
 
 def _run_pool(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Iterator[tuple[int, ChunkFile]]:
     """Simulate chunks in worker processes; yield their numbers and files. Raises `BrokenExecutor`."""
-    workers = min(jobs, len(places))
-    if workers == 1:  # joblib would use this process
-        yield from (_submit(_numbered, work, place).result() for place in places)
-        return
-    from joblib import Parallel, delayed
+    left, running = deque(places), dict[Future[tuple[int, ChunkFile]], int]()
+    crew = _Crew(jobs, math.inf if min(jobs, len(places)) == 1 else _cost_of_a_worker(work))
+    while left or running:
+        while left and crew.idle:
+            worker = crew.idle.pop(0)
+            running[submit(_numbered, work, left.popleft(), worker=worker)] = worker
+            crew.begun = time.monotonic()
+        chunks = len(left) + len(running)
+        ready, _ = wait(running, crew.patience(chunks), return_when=FIRST_COMPLETED)
+        if crew.patience(chunks) == 0.0:
+            crew.start_others()
+        for future in ready:
+            crew.idle.insert(0, running.pop(future))  # which has loaded all, before one that has to start
+            yield future.result()
 
-    with interrupts_blocked():
-        result = Parallel(
-            n_jobs=workers,
-            return_as="generator_unordered",
-            backend="loky",
-            initializer=_begin_worker,
-            initargs=(os.getpid(),),
-        )(delayed(_numbered)(work, place) for place in places)
-    yield from result
+
+def _cost_of_a_worker(work: ChunkJob) -> float:
+    """Let the first worker start, load code and tables; return how long it took, s. Raises `BrokenExecutor`."""
+    start, begun = start_first(), time.monotonic()
+    if work.chunk >= LOADED_BEFORE:
+        submit(_load, work).result()
+    return start + time.monotonic() - begun
+
+
+def _load(work: ChunkJob) -> None:
+    """Let a worker load what simulations need, such as compiled kernels, by a sample without errors."""
+    first = work.draws.batch(0, 1)
+    with one_thread():
+        simulate_batch(work.engine, work.timeout, len(work.layout.outputs), replace(first, errors=0.0 * first.errors))
 
 
 def run_in_processes(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[ChunkFile, None, None]:
@@ -141,18 +144,12 @@ def _numbered(work: ChunkJob, place: SampleRange) -> tuple[int, ChunkFile]:
     return place.number, simulate_chunk(work, place)
 
 
-def _ready() -> None:
-    """Let a worker import what it needs."""
-
-
 def _in_one_worker(task: Callable[..., Any], *arguments: Any) -> Any:
     """Run a task in an isolated process; none when the process dies. An interrupt kills the process."""
     try:
-        return _submit(task, *arguments).result()
+        return submit(task, *arguments).result()
     except (BrokenExecutor, KeyboardInterrupt) as end:
-        executor = _isolated_executors.pop(threading.get_ident(), None)
-        if executor is not None:
-            executor.shutdown(wait=True, kill_workers=True)
+        end_worker()
         if isinstance(end, KeyboardInterrupt):
             raise
         return None
@@ -203,7 +200,7 @@ class IsolatedEngine:
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples."""
-        _in_one_worker(_ready)  # starting the process takes time that is not the samples'
+        _in_one_worker(ready)  # starting the process takes time that is not the samples'
         began = time.monotonic()
         result = self.in_one(batch, noise)
         if result is not None:

@@ -14,7 +14,8 @@ from mcnav.errors import TooManyFailures
 from mcnav.progress import Progress
 from mcnav.runner.chunks import ChunkJob, SampleRange, find_earlier, find_file, simulate_chunk
 from mcnav.runner.memory import keep_freed_memory
-from mcnav.runner.processes import end_workers, run_in_processes
+from mcnav.runner.processes import run_in_processes
+from mcnav.runner.worker_processes import end_workers
 from mcnav.store.chunk_files import ChunkFile, chunk_name
 from mcnav.store.summaries import double_blocks
 

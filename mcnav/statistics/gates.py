@@ -27,9 +27,10 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array, IndexArray
+from mcnav.errors import NumericalError
 from mcnav.statistics.adaptive_quadrature import integrals
 from mcnav.statistics.bisection import root_between
-from mcnav.statistics.normal_size import NormalSize
+from mcnav.statistics.normal_size import probabilities_within
 
 ROUNDED: Final = 1e-9
 """Correlation of innovation and error that is rounding."""
@@ -51,25 +52,48 @@ NEGLIGIBLE: Final = 1e-12
 
 MOST_TERMS: Final = 4096
 
-WIDTH: Final = 1e-10
-"""Width of the last bracket of an error that is looked for, in sigmas of the innovation."""
+WIDTH: Final = 1e-6
+"""Width of the last bracket of an error that is looked for, in sigmas of the innovation: three digits are printed."""
+
+PLACES: Final = 17
+"""Places at which the largest value of a function is looked for first."""
+
+PLACES_NEAR: Final = 9
+"""Places in each finer grid around the best one: each is four times as fine as the one before."""
+
+FINER: Final = 3
+"""Finer grids: the last one is 64 times as fine as the first one. A parabola through its best places follows."""
+
+SEARCHED: Final = 1e-4
+"""Error of the probability of an unnoticed error to search with, as a share of it."""
+
+CONFIRMED: Final = 1e-3
+"""Departure, as a share, of the exact probability to be accepted from the one that was searched for.
+
+At most a bracket of `WIDTH` wide, in sigmas, times the slope of the logarithm, up to `EDGE` or so, and 1e-6.
+"""
+
+LEAST: Final = 1e-300
+"""Smallest probability whose logarithm is taken."""
 
 
-def acceptance(limit: float, mean: Array, covariance: Array) -> float:
-    """Compute the probability that a normal innovation is accepted.
+def acceptance(limit: float, means: Array, covariance: Array, rough: bool = False) -> Array:
+    """Compute the probabilities that normal innovations of one covariance are accepted, shape (n,).
 
     Parameters
     ----------
     limit : float
         T.
-    mean, covariance : ndarray, shapes (M,), (M, M)
+    means, covariance : ndarray, shapes (n, M), (M, M)
+    rough : bool
+        To 1e-6, to search with; as `mcnav.statistics.normal_size.probabilities_within`.
 
-    >>> round(acceptance(10.827566, np.array([6.0 / 2.618034**0.5]), np.eye(1)), 6)
-    0.338092
+    >>> acceptance(10.827566, np.array([[6.0 / 2.618034**0.5], [0.0]]), np.eye(1)).round(6)
+    array([0.338092, 0.999   ])
     """
     if not np.isfinite(limit):
-        return 1.0
-    return NormalSize.of(mean, covariance).probability(float(np.sqrt(limit)))
+        return np.ones(len(means))
+    return probabilities_within(float(np.sqrt(limit)), means, covariance, rough)
 
 
 def rejected_square(limit: float, size: int) -> float:
@@ -145,121 +169,133 @@ def _weights(limit: float, size: int, count: int) -> Array:
     return np.asarray(coefficients**2 / _moments(half, count))
 
 
-def run_acceptance(limit: float, means: Array, covariance: Array, usual: float = 1.0) -> float:
-    """Compute the probability that all innovations of a run are accepted, shape (u, M), each independent of the others.
-
-    It ends where it is less than 1e-12.
-
-    Parameters
-    ----------
-    usual : float
-        Probability by which that of each innovation is divided.
-    """
-    accepted = 1.0
-    for mean in means[np.argsort(-np.sum(means**2, axis=1))]:
-        accepted *= acceptance(limit, mean, covariance) / usual
-        if accepted < 1e-12:
-            return 0.0
-    return accepted
-
-
 @dataclass(frozen=True)
 class GatedError:
-    """An innovation of M components and one error after its measurement, jointly normal.
+    """Innovations of M components in n cases, and one error after the measurement, jointly normal.
 
     Attributes
     ----------
     limit : float
         T.
-    mean, covariance, cross : ndarray, shapes (M,), (M, M), (M,)
+    means, covariance, cross : ndarray, shapes (n, M), (M, M), (M,)
         Of the innovation, whitened by what the filter believes; its covariance with the error.
-    error, sigma : float
-        Mean and sigma of the error.
+    errors, sigma : ndarray, shape (n,), float
+        Means and sigma of the error.
     """
 
     limit: float
-    mean: Array
+    means: Array
     covariance: Array
     cross: Array
-    error: float
+    errors: Array
     sigma: float
 
-    def unnoticed_beyond(self, size: float) -> float:
-        """Compute the probability that the measurement is accepted and the error is larger than a size.
+    def unnoticed_beyond(self, size: float, rough: bool = False) -> Array:
+        """Compute the probabilities that the measurement is accepted and the error is larger than a size, shape (n,).
 
-        >>> law = GatedError(10.827566, np.array([6.0 / 2.618034**0.5]), np.eye(1), np.zeros(1), 3.708204, 0.786151)
-        >>> round(law.unnoticed_beyond(4.0 * 0.786151), 6)
-        0.25806
+        Roughly, to `SEARCHED`, where it is to search with.
+
+        >>> one = np.array([[6.0 / 2.618034**0.5]]), np.eye(1), np.zeros(1), np.array([3.708204]), 0.786151
+        >>> GatedError(10.827566, *one).unnoticed_beyond(4.0 * 0.786151).round(6)
+        array([0.25806])
         """
         if self.sigma <= 0.0:
-            return acceptance(self.limit, self.mean, self.covariance) if abs(self.error) > size else 0.0
+            return acceptance(self.limit, self.means, self.covariance, rough) * (np.abs(self.errors) > size)
+        ends = (size - self.errors) / self.sigma, (-size - self.errors) / self.sigma
         if np.linalg.norm(self.cross) < ROUNDED * self.sigma:
-            beyond = special.ndtr((-size - self.error) / self.sigma) + special.ndtr((self.error - size) / self.sigma)
-            return acceptance(self.limit, self.mean, self.covariance) * float(beyond)
+            beyond = special.ndtr(-ends[0]) + special.ndtr(ends[1])
+            return np.asarray(acceptance(self.limit, self.means, self.covariance, rough) * beyond)
         slope = self.cross / self.sigma
         left = self.covariance - np.outer(slope, slope)
 
-        def density(_: IndexArray, z: Array) -> Array:
-            passed = [acceptance(self.limit, self.mean + slope * place, left) for place in z.ravel()]
-            return np.asarray(np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) * np.reshape(passed, z.shape))
+        def density(cases: IndexArray, z: Array) -> Array:
+            means = self.means[cases % len(self.means), None] + z[:, :, None] * slope
+            passed = acceptance(self.limit, means.reshape(-1, len(slope)), left, rough)
+            return np.asarray(np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) * passed.reshape(z.shape))
 
-        high, low = max((size - self.error) / self.sigma, -TAIL), min((-size - self.error) / self.sigma, TAIL)
         edges = self._edges(slope, left)
-        tails = [
-            np.sort(np.clip(np.append(edges, [begin, end]), begin, max(begin, end)))
-            for begin, end in ((high, TAIL), (-TAIL, low))
-        ]
-        return float(np.sum(integrals(density, np.array(tails), ACCURACY)))
+        # both tails of each case, the second ones behind the first ones
+        begin = np.concatenate([np.maximum(ends[0], -TAIL), np.full(len(edges), -TAIL)])[:, None]
+        end = np.concatenate([np.full(len(edges), TAIL), np.minimum(ends[1], TAIL)])[:, None]
+        breaks = np.concatenate([begin, np.tile(edges, (2, 1)), np.maximum(begin, end)], axis=1)
+        breaks = np.sort(np.clip(breaks, begin, np.maximum(begin, end)), axis=1)
+        tails = integrals(density, breaks, SEARCHED if rough else ACCURACY)
+        return np.asarray(tails.reshape(2, -1).sum(axis=0))
 
     def _edges(self, slope: Array, left: Array) -> Array:
-        """Return the errors, in sigmas from their mean, near which the gate opens or closes for the mean innovation."""
+        """Return the errors, in sigmas from their mean, near which the gate opens or closes; shape (n, 6).
+
+        It does so for the mean innovation.
+        """
         square = float(slope @ slope)
-        nearest = -float(self.mean @ slope) / square
-        apart = float(np.sum((self.mean + nearest * slope) ** 2))
-        half = np.sqrt(max(self.limit - apart, 0.0) / square)
+        nearest = -(self.means @ slope) / square
+        apart = np.sum((self.means + nearest[:, None] * slope) ** 2, axis=1)
+        half = np.sqrt(np.maximum(self.limit - apart, 0.0) / square)
         width = EDGE * np.sqrt(max(float(np.linalg.eigvalsh(left)[-1]), 0.0) / square)
-        return np.array([nearest + side * half + k * width for side in (-1.0, 1.0) for k in (-1.0, 0.0, 1.0)])
+        offsets = width * np.array([-1.0, 0.0, 1.0])
+        return np.concatenate([(nearest + side * half)[:, None] + offsets for side in (-1.0, 1.0)], axis=1)
 
 
 def smallest_stopped(accepted: Callable[[float], float], probability: float) -> float:
     """Find the smallest error of a measurement, in sigmas of an innovation, that is stopped with a probability.
+
+    It is looked for in the logarithm of what is accepted, which is smooth where that is small.
 
     Parameters
     ----------
     accepted : callable
         Probability that an error is accepted; infinite where none is stopped.
     """
+    wanted = np.log(1.0 - probability)
 
     def left(size: float) -> float:
-        return accepted(size) - (1.0 - probability)
+        return float(np.log(max(accepted(size), LEAST)) - wanted)
 
     if left(0.0) <= 0.0:
         return 0.0
-    high = 1.0
+    low, high = 0.0, 1.0
     while left(high) > 0.0:
-        high *= 2.0
+        low, high = high, 2.0 * high
         if high > LARGEST:
             return float("inf")
-    low = 0.0 if high == 1.0 else 0.5 * high
     ends = root_between(left, (low, left(low)), (high, left(high)), WIDTH * high)
     return 0.5 * (ends[0] + ends[1])
 
 
-def largest_of(function: Callable[[float], float], high: float) -> tuple[float, float]:
-    """Find where a function between zero and a limit is largest, and its value: on a grid, then by golden sections."""
-    grid = np.linspace(0.0, high, 33)
-    best = int(np.argmax([function(float(each)) for each in grid]))
-    low, up = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, len(grid) - 1)])
-    share = 0.5 * (np.sqrt(5.0) - 1.0)
-    inner, outer = up - share * (up - low), low + share * (up - low)
-    of_inner, of_outer = function(inner), function(outer)
-    for _ in range(24):
-        if of_inner > of_outer:
-            up, outer, of_outer = outer, inner, of_inner
-            inner = up - share * (up - low)
-            of_inner = function(inner)
-        else:
-            low, inner, of_inner = inner, outer, of_outer
-            outer = low + share * (up - low)
-            of_outer = function(outer)
-    return (inner, of_inner) if of_inner > of_outer else (outer, of_outer)
+def check_stopped(accepted: float, probability: float) -> None:
+    """Refuse an error that was searched for roughly where the exact probability to be accepted is another one.
+
+    Raises
+    ------
+    NumericalError
+        With the two.
+    """
+    if not abs(accepted - (1.0 - probability)) <= CONFIRMED * (1.0 - probability):
+        raise NumericalError(
+            f"an error that a gate should accept with {1.0 - probability:g} is accepted with {accepted:g}"
+        )
+
+
+def largest_of(function: Callable[[Array], Array], high: float) -> float:
+    """Find where a function between zero and a limit is largest: on a grid, on finer ones, and along a parabola.
+
+    Parameters
+    ----------
+    function : callable
+        Of places, shape (n,).
+
+    >>> round(largest_of(lambda x: 1.0 - (x - 0.3) ** 2, 2.0), 9)
+    0.3
+    """
+    places = np.linspace(0.0, high, PLACES)
+    values = function(places)
+    for _ in range(FINER):
+        best, step = float(places[np.argmax(values)]), float(places[1] - places[0])
+        places = np.linspace(max(best - step, 0.0), min(best + step, high), PLACES_NEAR)
+        values = function(places)
+    at = min(max(int(np.argmax(values)), 1), len(places) - 2)
+    below, above = values[at] - values[at - 1], values[at] - values[at + 1]
+    if not below + above > 0.0:
+        return float(places[np.argmax(values)])
+    aside = 0.5 * (below - above) / (below + above)
+    return float(places[at] + min(max(aside, -1.0), 1.0) * (places[1] - places[0]))

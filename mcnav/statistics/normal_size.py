@@ -1,30 +1,15 @@
 """The law of the size ``|x|`` of a normal vector x ~ N(mean, covariance), as that of a velocity correction or a radius.
 
-In principal axes ``|x|^2 = Q = sum lambda_j (z_j + b_j)^2``, a generalized chi-square variable. Its cumulants are known
-(Imhof, *Biometrika* 48, 1961, 419)::
-
-    K(s) = log E exp(s Q) = sum [lambda_j b_j^2 s / (1 - 2 lambda_j s) - 1/2 log(1 - 2 lambda_j s)]
-
-and ``1 / (2 pi i) ∫ exp(K(s) - s q) / s ds`` is ``P(Q > q)`` along a path that crosses the real axis between zero and
-the first pole, ``-P(Q <= q)`` along one that crosses it left of zero. The tail on q's side of the mean is integrated,
-along a hyperbola through the saddle point c::
-
-    s = c + w (i sinh v + t (cosh v - 1))        w^-2 = K''(c) + c^-2
-
-With tilted variances and centres ``lambda' = lambda / (1 - 2 lambda c)``, ``m' = m / (1 - 2 lambda c)`` an axis adds
-``2 lambda' m'^2 (s - c)^2 / (1 - 2 lambda' (s - c))`` to the exponent, whose real part is negative on every ray from c
-that is at most 45 degrees from the upright: with slopes t below one the integrand is largest at c, whatever the shape
-and the offset. So nothing cancels, and the trapezoidal rule in v, which takes scales of any ratio in equal steps,
-converges geometrically. Rounding of q leaves ``1e-16 |b|`` of a probability.
-
-A second hyperbola with other nodes must give the same; a quantile is also checked for order.
+In principal axes ``|x|^2 = sum lambda_j (z_j + b_j)^2``, a generalized chi-square variable, whose tails
+`mcnav.statistics.generalized_chi_square` integrates along a hyperbola. A second hyperbola with other nodes must give
+the same; a quantile is also checked for order.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -33,25 +18,13 @@ from scipy import special
 from mcnav._types import Array
 from mcnav.errors import NumericalError
 from mcnav.statistics.bisection import root_between
+from mcnav.statistics.generalized_chi_square import LEAST, tail
 
 NONE: Final = 1e-14
 """Variance of a principal axis, as a share of the largest, below which there is none."""
 
-PATHS: Final = ((2.0**0.5 - 1.0, 16), (0.3, 20))
-"""Slope t of a hyperbola and nodes of the trapezoidal rule in a unit of v: first route and second route.
-
-Hyperbolas between 45 and 90 degrees from the real axis will do. The first one is amid them, so that the integrand is
-analytic and bounded within a strip of half width pi / 8 in v: the rule's error is exp(-2 pi 16 pi / 8) = 7e-18.
-"""
-
-UNITS: Final = 5
-"""Units of v in a block of nodes."""
-
-BLOCKS: Final = 12
-"""Largest number of blocks: their hyperbola reaches exp(60) times its width."""
-
-NEGLIGIBLE: Final = -42.0
-"""Exponent of the integrand below which it ends: 6e-19 of its largest value."""
+ROUGH: Final = 2
+"""Path to search along."""
 
 AGREEMENT: Final = 1e-6
 """Largest difference of the two routes, as a share of the smaller tail: far above what rounding leaves."""
@@ -64,12 +37,6 @@ RADIUS: Final = 1e-13
 
 WIDER: Final = 1e-9
 """Share by which the first bracket of a quantile is widened: what rounding of its ends may take."""
-
-NEAR: Final = 0.01
-"""Width of the last bracket of a saddle point, in its logarithm: the path need not be exactly there."""
-
-LEAST: Final = 1e-300
-"""Smallest probability that is told from zero."""
 
 MEAN_STEP: Final = 0.05
 """Step of the trapezoidal rule for the mean, in log t."""
@@ -181,7 +148,7 @@ class NormalSize:
         rounding = AGREEMENT + ROUNDING * float(np.max(np.abs(self.centres) / np.sqrt(self.variances)))
         ends = root_between(score, (low, score(low)), (high, score(high)), RADIUS * (high - low), rounding)
         if score(ends[0], 1) > rounding or score(ends[1], 1) < -rounding:
-            raise self._refusal(f"size at the probability {probability:g}")
+            raise _refusal(f"size at the probability {probability:g}", self.variances, self.centres)
         return 0.5 * (ends[0] + ends[1])
 
     def _checked_tails(self, size: float) -> tuple[float, float]:
@@ -192,34 +159,16 @@ class NormalSize:
         tails = self._tails(size, 0)
         if math.isnan(self.fixed):
             return tails
-        smaller = min(tails)
-        difference = abs(smaller - min(self._tails(size, 1)))
-        if not 0.0 <= smaller <= max(tails) <= 1.0 or not difference <= AGREEMENT * smaller:
-            raise self._refusal(f"probability of {size:g}")
+        if not _agree(np.array(tails), np.array(self._tails(size, 1))):
+            raise _refusal(f"probability of {size:g}", self.variances, self.centres)
         return tails
 
-    def _refusal(self, what: str) -> NumericalError:
-        sigmas = ", ".join(f"{sigma:g}" for sigma in np.sqrt(self.variances))
-        means = ", ".join(f"{centre:g}" for centre in self.centres)
-        return NumericalError(
-            f"two ways to compute the {what} of a vector with means {means} and sigmas {sigmas} along its principal "
-            "axes disagree"
-        )
-
     def _tails(self, size: float, path: int) -> tuple[float, float]:
-        """Return the probabilities of sizes up to this one, and beyond, by one of the `PATHS`."""
+        """Return the probabilities of sizes up to this one, and beyond, along one of the paths."""
         if math.isnan(self.fixed):
             return math.nan, math.nan
-        square = (size - self.fixed) * (size + self.fixed)
-        if not len(self.variances):
-            return float(square > 0.0), float(square <= 0.0)
-        if size <= 0.0 or square <= 0.0:
-            return 0.0, 1.0
-        if len(self.variances) == 1:
-            return _interval(math.sqrt(square), abs(float(self.centres[0])), math.sqrt(float(self.variances[0])))
-        below = square < float(np.sum(self.variances + self.centres**2))
-        tail = _inverted(self.variances, self.centres, square, below, path)
-        return (tail, 1.0 - tail) if below else (1.0 - tail, tail)
+        within, beyond = _tails(self.variances, self.centres[None], np.array([self.fixed]), size, path)
+        return float(within[0]), float(beyond[0])
 
 
 @lru_cache(maxsize=1024)
@@ -254,74 +203,78 @@ def _score(within: float, beyond: float) -> float:
     return smaller if within < beyond else -smaller
 
 
-def _interval(half: float, centre: float, sigma: float) -> tuple[float, float]:
-    """Return the probabilities that a normal variable lies within ``+-half``, and beyond."""
-    near, far = (half - centre) / sigma, (half + centre) / sigma
-    beyond = float(special.ndtr(-near) + special.ndtr(-far))
-    if near < 0.0:
-        return float(special.ndtr(near) - special.ndtr(-far)), beyond
-    return 0.5 * float(special.erf(near / math.sqrt(2.0)) + special.erf(far / math.sqrt(2.0))), beyond
+def probabilities_within(size: float, means: Array, covariance: Array, rough: bool = False) -> Array:
+    """Return the probabilities of sizes up to this one of n vectors with one covariance, shape (n,).
 
+    Raises `NumericalError` where the two routes disagree.
 
-def _inverted(variances: Array, centres: Array, square: float, below: bool, path: int) -> float:
-    """Return ``P(Q <= square)``, for one below the mean, or ``P(Q > square)``, by one of the `PATHS`."""
-    saddle, left = _saddle(variances, centres, square, below)
-    tilted, squares = variances / left, (centres / left) ** 2
-    residual = square - float(np.sum(squares + tilted))
-    width = 1.0 / math.sqrt(float(np.sum(2.0 * tilted * (tilted + 2.0 * squares))) + saddle**-2)
-    height = -saddle * (square - float(np.sum(squares)))
-    height -= float(np.sum(2.0 * variances * squares) * saddle**2 + 0.5 * np.sum(np.log(left)))
-    if height < math.log(LEAST):
-        return 0.0  # Chernoff's bound
-    nodes, total = PATHS[path][1], 0.0
-    for block in range(BLOCKS):
-        along, moving = _hyperbola(path, block)
-        moved = width * along
-        u = 2.0 * np.multiply.outer(tilted, moved)
-        exponent = (squares @ (u / (1.0 - u)) - residual) * moved - 0.5 * (np.log1p(-u) + u).sum(axis=0)
-        terms = (np.exp(exponent) * width * moving / (saddle + moved)).imag
-        total += float(terms.sum()) - (0.5 * float(terms[0]) if block == 0 else 0.0)
-        if exponent.real[-nodes:].max() < NEGLIGIBLE:
-            break
-    return math.exp(height) * (-total if below else total) / (math.pi * nodes)
+    Parameters
+    ----------
+    means, covariance : ndarray, shapes (n, k), (k, k)
+    rough : bool
+        To 1e-6, unchecked and in a sixth of the time: to search with.
 
-
-@cache
-def _hyperbola(path: int, block: int) -> tuple[Array, Array]:
-    """Return ``i sinh v + t (cosh v - 1)`` and its derivative in a block of one of the `PATHS`, shape (n,), complex."""
-    slope, nodes = PATHS[path]
-    v = np.arange(block * UNITS * nodes, (block + 1) * UNITS * nodes) / nodes
-    return 1j * np.sinh(v) + slope * (np.cosh(v) - 1.0), 1j * np.cosh(v) + slope * np.sinh(v)
-
-
-def _saddle(variances: Array, centres: Array, square: float, below: bool) -> tuple[float, Array]:
-    """Find the saddle point c of ``K(s) - s q - log|s|``, and return it with ``1 - 2 lambda c``.
-
-    It is looked for as ``c = -x``, or as ``c = x / (1 + 2 lambda x)`` with the largest variance, in log x.
+    >>> probabilities_within(4.0, np.array([[3.0, 0.0], [0.0, 3.0], [0.0, 0.0]]), np.eye(2)).round(9)
+    array([0.80348781, 0.80348781, 0.99966454])
     """
-    greatest = float(variances[-1])
-    doubled, weights = 2.0 * (variances if below else greatest - variances), centres**2
+    values, vectors = np.linalg.eigh(covariance)
+    along, moves = means @ vectors, values > NONE * max(float(values[-1]), 0.0)
+    variances, centres, fixed = values[moves], along[:, moves], np.linalg.norm(along[:, ~moves], axis=1)
+    if rough:
+        return _tails(variances, centres, fixed, size, ROUGH)[0]
+    tails, others = (np.array(_tails(variances, centres, fixed, size, path)) for path in (0, 1))
+    if not _agree(tails, others):
+        apart = int(np.argmax(np.abs(tails - others).max(axis=0)))
+        raise _refusal(f"probability of {size:g}", variances, centres[apart])
+    return np.asarray(tails[0])
 
-    def at(logarithm: float) -> tuple[float, Array]:
-        x = math.exp(logarithm)
-        if below:
-            return -x, 1.0 + doubled * x
-        stretched = 1.0 + 2.0 * greatest * x
-        return x / stretched, (1.0 + doubled * x) / stretched
 
-    def slope(logarithm: float) -> float:
-        """Return the derivative there, which rises with x: its sign is turned left of zero."""
-        saddle, left = at(logarithm)
-        value = float((weights / left + variances) @ (1.0 / left)) - square - 1.0 / saddle
-        return -value if below else value
+def _agree(tails: Array, others: Array) -> bool:
+    """Return whether two routes give the same tails, shape (2, ...), and these are probabilities."""
+    smaller = tails.min(axis=0)
+    agree = np.abs(smaller - others.min(axis=0)) <= AGREEMENT * smaller
+    return bool(np.all(agree & (smaller >= 0.0) & (tails.max(axis=0) <= 1.0)))
 
-    # by the law of a normal variable with the mean and variance of Q, and from there on both sides
-    begin = -0.5 * math.log(float(2.0 * variances @ (variances + 2.0 * weights)))
-    low, at_low = begin, slope(begin)
-    while at_low > 0.0:
-        low, at_low = low - 2.0, slope(low - 2.0)
-    high, at_high = low, at_low
-    while at_high <= 0.0:
-        low, at_low, high, at_high = high, at_high, high + 2.0, slope(high + 2.0)
-    ends = root_between(slope, (low, at_low), (high, at_high), NEAR)
-    return at(0.5 * (ends[0] + ends[1]))
+
+def _refusal(what: str, variances: Array, centres: Array) -> NumericalError:
+    sigmas = ", ".join(f"{sigma:g}" for sigma in np.sqrt(variances))
+    means = ", ".join(f"{centre:g}" for centre in centres)
+    return NumericalError(
+        f"two ways to compute the {what} of a vector with means {means} and sigmas {sigmas} along its principal "
+        "axes disagree"
+    )
+
+
+def _tails(variances: Array, centres: Array, fixed: Array, size: float, path: int) -> tuple[Array, Array]:
+    """Return the probabilities of sizes up to this one, and beyond, along one of the paths; shapes (n,).
+
+    Parameters
+    ----------
+    variances, centres, fixed : ndarray, shapes (k,), (n, k), (n,)
+        As in `NormalSize`, of n vectors.
+    """
+    squares = (size - fixed) * (size + fixed)
+    possible = (size > 0.0) & (squares > 0.0)
+    if not len(variances):
+        within = (squares > 0.0).astype(float)
+        return within, 1.0 - within
+    if len(variances) == 1:
+        halves = np.sqrt(np.maximum(squares, 0.0))
+        within, beyond = _interval(halves, np.abs(centres[:, 0]), math.sqrt(float(variances[0])))
+        return np.where(possible, within, 0.0), np.where(possible, beyond, 1.0)
+    within, beyond = np.zeros(len(squares)), np.ones(len(squares))
+    low = squares < variances.sum() + (centres**2).sum(axis=1)
+    for below, smaller, larger in ((True, within, beyond), (False, beyond, within)):
+        rows = np.flatnonzero(possible & (low == below))
+        smaller[rows] = tail(variances, centres[rows], squares[rows], below, path)
+        larger[rows] = 1.0 - smaller[rows]
+    return within, beyond
+
+
+def _interval(halves: Array, centres: Array, sigma: float) -> tuple[Array, Array]:
+    """Return the probabilities that normal variables lie within ``+-half``, and beyond."""
+    near, far = (halves - centres) / sigma, (halves + centres) / sigma
+    beyond = special.ndtr(-near) + special.ndtr(-far)
+    outside = special.ndtr(near) - special.ndtr(-far)
+    inside = 0.5 * (special.erf(near / math.sqrt(2.0)) + special.erf(far / math.sqrt(2.0)))
+    return np.where(near < 0.0, outside, inside), np.asarray(beyond)

@@ -186,7 +186,8 @@ class ModelRecord(Record):
     ``development`` is in a file of its own (`mcnav.store.development`), whose digest the manifest has; in the manifest
     itself where an earlier version wrote it. ``origin`` is that of `mcnav.contract.linear.LinearSystem`; none where all
     outputs are navigation errors, and in runs of earlier versions, whose requirements limit departures. Means up to
-    ``mean_rounding`` are rounding.
+    ``mean_rounding`` are rounding. ``gates`` says what good measurements that gates reject do where linear analysis
+    does not hold for them; empty where it holds, none in runs of earlier versions.
     """
 
     sources: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
@@ -210,6 +211,7 @@ class ModelRecord(Record):
     budget: Mapping[str, Any] | None = None
     exceedance: tuple[ExceedanceRecord, ...] | None = None
     tail_outputs: tuple[Name, ...] | None = None
+    gates: Words | None = None
 
     @model_validator(mode="after")
     def _shapes(self) -> Self:
@@ -407,5 +409,5 @@ class Manifest(Record):
 
     @property
     def sampling_design(self) -> SamplingDesign:
-        """Dependence between the samples, and what their statistics may rely on."""
-        return SamplingDesign.of(self.design, self.samples, self.normal, bool(self.heavy_tailed))
+        """Dependence between the samples; which outputs have heavy tails is not of the design."""
+        return SamplingDesign.of(self.design, self.samples, self.normal)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._threads import one_thread
-from mcnav._types import Array, IndexArray
+from mcnav._types import Array
 from mcnav.analysis.answer_times import as_read
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.filter_consistency import Honesty
@@ -23,7 +23,7 @@ from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, within_ra
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import limits_of, picked
-from mcnav.analysis.rejections import RejectionAnswer, judge_rejections
+from mcnav.analysis.rejections import RejectionAnswer
 from mcnav.analysis.requirements import requirements_from, smallest_limits
 from mcnav.analysis.vector_sizes import components_of, linear_sizes
 from mcnav.analysis.what_if import WhatIf
@@ -31,7 +31,6 @@ from mcnav.analysis.withheld import with_rejections
 from mcnav.config.documents import Description, document_of
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.config.toml import Content
-from mcnav.contract.gates import RejectionLaws
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import kinds_of
 from mcnav.contract.scenario import (
@@ -58,6 +57,7 @@ from mcnav.studies.curved_tails import with_curvature
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.user.scenario import is_users
 from mcnav.units import UnitError, quantity
+from mcnav.workflow.rejections import rejections_of
 from mcnav.workflow.what_if import what_if_of_answer
 
 FILE: Final = "lincov.json"
@@ -65,9 +65,6 @@ PAGE: Final = "lincov.html"
 
 OF_SIZES: Final = ("imu", "filter", "processes", "measurements")
 """Tables of a campaign file that a campaign has as they are in the file."""
-
-READINGS: Final = 5
-"""Epochs at which rejections of good measurements are looked at, and as many of those of requirements."""
 
 HISTORY_POINTS: Final = 61
 """Times at which a scenario without epochs of its own is read out."""
@@ -90,8 +87,10 @@ def linear_covariance(campaign: Description, times: Array | None = None) -> Line
 
     Examples
     --------
-    >>> answer = linear_covariance("campaigns/11_cruise.toml")  # doctest: +SKIP
-    >>> answer.sigma, answer.met  # doctest: +SKIP
+    >>> import mcnav as mc
+    >>> answer = mc.linear_covariance({"scenario": {"type": "reentry", "trajectory": 1}, "errors": {"altitude": 5e3}})
+    >>> round(float(answer.sigma[0]))  # m
+    6126
     """
     described = campaign_from(campaign)
     answer = answer_linearly(described, times)
@@ -152,7 +151,7 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         )  # fmt: skip
         asked = None
         if times is not None:
-            asked = covariance_over_time(scenario.linear(np.unique(times)), names, *moments)
+            asked = covariance_over_time(_linear_at(described, np.unique(times)), names, *moments)
         kind = str(described.resolved["scenario"]["type"])
         answer = LinearAnswer(
             described.name, scenario.sources, scenario.outputs, model, history, judged, asked, kind=kind
@@ -162,7 +161,8 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
             smoothed_asked = covariance_over_time(scenario.smoothed(np.unique(times)), names, *moments)
         epochs = None if history is None else history.moments.times
         known = [each for each in (history, asked) if each is not None]
-        laws, rejections = rejections_of(described)
+        asked_epochs = sorted({epoch for record in described.requirements for epoch in record.epochs or ()})
+        laws, rejections = rejections_of(scenario, described.errors, described.tolerance, asked_epochs)
         filtered = _judge_filter(answer, known, scenario, described)
         smoother = None if smoothed is None else _judge_filter(answer, [smoothed], scenario, described)
         return replace(
@@ -176,24 +176,6 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
             smoother=_with_rejections(smoother, rejections),
             rejections=rejections,
         )
-
-
-def rejections_of(campaign: Campaign) -> tuple[RejectionLaws | None, RejectionAnswer | None]:
-    """Judge what good measurements that gates reject do, at the end and at epochs; none without a gate."""
-    scenario, errors = campaign.scenario, campaign.errors
-    if not has_gates(scenario):
-        return None, None
-    times = scenario.reading_times
-    asked = sorted({epoch for record in campaign.requirements for epoch in record.epochs or ()})
-    chosen = np.unique(np.concatenate([_some(range(len(times))), _some(asked)]))
-    laws = scenario.rejection_laws(errors.mean, errors.covariance, times[chosen])
-    return laws, None if laws is None else judge_rejections(laws, scenario.outputs, campaign.tolerance)
-
-
-def _some(numbers: Sequence[int]) -> IndexArray:
-    """Return at most `READINGS` of rising numbers, the first and the last among them."""
-    places = np.linspace(0, len(numbers) - 1, min(READINGS, len(numbers))).round().astype(int)
-    return np.array([numbers[place] for place in places], dtype=np.int64)
 
 
 def _with_rejections(verdict: LinearVerdict | None, rejections: RejectionAnswer | None) -> LinearVerdict | None:
@@ -243,16 +225,26 @@ def _scenario_errors(campaign: Campaign) -> Iterator[None]:
 
 
 def _check_times(campaign: Campaign, times: Array) -> None:
-    """Refuse times outside of the navigation, and any for a scenario without a trajectory."""
+    """Refuse times for a scenario whose linear system is not known at any time, and those outside of its epochs."""
     scenario = campaign.scenario
     if not is_linear_at_any_time(scenario):
         message = "the scenario has no trajectory whose times could be named; leave out --at"
         raise CampaignError([Problem(campaign.file, "--at", message)])
+    if not has_epochs(scenario):
+        return
     first, last = (float(time) for time in scenario.reading_times[[0, -1]])
     outside = [float(time) for time in times if not first <= time <= last]
     if outside:
         message = f"got {outside[0]:.10g} s; navigation is from {first:.10g} s to {last:.10g} s"
         raise CampaignError([Problem(campaign.file, "--at", message)])
+
+
+def _linear_at(campaign: Campaign, times: Array) -> LinearSystem:
+    """Linearize at times, rising, s; `CampaignError` outside of the flight."""
+    try:
+        return campaign.scenario.linear(times)
+    except ScenarioError as wrong:
+        raise CampaignError([Problem(campaign.file, f"--{wrong.key}", str(wrong))]) from None
 
 
 def _check_soundness(campaign: Campaign) -> None:
@@ -270,7 +262,7 @@ def _check_soundness(campaign: Campaign) -> None:
 
 def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearSystem | None]:
     """Linearize a scenario at its end and, where it is known, over time: at the epochs of its requirements, if any."""
-    if is_linear_at_any_time(scenario):
+    if is_linear_at_any_time(scenario) and has_epochs(scenario):
         system = scenario.linear(scenario.reading_times)
         return system.end, system
     if has_updates(scenario):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -13,6 +13,7 @@ import numpy as np
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
+from mcnav.analysis.mean_errors import mean_errors, rounding_of_means
 from mcnav.analysis.vector_sizes import components_of
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine
@@ -21,8 +22,7 @@ from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError, VariableStart, has_start_times
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import write_texts
-from mcnav.linear.covariance import propagated_covariance
-from mcnav.linear.start_times import StartTimeStudy, study_start_times
+from mcnav.linear.start_times import StartTimeStudy, study_start_times, usual_weights
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import start_times as tables
 from mcnav.report.html import page_html
@@ -37,12 +37,12 @@ EVENLY: Final = 6
 class StartTimesFound:
     """Linear study of start times and its Monte Carlo checks by start time, s.
 
-    ``own_sigma`` is the linear dispersion for the campaign's own start and stated errors, shape (outputs,), SI.
+    ``own_rms`` are the linear root mean squares for the campaign's own start and errors, shape (outputs,), SI.
     """
 
     study: StartTimeStudy
     checks: Mapping[float, Comparison]
-    own_sigma: Array
+    own_rms: Array
 
 
 def _scenario(campaign: Campaign, axes: str) -> VariableStart:
@@ -72,7 +72,38 @@ def start_time_study(campaign: Campaign, axes: str | None = None, count: int | N
     axes, count = axes or plan.axes, count or plan.count
     scenario = _scenario(campaign, axes)
     with _scenario_errors(campaign):
-        return study_start_times(scenario, covariance, axes, count, plan.schedule, plan.weights)
+        study = study_start_times(scenario, covariance, axes, count, plan.schedule, plan.weights)
+        means = _mean_errors(campaign, scenario, study)
+    if not means.any():
+        return study
+    study = replace(study, means=means)
+    return study if plan.weights is not None else replace(study, weights=usual_weights(scenario, study.rms[0]))
+
+
+def _mean_errors(campaign: Campaign, scenario: VariableStart, study: StartTimeStudy) -> Array:
+    """Compute the linear mean errors for each start time, shape (n, outputs); zero of commands and times.
+
+    What a flight without errors leaves is computed for each start if it leaves anything for the earliest one: a later
+    start flies through a part of the same.
+    """
+    multiples = campaign.start_times.schedule.at(study.times, len(scenario.sources))
+    of_sources = np.einsum("nos,ns->no", study.partials, multiples * campaign.errors.mean)
+    nominal = np.zeros_like(of_sources)
+    nominal[0] = _nominal_at(scenario, study, float(study.times[0]))
+    if nominal[0].any():
+        # nothing is left to be flown at the last time
+        nominal[1:-1] = [_nominal_at(scenario, study, time) for time in study.times[1:-1].tolist()]
+    means = np.nan_to_num(mean_errors(scenario.outputs, of_sources + nominal, nominal))
+    rounding = [
+        rounding_of_means(scenario.outputs, scenario.sources, *of_start)
+        for of_start in zip(study.partials, means, study.sigma, strict=True)
+    ]
+    return np.where(np.abs(means) > np.array(rounding), means, 0.0)
+
+
+def _nominal_at(scenario: VariableStart, study: StartTimeStudy, time: float) -> Array:
+    """Return the final errors of a flight without errors that starts at a time, shape (outputs,)."""
+    return scenario.started_at(time, study.axes).linear().end.nominal
 
 
 def checked_times(campaign: Campaign, study: StartTimeStudy) -> tuple[float, ...]:
@@ -145,13 +176,18 @@ def write_start_times(
         for time in times:
             times_founds[time] = check_start_time(campaign, time, study.axes)
             progress.advance(campaign.start_times.samples)
-        model = campaign.scenario.linear().end
-        own = propagated_covariance(model.partials, campaign.errors.covariance)
-        own = own + sum(model.processes.values(), np.zeros_like(own))
+        own = _own_rms(campaign)
     progress.phase(Phase.REPORTING)
     files = {"start_times.csv": tables.table(study, sources, outputs).to_csv(index=False)}
     if times_founds:
         files["start_times_checks.csv"] = tables.check_table(times_founds, outputs).to_csv(index=False)
     files["start_times.html"] = page_html(tables.page(campaign.name, study, times_founds, sources, outputs))
-    sigma = np.sqrt(np.maximum(np.diag(own), 0.0))
-    return StartTimesFound(study, times_founds, sigma), write_texts(path, files)
+    return StartTimesFound(study, times_founds, own), write_texts(path, files)
+
+
+def _own_rms(campaign: Campaign) -> Array:
+    """Return the linear root mean squares for the campaign's own start and errors, shape (outputs,)."""
+    linear, errors = campaign.scenario.linear().end, campaign.errors
+    model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes)
+    mean = np.nan_to_num(mean_errors(campaign.scenario.outputs, model.outcome_mean, linear.nominal))
+    return np.asarray(np.hypot(np.sqrt(np.diag(model.outcome_covariance)), mean))

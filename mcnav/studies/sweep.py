@@ -23,7 +23,6 @@ from mcnav.analysis.accuracy_measures import (
     usual_measures,
 )
 from mcnav.analysis.crossings import find_crossings, words_that_meet
-from mcnav.analysis.rejections import OnLinear
 from mcnav.analysis.sweep import JustMet, Point, Sweep, Variable
 from mcnav.config.documents import Description
 from mcnav.config.overrides import VariedCampaign
@@ -35,12 +34,12 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import sweep as report
-from mcnav.report.gates import rejection_line
 from mcnav.report.html import page_html
 from mcnav.report.sweep_page import page
 from mcnav.studies.confirmation import check_count, choose_points, confirm
-from mcnav.studies.lincov import answer_linearly, rejections_of
+from mcnav.studies.lincov import answer_linearly
 from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads
+from mcnav.workflow.rejections import doubt_about_gates
 
 JOBS: Final = 2
 
@@ -156,9 +155,9 @@ class _Study:
     def _gates(self) -> str:
         """Say of the campaign, or of the first corner, what rejections of good measurements do to linear analysis."""
         for campaign in (self._varied.campaign, *self._corners()):
-            _, rejections = rejections_of(campaign)
-            if rejections is not None and rejections.verdict != OnLinear.HOLDS:
-                return rejection_line(rejections, [output.name for output in self.outputs])
+            epochs = sorted({epoch for record in campaign.requirements for epoch in record.epochs or ()})
+            if doubt := doubt_about_gates(campaign.scenario, campaign.errors, campaign.tolerance, epochs):
+                return doubt
         return ""
 
     def _corners(self) -> Iterator[Campaign]:

@@ -47,6 +47,7 @@ from mcnav.store.manifest import (
 )
 from mcnav.systems.histories import check_history
 from mcnav.systems.user.soundness import Unsettled
+from mcnav.workflow.rejections import doubt_about_gates
 
 DEVELOPMENT_POINTS: Final = 61
 """Times of the error budget's history, where the scenario has partial derivatives throughout the flight."""
@@ -138,7 +139,7 @@ def prepare_system(
             raise CampaignError([Problem(file, "scenario", str(doubt))])
         engine = prepare_engine(scenario, engine_name, probes, errors.mean, errors.standard_deviations)
         throughout = linear_history(scenario, engine)
-        model = _linear(scenario, errors, engine, throughout, together)
+        model = _linear(scenario, errors, engine, throughout, together, tolerance)
         history = drawable_history(scenario.nominal(), file)
         remarks = remarks_of(scenario, errors.mean, errors.covariance)
     record = None if doubt is None else unsettled_record(doubt)
@@ -175,7 +176,7 @@ def scenario_errors(file: str) -> Iterator[None]:
 
 def _linear(
     scenario: Scenario, errors: ErrorModel, engine: Engine, throughout: LinearHistory | None,
-    together: Sequence[Sequence[str]],
+    together: Sequence[Sequence[str]], tolerance: float,
 ) -> ModelRecord:  # fmt: skip
     """Compute the linear model, at the end and, where it is known, throughout the flight."""
     linear = scenario.linear().end
@@ -198,6 +199,7 @@ def _linear(
             "filter": _filter_record(engine.filter, engine.epochs, scenario, errors),
             "smoother": _smoother_record(engine, scenario, errors),
             "faults": _fault_records(scenario, errors) or None,
+            "gates": doubt_about_gates(scenario, errors, tolerance),
         }
     )
 

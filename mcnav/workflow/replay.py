@@ -29,8 +29,9 @@ from mcnav.report.replay import Outcome, Replay, files
 from mcnav.report.requirements import NamedRequirement, stated
 from mcnav.runner.chunks import DrawPlan
 from mcnav.runner.identity import chunk_digest, identity_of
-from mcnav.runner.processes import IsolatedEngine, end_workers
+from mcnav.runner.processes import IsolatedEngine
 from mcnav.runner.soundness import isolated
+from mcnav.runner.worker_processes import end_workers
 from mcnav.store.chunk_files import (
     LARGEST_CHUNK,
     STATUS,

@@ -25,8 +25,8 @@ from mcnav.linear.polynomial_engine import engine_names
 from mcnav.progress import SILENT, Phase, Progress, note
 from mcnav.runner.chunks import ChunkJob, DrawPlan
 from mcnav.runner.identity import check_no_foreign_files, check_resumable, chunk_digest, earlier_digests, identity_of
-from mcnav.runner.processes import end_workers_apart
 from mcnav.runner.runner import ChunkExecutor
+from mcnav.runner.worker_processes import end_workers_apart
 from mcnav.store.inputs import check_as_read, check_unchanged, file_records
 from mcnav.store.manifest import CriterionRecord, ExecutionRecord, Identity, Manifest
 from mcnav.store.provenance import commit

@@ -27,6 +27,7 @@ from mcnav.analysis.what_if import (
 )
 from mcnav.config.what_if import changeable_campaign, estimable_kinds, unsized_causes
 from mcnav.contract.quantities import Source
+from mcnav.report.gates import rejection_line
 
 if TYPE_CHECKING:
     from mcnav.report.model import RunAnalysis
@@ -60,9 +61,10 @@ def what_if_of_answer(answer: LinearAnswer, content: Mapping[str, Any], beside: 
     beside : str
         See `WhatIf`.
     """
-    # where gates reject good measurements linear covariances add up, and say nothing of what they are allowed
-    holds = answer.rejections is None or answer.rejections.verdict == OnLinear.HOLDS
-    requirements = _judged([each.requirement for each in answer.requirements if holds])
+    gates = ""
+    if answer.rejections is not None and answer.rejections.verdict != OnLinear.HOLDS:
+        gates = rejection_line(answer.rejections, [output.name for output in answer.outputs])
+    requirements = _judged([each.requirement for each in answer.requirements if not gates])
     entries, throughout = _entries(requirements, answer.model), None
     if answer.history is not None:
         readings = answer.history.readings
@@ -71,7 +73,8 @@ def what_if_of_answer(answer: LinearAnswer, content: Mapping[str, Any], beside: 
             readings.times, readings.label, readings.partials, readings.nominal, added, answer.history.sigma_filter,
             answer.history.settled, readings.believed, readings.origin,
         )  # fmt: skip
-    return _what_if(content, answer.sources, answer.model, requirements, entries, throughout, beside)
+    what_if = _what_if(content, answer.sources, answer.model, requirements, entries, throughout, beside)
+    return None if what_if is None else replace(what_if, gates=gates)
 
 
 def what_if_of_run(content: RunAnalysis) -> WhatIf | None:
@@ -79,7 +82,9 @@ def what_if_of_run(content: RunAnalysis) -> WhatIf | None:
     if not content.dispersed:
         return None
     record = content.manifest.model
-    requirements = _judged([each.requirement for each in content.requirements])
+    campaign = tomllib.loads(content.campaign)
+    gates = _gates(campaign) if record.gates is None else record.gates
+    requirements = _judged([each.requirement for each in content.requirements if not gates])
     entries = _entries(requirements, content.model)
     sources = tuple(Source(each.name, each.unit, each.shown_in, 0.0, group=each.group or "") for each in record.sources)
     throughout = _throughout(content, entries)
@@ -89,14 +94,20 @@ def what_if_of_run(content: RunAnalysis) -> WhatIf | None:
         settled = throughout.settled
         known = {epoch for epoch in range(len(settled)) if settled[epoch] >= 0}
         requirements = [each for each in requirements if known.issuperset(each.epochs)]
-    campaign, beside = tomllib.loads(content.campaign), "in the folder of this report"
+    beside = "in the folder of this report"
     what_if = _what_if(campaign, sources, content.model, requirements, entries, throughout, beside)
     measured = {
         result.requirement: measured_scale(entry)
         for result, entry in zip(content.requirements, content.summary.requirements, strict=True)
     }
     scales = tuple(measured[required] for required in requirements)
-    return None if what_if is None else replace(what_if, scales=scales)
+    return None if what_if is None else replace(what_if, scales=scales, gates=gates)
+
+
+def _gates(campaign: Mapping[str, Any]) -> str:
+    """Say of a run by an earlier version that it does not know what its gates do; nothing without a gate."""
+    gated = [table for table in (campaign.get("filter", {}), *campaign.get("aiding", ())) if "gate" in table]
+    return "An earlier version made this run, and did not note what its gates do to linear analysis" if gated else ""
 
 
 def _throughout(content: RunAnalysis, entries: Entries) -> _Throughout | None:

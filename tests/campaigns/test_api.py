@@ -15,7 +15,7 @@ import tomli_w
 
 import mcnav
 from mcnav.config.read import read_campaign
-from mcnav.notebook import FlownRun
+from mcnav.notebook import RunResult
 from mcnav.store.run_folder import RunFolder
 
 OUTPUTS = ["altitude", "range", "altitude_rate", "range_rate"]
@@ -29,11 +29,11 @@ def described(**more: Any) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> FlownRun:
+def run(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     return mcnav.run(described(), tmp_path_factory.mktemp("api") / "run", jobs=1)
 
 
-def test_a_file_a_campaign_and_a_dictionary_are_one(run: FlownRun, tmp_path: Path) -> None:
+def test_a_file_a_campaign_and_a_dictionary_are_one(run: RunResult, tmp_path: Path) -> None:
     path = tmp_path / "campaign.toml"
     path.write_text(tomli_w.dumps(described()))
     for number, campaign in enumerate((path, str(path), mcnav.read_campaign(str(path)))):
@@ -44,7 +44,7 @@ def test_a_file_a_campaign_and_a_dictionary_are_one(run: FlownRun, tmp_path: Pat
 
 
 @pytest.mark.parametrize("form", ["file", "campaign", "dictionary"])
-def test_other_samples_and_another_seed(form: str, run: FlownRun, tmp_path: Path) -> None:
+def test_other_samples_and_another_seed(form: str, run: RunResult, tmp_path: Path) -> None:
     """In the run folder's own campaign too, which runs the same again."""
     path = tmp_path / "campaign.toml"
     path.write_text(tomli_w.dumps(described(samples=100, seed=1)))
@@ -100,7 +100,7 @@ def test_files_of_a_dictionary_are_found_from_the_current_folder(
     assert set(found.samples["error a [m]"]) <= set(range(50))
 
 
-def test_one_label_for_one_thing(run: FlownRun) -> None:
+def test_one_label_for_one_thing(run: RunResult) -> None:
     """Keys, in every table; units in the column ``unit``, in names of columns, or in ``attrs`` of a matrix."""
     matrices = (run.partials, run.covariance())
     assert [list(table.index) for table in (run.outputs, *matrices)] == [OUTPUTS] * 3
@@ -119,7 +119,7 @@ def test_one_label_for_one_thing(run: FlownRun) -> None:
     assert share == pytest.approx(run.budget.loc["gyro_drift", "range_rate"], rel=1e-9)
 
 
-def test_covariance_in_either_units(run: FlownRun) -> None:
+def test_covariance_in_either_units(run: RunResult) -> None:
     si, shown = run.covariance("paired"), run.covariance("paired", units="shown")
     assert si.attrs["units"]["index"] == dict(zip(OUTPUTS, ["m", "m", "m/s", "m/s"], strict=True))
     assert shown.attrs["units"]["columns"] == dict(run.outputs["unit"])
@@ -129,7 +129,7 @@ def test_covariance_in_either_units(run: FlownRun) -> None:
         run.covariance(units="km")
 
 
-def test_where_there_is_no_run(tmp_path: Path, run: FlownRun) -> None:
+def test_where_there_is_no_run(tmp_path: Path, run: RunResult) -> None:
     """No folder, a file, a folder without a run, one that is not finished: each is said, and nothing is made there."""
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").touch()
@@ -154,7 +154,7 @@ def test_the_names_of_the_package_are_the_public_ones() -> None:
     assert all(hasattr(mcnav, name) for name in dir(mcnav))
 
 
-def test_cards_of_a_notebook_do_not_disturb_each_other(run: FlownRun) -> None:
+def test_cards_of_a_notebook_do_not_disturb_each_other(run: RunResult) -> None:
     """Every name on a card is its own and is there; its style applies within it; nothing is loaded or executed."""
     answer = mcnav.linear_covariance(described())
     cards = [run._repr_html_(), answer._repr_html_() or ""]
@@ -175,7 +175,7 @@ def test_cards_of_a_notebook_do_not_disturb_each_other(run: FlownRun) -> None:
         assert depths[style.index("{") : -1].min() >= 1
 
 
-def test_linear_covariance_in_a_notebook(run: FlownRun) -> None:
+def test_linear_covariance_in_a_notebook(run: RunResult) -> None:
     """It is shown with its requirements and causes, survives a pickle, and is one line where there is no page."""
     accept = {"quantile": [{"output": "altitude", "probability": 0.95, "below": "1000 km"}]}
     answer = mcnav.linear_covariance(described(name="<b>some</b>", accept=accept))

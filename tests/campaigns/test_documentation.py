@@ -23,8 +23,9 @@ import mcnav
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.config.templates import new_scenario
 from mcnav.report.format import number
+from mcnav.report.names import humanize
 from mcnav.studies.lincov import linear_covariance
-from mcnav.systems.ins.scenario import NAVIGATION_ERRORS
+from mcnav.units import conversion
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign
@@ -307,21 +308,17 @@ def test_requirements_in_report_index_summary_and_notebook(tmp_path: Path) -> No
 
 
 def test_the_example_of_the_readme_is_what_linear_analysis_says() -> None:
-    """The filter's sigma to the digits shown, the true one within four standard errors of its samples' sigma."""
-    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
-    said = re.search(r"After (\d+) minutes .*? know the (.*?) to ([\d.]+) mrad .*? truth is ([\d.]+) mrad", text)
-    drawn = re.search(r"([\d,]+) simulated samples", text)
-    assert said
-    assert drawn
-    history = linear_covariance(ROOT / readme.CAMPAIGN).history
-    assert history is not None
-    assert history.sigma_filter is not None
-    epoch = int(np.argmin(np.abs(history.readings.times / 60.0 - float(said[1]))))
-    place = [output.name for output in NAVIGATION_ERRORS].index(said[2].replace(" ", "_"))
-    true, own = (1e3 * float(each[epoch, place]) for each in (history.sigma, history.sigma_filter))
-    samples, half_a_digit = int(drawn[1].replace(",", "")), 0.0005
-    assert float(said[3]) == pytest.approx(own, abs=half_a_digit)
-    assert float(said[4]) == pytest.approx(true, rel=4.0 / math.sqrt(2.0 * samples), abs=half_a_digit)
+    """Linear sigmas to the digits shown; Monte Carlo within the difference stated, and half a digit."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    linear = linear_covariance(ROOT / readme.CAMPAIGN)
+    for output, sigma in zip(linear.outputs, np.sqrt(np.diag(linear.model.outcome_covariance)), strict=True):
+        columns = r"\[(\S+)\] +([\d.]+) +([\d.]+) +< ([\d.]+) %  ok"
+        row = re.search(rf"^ +{humanize(output.name)} +{columns}$", text, re.MULTILINE)
+        assert row
+        expected = float(sigma) * conversion(output.unit, row[1])
+        half_a_digit = 0.5 * 10.0 ** -len(row[2].partition(".")[2])
+        assert float(row[2]) == pytest.approx(expected, abs=half_a_digit)
+        assert float(row[3]) == pytest.approx(expected, abs=float(row[4]) / 100.0 * expected + half_a_digit)
 
 
 def test_the_example_of_the_readme_can_be_renewed() -> None:

@@ -16,7 +16,7 @@ import scipy.io
 
 import mcnav
 from mcnav.config.read import parse_campaign
-from mcnav.notebook import FlownRun
+from mcnav.notebook import RunResult
 from mcnav.report import arrays as matrices
 from mcnav.report import tables_over_time as over_time
 from mcnav.report.arrays import Matrix, as_mat
@@ -42,7 +42,7 @@ FORMULA_NAME = '=HYPERLINK("http://x","y")'
 
 
 @pytest.fixture(scope="module")
-def plain(tmp_path_factory: pytest.TempPathFactory) -> FlownRun:
+def plain(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     """A reentry with a requirement, whose name a spreadsheet would execute."""
     accept = {"quantile": [{"output": "altitude", "probability": 0.9, "below": "100 km"}]}
     folder = tmp_path_factory.mktemp("export") / "plain"
@@ -50,7 +50,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> FlownRun:
 
 
 @pytest.fixture(scope="module")
-def aided(tmp_path_factory: pytest.TempPathFactory) -> FlownRun:
+def aided(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     """Two minutes of campaign 20: noise, a filter with states of its own, and neglected errors."""
     folder = tmp_path_factory.mktemp("export") / "aided"
     described = shortened(20, 120.0, (60.0, 90.0)) | {"samples": 40}
@@ -58,7 +58,7 @@ def aided(tmp_path_factory: pytest.TempPathFactory) -> FlownRun:
 
 
 @pytest.fixture(scope="module")
-def without_epochs(tmp_path_factory: pytest.TempPathFactory) -> FlownRun:
+def without_epochs(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     return mcnav.run(FOLDER / "14_polar.toml", tmp_path_factory.mktemp("export") / "polar", jobs=1, samples=200)
 
 
@@ -72,7 +72,7 @@ def floats(cells: list[str]) -> np.ndarray:
     return np.array([float(cell or "nan") for cell in cells])
 
 
-def test_the_last_epoch_is_the_end(plain: FlownRun, aided: FlownRun) -> None:
+def test_the_last_epoch_is_the_end(plain: RunResult, aided: RunResult) -> None:
     for run in (plain, aided):
         time, output = run.epochs.index.names
         assert re.fullmatch(r"time.* \[min\]", time)
@@ -86,7 +86,7 @@ def test_the_last_epoch_is_the_end(plain: FlownRun, aided: FlownRun) -> None:
         assert (last["sigma_plain"] < last["sigma_plain_to"]).all()
 
 
-def test_sigmas_of_the_filter_are_at_every_epoch(aided: FlownRun, plain: FlownRun) -> None:
+def test_sigmas_of_the_filter_are_at_every_epoch(aided: RunResult, plain: RunResult) -> None:
     found = aided.epochs
     np.testing.assert_allclose(found["rms"], np.hypot(found["mean_plain"], found["sigma_plain"] * np.sqrt(39 / 40)))
     np.testing.assert_allclose(found["ratio_filter"], found["rms"] / found["sigma_filter"], rtol=1e-9)
@@ -97,7 +97,7 @@ def test_sigmas_of_the_filter_are_at_every_epoch(aided: FlownRun, plain: FlownRu
     assert not {"sigma_filter", "rms"} & set(plain.epochs)
 
 
-def test_the_budget_over_time_ends_in_the_budget(plain: FlownRun, aided: FlownRun) -> None:
+def test_the_budget_over_time_ends_in_the_budget(plain: RunResult, aided: RunResult) -> None:
     for run in (plain, aided):
         table = run.tables["budget_over_time"].set_index(["output", "cause"])
         time = table.columns[0]
@@ -106,7 +106,7 @@ def test_the_budget_over_time_ends_in_the_budget(plain: FlownRun, aided: FlownRu
         np.testing.assert_allclose(last, final, atol=HISTORIES)
 
 
-def test_every_table_is_a_file(plain: FlownRun, aided: FlownRun, tmp_path: Path) -> None:
+def test_every_table_is_a_file(plain: RunResult, aided: RunResult, tmp_path: Path) -> None:
     """Read back in full precision, with every table and figure listed."""
     for run in (plain, aided):
         folder = tmp_path / run.path.name
@@ -128,7 +128,7 @@ def test_every_table_is_a_file(plain: FlownRun, aided: FlownRun, tmp_path: Path)
     assert {"epochs", "requirements", "allowed_sigmas", "percentiles", "covariance"} <= set(plain.tables)
 
 
-def test_tables_in_si(plain: FlownRun, aided: FlownRun, tmp_path: Path) -> None:
+def test_tables_in_si(plain: RunResult, aided: RunResult, tmp_path: Path) -> None:
     """Sigmas differ by the units of their rows, ratios and shares do not."""
     for run in (plain, aided):
         run.export(tmp_path, units="SI")
@@ -144,7 +144,7 @@ def test_tables_in_si(plain: FlownRun, aided: FlownRun, tmp_path: Path) -> None:
         run.export(tmp_path, units="km")  # type: ignore[arg-type]
 
 
-def test_no_cell_is_a_formula(plain: FlownRun, tmp_path: Path) -> None:
+def test_no_cell_is_a_formula(plain: RunResult, tmp_path: Path) -> None:
     plain.export(tmp_path)
     for path in tmp_path.rglob("*.csv"):
         for row in csv.reader(io.StringIO(path.read_text(encoding="utf-8"))):
@@ -154,7 +154,7 @@ def test_no_cell_is_a_formula(plain: FlownRun, tmp_path: Path) -> None:
     assert read(tmp_path / "verdict.csv")["campaign"] == [f"'{FORMULA_NAME}"]
 
 
-def test_matrices_read_back(plain: FlownRun, aided: FlownRun, without_epochs: FlownRun, tmp_path: Path) -> None:
+def test_matrices_read_back(plain: RunResult, aided: RunResult, without_epochs: RunResult, tmp_path: Path) -> None:
     """From both files, with the identity C = P S P' + sum of Q to rounding."""
     for run in (plain, aided, without_epochs):
         run.export(tmp_path)
@@ -183,7 +183,7 @@ def test_matrices_read_back(plain: FlownRun, aided: FlownRun, without_epochs: Fl
         np.testing.assert_allclose(found["C_linear"] / scale, whole / scale, atol=1e-12)
 
 
-def test_matrices_over_time_end_in_the_final_ones(aided: FlownRun, plain: FlownRun) -> None:
+def test_matrices_over_time_end_in_the_final_ones(aided: RunResult, plain: RunResult) -> None:
     for run in (aided, plain):
         found = run.arrays
         sigma = np.sqrt(np.diag(found["C_linear"]))
@@ -196,7 +196,7 @@ def test_matrices_over_time_end_in_the_final_ones(aided: FlownRun, plain: FlownR
     assert "C_filter" not in plain.arrays
 
 
-def test_an_export_is_the_same_bytes_again(plain: FlownRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_export_is_the_same_bytes_again(plain: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A MATLAB file that scipy writes has the time in it."""
     first = [path.read_bytes() for path in plain.export(tmp_path / "one")]
     monkeypatch.setattr("time.asctime", lambda *_: "another time")
@@ -210,7 +210,7 @@ def test_names_of_any_alphabet_are_kept() -> None:
     assert str(found["unit"][0]) == "µ"
 
 
-def test_a_data_set(plain: FlownRun, aided: FlownRun) -> None:
+def test_a_data_set(plain: RunResult, aided: RunResult) -> None:
     """Labels select what frames and arrays have."""
     for run in (plain, aided):
         found, shown = run.to_xarray(), run.to_xarray("shown")
@@ -238,7 +238,7 @@ def test_a_data_set(plain: FlownRun, aided: FlownRun) -> None:
         aided.to_xarray("km")  # type: ignore[arg-type]
 
 
-def test_a_new_column_and_a_new_matrix_are_seen_everywhere(aided: FlownRun, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_column_and_a_new_matrix_are_seen_everywhere(aided: RunResult, monkeypatch: pytest.MonkeyPatch) -> None:
     """As CONTRIBUTING says they are added: one line in the definition."""
     updates = TimeColumn[Any]("updates", lambda all_of: np.column_stack([each.accepted + each.rejected
                                                                         for each in all_of]))  # fmt: skip
@@ -254,20 +254,20 @@ def test_a_new_column_and_a_new_matrix_are_seen_everywhere(aided: FlownRun, monk
     assert found["root"].attrs == {"long_name": "root"}
 
 
-def test_a_run_without_epochs(without_epochs: FlownRun) -> None:
+def test_a_run_without_epochs(without_epochs: RunResult) -> None:
     with pytest.raises(ValueError, match=r"polar: the engine of this run computes no errors over time$"):
         _ = without_epochs.epochs
     assert "epochs" not in without_epochs.tables
     assert set(without_epochs.to_xarray().dims) == {"output", "other_output", "source", "other_source", "process"}
 
 
-def test_without_xarray(plain: FlownRun, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_xarray(plain: RunResult, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(ImportError, match=re.escape("to_xarray needs xarray: pip install 'mcnav[xarray]'")):
         plain.to_xarray()
 
 
-def test_the_command(plain: FlownRun, tmp_path: Path) -> None:
+def test_the_command(plain: RunResult, tmp_path: Path) -> None:
     """The default folder is beside the run; the function of Python writes the same."""
     expected = {path.name: path.read_bytes() for path in mcnav.export_run(plain.path, tmp_path / "python", "SI")}
     done = invoke("export", "plain", "--units", "SI", cwd=plain.path.parent)
@@ -289,14 +289,14 @@ def test_the_command(plain: FlownRun, tmp_path: Path) -> None:
         ),
     ],
 )
-def test_bad_input(arguments: tuple[str, ...], line: str, plain: FlownRun) -> None:
+def test_bad_input(arguments: tuple[str, ...], line: str, plain: RunResult) -> None:
     done = invoke("export", *arguments, cwd=plain.path.parent)
     assert done.returncode == 2
     assert re.fullmatch(line, done.stderr.strip())
 
 
 @pytest.mark.parametrize("name", ["epochs.parquet", "manifest.json", "history.parquet", "samples/part-00000.parquet"])
-def test_a_damaged_run_is_one_line(name: str, plain: FlownRun, tmp_path: Path) -> None:
+def test_a_damaged_run_is_one_line(name: str, plain: RunResult, tmp_path: Path) -> None:
     shutil.copytree(plain.path, tmp_path / "run")
     (tmp_path / "run" / name).write_bytes(b"PAR1")
     done = invoke("export", "run", "--out", "out", cwd=tmp_path)

@@ -15,7 +15,7 @@ from tests.commands import invoke
 
 SCENARIO = '''
 import numpy as np
-from mcnav import Epochs, Flown, Output, Source
+from mcnav import Epochs, Simulated, Output, Source
 
 
 class Constants:
@@ -28,7 +28,7 @@ class Constants:
     offset = np.zeros(6)
 
     def fly(self, errors):
-        return Flown(np.tile(errors + self.offset, (4, 1)), np.tile(np.diag(self.stated**2), (4, 1, 1)))
+        return Simulated(np.tile(errors + self.offset, (4, 1)), np.tile(np.diag(self.stated**2), (4, 1, 1)))
 
     def partials(self):
         return np.tile(np.eye(6), (4, 1, 1))

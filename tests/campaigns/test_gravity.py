@@ -54,7 +54,7 @@ def test_the_budget_has_a_row_for_each_and_the_page_says_that_it_is_no_field(cam
 
 
 def test_recorded_flights_refuse_it_in_one_line(campaign: Path, tmp_path: Path) -> None:
-    done = in_process("record", campaign, "--out", tmp_path)
+    done = in_process("judge", campaign, "--record", "--out", tmp_path)
     assert done.exit_code == 2
     assert done.stderr.splitlines()[-1].startswith(
         f"error: {campaign}: scenario.gravity: recorded flights are not judged"

@@ -1,4 +1,4 @@
-"""``mcnav record`` and ``mcnav judge``: files of a recorded flight, the verdict on it, one line for each mistake."""
+"""``mcnav judge``: files of a recorded flight, the verdict on it, one line for each mistake."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def recorded(wrong: bool) -> Path:
     folder.mkdir()
     (folder / "flight.toml").write_text(SHORT)
     (folder / "flown.toml").write_text(SHORT.replace('"5 cm/s"', '"15 cm/s"') if wrong else SHORT)
-    run("record", folder / "flown.toml", "--sample", 1, "--rate", 20, "--out", folder)
+    run("judge", folder / "flown.toml", "--record", "--sample", 1, "--rate", 20, "--out", folder)
     return folder
 
 
@@ -88,7 +88,7 @@ def test_the_measurements_of_a_campaign_s_log_have_its_sigmas_and_its_factor_is_
     assert described != SHORT
     (tmp_path / "flight.toml").write_text(described)
     (tmp_path / "flown.toml").write_text(described.replace('log = "gnss.csv"', 'log = "gnss.csv"\nlog_factor = 2.5'))
-    run("record", tmp_path / "flown.toml", "--sample", 2, "--rate", 20, "--out", tmp_path)
+    run("judge", tmp_path / "flown.toml", "--record", "--sample", 2, "--rate", 20, "--out", tmp_path)
     assert "sigma_down [m]" in (tmp_path / "gnss.csv").read_text()  # in place of the one that was read
     files = "--imu", tmp_path / "imu.csv", "--start", tmp_path / "start.csv"
     shown = run("judge", tmp_path / "flight.toml", *files, "--records", 300, "--out", tmp_path / "judge")
@@ -130,8 +130,8 @@ def test_mistakes_are_one_line_each(tmp_path: Path) -> None:
     )
     unaided = tmp_path / "unaided.toml"
     unaided.write_text(SHORT[: SHORT.index("[[aiding]]")])
-    assert "there is no filter to be judged" in refused("record", unaided)
-    assert "they run from 0 to 49" in refused("record", campaign, "--sample", 50, "--out", tmp_path)
+    assert "there is no filter to be judged" in refused("judge", unaided, "--record")
+    assert "they run from 0 to 49" in refused("judge", campaign, "--record", "--sample", 50, "--out", tmp_path)
 
 
 def test_a_table_of_errors_is_judged_alone(tmp_path: Path) -> None:

@@ -187,7 +187,7 @@ def test_linear_analysis_finds_one_wrong_sigma_of_a_filter_of_ones_own(tmp_path:
     """Of two outputs with unit sigma the filter states 1 and 1 / 1.2; one has a limit of 0.5 in another campaign."""
     code = """
 import numpy as np
-from mcnav import Epochs, Flown, Output, Source
+from mcnav import Epochs, Simulated, Output, Source
 
 
 class Two:
@@ -198,7 +198,7 @@ class Two:
     def fly(self, errors, noise):
         noise.standard_normal()
         covariance = np.diag([1.0, 1.0 / 1.44])
-        return Flown(np.tile(errors, (3, 1)), np.tile(covariance, (3, 1, 1)))
+        return Simulated(np.tile(errors, (3, 1)), np.tile(covariance, (3, 1, 1)))
 
     def noise_covariance(self):
         return np.zeros((3, 2, 2))

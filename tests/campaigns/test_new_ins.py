@@ -194,9 +194,9 @@ def test_commands(tmp_path: Path) -> None:
     assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
     column = invoke("new", "ins", "mine", "--column", "lat", cwd=tmp_path)
     assert (column.returncode, column.stderr.count("\n")) == (2, 1)
-    printed = invoke("schema", cwd=tmp_path)
+    printed = invoke("dev", "schema", cwd=tmp_path)
     assert printed.stdout == schema_text()
-    assert invoke("schema", "--out", "schemas/mine.json", cwd=tmp_path).stdout.startswith(
+    assert invoke("dev", "schema", "--out", "schemas/mine.json", cwd=tmp_path).stdout.startswith(
         "written: schemas/mine.json\n"
     )
     assert (tmp_path / "schemas" / "mine.json").read_text(encoding="utf-8") == printed.stdout

@@ -23,7 +23,7 @@ variance after the update, the true one, mean NEES and NIS. All are solutions of
 
 CODE = """
 import numpy as np
-from mcnav import Epochs, Flown, Innovations, Output, Source
+from mcnav import Epochs, Simulated, Innovations, Output, Source
 
 class Mine:
     sources = (Source("a", "m", "m", 1.0),)
@@ -48,7 +48,7 @@ class Mine:
         covariance = np.zeros((61, 2, 2))
         covariance[:, 0, 0], covariance[:, 1, 1] = self.variance, VARIANCE
         position = Innovations(np.arange(1.0, 61.0), innovations, np.full(60, self.innovation))
-        return Flown(np.column_stack([found, second]), covariance, {"position": position})
+        return Simulated(np.column_stack([found, second]), covariance, {"position": position})
 
     def noise_covariance(self):
         shares = {"walk": (1.0 - self.gain) ** 2 * self.q, "measurement": self.gain**2 * self.r}

@@ -312,7 +312,7 @@ def test_what_noise_makes_meaningless_is_refused(tmp_path: Path) -> None:
     mapped = in_process("run", path, "--engine", "map", "--out", tmp_path / "run")
     assert (mapped.exit_code, "this scenario has single" in mapped.output) == (2, True)
     options = ["--samples", "200", "--largest", "1", "--out", str(tmp_path / "linearity")]
-    ranged = in_process("linearity", path, *options)
+    ranged = in_process("sweep", path, "--scale", *options)
     assert ranged.exit_code == 0, ranged.output
     assert WITHOUT_NOISE in " ".join(ranged.output.split())
     with pytest.raises(CampaignError, match="has no start times to choose from"):

@@ -33,7 +33,7 @@ MADE = ("PKG-INFO", "setup.cfg", "mcnav.egg-info/")
 """What its build adds."""
 
 OBJECT = "mcnav/compiled/objects/x86-64-v4/kernel.nbc"
-"""Machine code as `mcnav compile --out` writes it: of the wheel alone."""
+"""Machine code as `mcnav dev compile --out` writes it: of the wheel alone."""
 
 IGNORED = shutil.ignore_patterns("__pycache__", "*.py[co]", ".lock", "objects")
 
@@ -120,7 +120,7 @@ def test_an_installed_package_runs_in_an_empty_folder(wheel: zipfile.ZipFile, tm
 
     where = run_to_end([sys.executable, "-c", "import mcnav; print(mcnav.__file__)"], cwd=place, env=environment)
     assert Path(where.stdout.strip()).is_relative_to(installed)
-    assert "report: reports/14_polar/report.html\n" in mcnav("demo", "14").stdout
+    assert "Report:   reports/14_polar/report.html\n" in mcnav("demo", "14").stdout
     assert (place / "reports" / "14_polar" / "report.html").stat().st_size > 100_000
     assert "15_flight_navigation_grade" in mcnav("demo", "--list").stdout
     mcnav("new", "campaign", "mine")

@@ -15,7 +15,7 @@ from tests.runs import simulate
 
 CODE = """
 import numpy as np
-from mcnav import Epochs, Flown, Output, Source
+from mcnav import Epochs, Simulated, Output, Source
 
 
 class Part:
@@ -24,7 +24,7 @@ class Part:
     epochs = Epochs("time [min]", np.arange(4.0))
 
     def fly(self, errors):
-        return Flown(np.tile(errors * [1.0, 5.0, 1.0], (4, 1)), np.tile(np.diag([1.0, 1.0 / 1.2**2]), (4, 1, 1)))
+        return Simulated(np.tile(errors * [1.0, 5.0, 1.0], (4, 1)), np.tile(np.diag([1.0, 1.0 / 1.2**2]), (4, 1, 1)))
 
     def partials(self):
         return np.tile(np.diag([1.0, 5.0, 1.0]), (4, 1, 1))

@@ -195,9 +195,9 @@ def test_machine_readable(nine: Path, command: str) -> None:
 
 
 def test_partials_of_every_start_time_are_files(nine: Path) -> None:
-    done = in_process("partials", nine / "nine.toml", "--start-times", "--format", "csv")
+    done = in_process("sweep", nine / "nine.toml", "--vary", "start", "--format", "csv")
     assert done.exit_code == 2
-    assert done.stderr.startswith("error: --format: cannot be used with --start-times")
+    assert done.stderr.startswith("error: --format: does not go with --vary start")
 
 
 def test_paired_sigma_stands_with_the_paired_ratio(nine: Path) -> None:

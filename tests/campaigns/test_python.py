@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,9 @@ import pint
 import pytest
 
 import mcnav as mc
+from mcnav.entries.inputs import SourceFile
 from mcnav.systems.user.captured import captured_code
+from mcnav.systems.user.code import load_class
 from tests.closed_loops import DoubleIntegrator
 from tests.notebooks import code_cells, execute
 from tests.processes import run_to_end
@@ -185,6 +188,51 @@ def test_a_closed_loop_is_simulated_and_linearized() -> None:
     assert "ranging" in mc.compare(mc.propagate_covariance(partials, campaign_errors), out).sentence
 
 
+ISSUE = """
+import sys
+import numpy as np
+import pint
+import mcnav as mc
+
+KILO = pint.UnitRegistry().Quantity(5.0, "km")
+
+
+def function(errors):
+    altitude, bias, tilt = errors.T
+    return np.column_stack([altitude + 2e6 * tilt, 300.0 * bias + 0.02 * altitude * tilt])
+
+
+if __name__ == "__main__":
+    errors = mc.Errors({"altitude": KILO, "bias_x": mc.uniform("100 ug"), "tilt": 2e-4},
+                       correlations={("altitude", "tilt"): 0.3})
+    S = errors.covariance
+    P = mc.partials(function, errors)
+    C = mc.propagate_covariance(P, S)
+    for jobs in (1, 2):
+        draws = errors.draw(20_000, seed=1)
+        out = mc.simulate(function, draws, jobs=jobs)
+        verdict = mc.compare(C, out, draws, P)
+        campaign = mc.Campaign({"type": function, "outputs": ["position", "velocity"]}, errors, samples=2_000)
+        run = mc.run(campaign, f"{sys.argv[1]}/run_{jobs}", jobs=jobs)
+        swept = mc.sweep(campaign, {"errors.altitude": [1e3, "5 km"]}, against="position")
+        changes = mc.compare_runs([mc.open_run(f"{sys.argv[1]}/run_1"), run]).outputs
+        print(jobs, draws.sum().sum().hex(), out.sum().sum().hex(), verdict.verdict,
+              run.samples["output position [1]"].sum().hex(), swept.to_numpy().sum().hex(), set(changes["change"]))
+    print(*S.columns, *C.columns, *run.outputs.columns[:3], verdict.frame.index.name, run.outputs.index.name)
+"""
+
+
+def test_the_lines_of_the_issue_have_the_same_results_with_one_and_two_jobs(tmp_path: Path) -> None:
+    """With SI floats, quantities of pint and text; the function is one of the script."""
+    (tmp_path / "lines.py").write_text(ISSUE)
+    finished = run_to_end([sys.executable, str(tmp_path / "lines.py"), str(tmp_path)])
+    assert finished.returncode == 0, finished.stderr
+    one, two, names = finished.stdout.splitlines()
+    assert one.split()[1:] == two.split()[1:]
+    assert "agrees" in one
+    assert names == "altitude bias_x tilt y1 y2 unit sigma_linear sigma_paired output output"
+
+
 def test_the_notebook_runs_as_it_stands() -> None:
     """Trajectory 4 in twenty lines with the verdict of campaign 01, and a function of the notebook, run and stored."""
     matplotlib.use("Agg")
@@ -197,6 +245,17 @@ def test_the_notebook_runs_as_it_stands() -> None:
     assert execute(notebook, cells)["run"].outputs.loc["range", "verdict"] == "agrees"
 
 
-def test_a_former_name_warns() -> None:
-    with pytest.warns(DeprecationWarning, match=r"mcnav.fly is now mcnav.run"):
-        assert mc.fly is mc.run  # type: ignore[attr-defined]
+@pytest.mark.parametrize(("former", "name"), [("fly", "run"), ("Flown", "Simulated"), ("FlownRun", "RunResult")])
+def test_a_former_name_warns(former: str, name: str) -> None:
+    with pytest.warns(DeprecationWarning, match=rf"mcnav.{former} is now mcnav.{name}$"):
+        assert getattr(mc, former) is getattr(mc, name)
+
+
+def test_a_class_with_a_former_name_runs_and_the_user_is_told() -> None:
+    """Python hides such warnings in modules by default; the campaign's class is one."""
+    code = SourceFile("mine.py", "from mcnav import Flown\n\n\nclass Mine:\n    kind = Flown\n")
+    with warnings.catch_warnings(record=True) as noticed:
+        warnings.simplefilter("ignore")
+        assert vars(load_class(code, "Mine"))["kind"] is mc.Simulated
+    [warning] = noticed
+    assert (str(warning.message), warning.filename) == ("mcnav.Flown is now mcnav.Simulated", "mine.py")

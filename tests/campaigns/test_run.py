@@ -487,7 +487,7 @@ def test_a_figure_by_itself(tmp_path: Path) -> None:
     """It is written as asked, or one line says what is wrong."""
 
     def figure(*arguments: str, out: str = "figure.pdf") -> subprocess.CompletedProcess[str]:
-        return invoke("figure", "run", *arguments, "--out", out, cwd=tmp_path)
+        return invoke("export", "run", "--figure", *arguments, "--out", out, cwd=tmp_path)
 
     done = invoke("run", ROOT / "campaigns" / "14_polar.toml", "--samples", 300, "--out", "run", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

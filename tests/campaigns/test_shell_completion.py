@@ -66,7 +66,8 @@ def test_bash(place: Path) -> None:
         "campaigns/19_flight_with_gnss.toml",
     ]
     assert completed("mcnav report ", place) == ["reports/my\\ run"]
-    assert completed("mcnav imu Lea", place) == ["Leador\\ A15"]
+    assert completed("mcnav docs imu Lea", place) == ["Leador\\ A15"]
+    assert completed("mcnav docs guide Lea", place) == []
     assert completed("mcnav new i", place) == ["ins"]
     assert completed("mcnav docs comm", place) == ["commands"]
     assert completed("mcnav demo 19", place) == ["19_flight_with_gnss"]
@@ -88,16 +89,16 @@ def test_keys_and_outputs_of_a_sweep(place: Path) -> None:
 
 def test_figures_of_a_run(place: Path) -> None:
     (place / "reports" / "my run").rename(place / "reports" / "mine")
-    found = completed("mcnav figure reports/mine ", place)
+    found = completed("mcnav export reports/mine --figure ", place)
     assert {"scatter", "nees", "budget"} <= set(found)
-    assert completed("mcnav figure reports/mine sca", place) == ["scatter"]
-    assert completed("mcnav figure reports/nothing sca", place) == []
+    assert completed("mcnav export reports/mine --figure sca", place) == ["scatter"]
+    assert completed("mcnav export reports/nothing --figure sca", place) == []
 
 
 def test_zsh_and_fish(place: Path) -> None:
     zsh = asked("zsh", "mcnav run campaigns/11", place)
     assert zsh.stdout.strip() == """_arguments '*: :(("campaigns/11_cruise.toml"))'"""
-    assert asked("zsh", "mcnav imu Lea", place).stdout.strip() == """_arguments '*: :(("Leador A15"))'"""
+    assert asked("zsh", "mcnav docs imu Lea", place).stdout.strip() == """_arguments '*: :(("Leador A15"))'"""
     fish = asked("fish", "mcnav run campaigns/11", place, _TYPER_COMPLETE_FISH_ACTION="get-args")
     assert fish.stdout.strip() == "campaigns/11_cruise.toml"
     assert asked("fish", "mcnav run campaigns/11", place, _TYPER_COMPLETE_FISH_ACTION="is-args").returncode == 0
@@ -113,7 +114,7 @@ def test_the_script_in_bash(place: Path) -> None:
     script = """
 eval "$(_MCNAV_COMPLETE=source_bash mcnav)"
 COMP_WORDS=(mcnav run campaigns/11); COMP_CWORD=2; _mcnav_completion mcnav; printf '%s\\n' "${COMPREPLY[@]}"
-COMP_WORDS=(mcnav imu Lea); COMP_CWORD=2; _mcnav_completion mcnav; printf '%s\\n' "${COMPREPLY[@]}"
+COMP_WORDS=(mcnav docs imu Lea); COMP_CWORD=3; _mcnav_completion mcnav; printf '%s\\n' "${COMPREPLY[@]}"
 complete -p mcnav
 """
     finished = run_to_end(["bash", "--norc", "-c", script], cwd=place, env=environment)
@@ -123,7 +124,7 @@ complete -p mcnav
     assert binding == "complete -o default -F _mcnav_completion mcnav"
 
 
-@pytest.mark.parametrize("line", ["mcnav ru", "mcnav run ca", "mcnav imu H", "mcnav new ins mine --aid g"])
+@pytest.mark.parametrize("line", ["mcnav ru", "mcnav run ca", "mcnav docs imu H", "mcnav new ins mine --aid g"])
 def test_completing_imports_no_numerical_library(line: str) -> None:
     program = """
 import sys

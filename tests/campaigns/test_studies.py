@@ -15,6 +15,7 @@ from mcnav.contract.samples import SimulationResult
 from mcnav.errors import CampaignError
 from mcnav.linear.partials import Propagate
 from mcnav.report.linearity_words import answer, linearity_rows
+from mcnav.report.start_time_words import answer as start_answer
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.studies.linearity import linearity_study
 from mcnav.studies.start_times import check_start_time, checked_times, start_time_study
@@ -139,6 +140,24 @@ def test_errors_that_change_with_the_start_time() -> None:
     assert found.verdict == "agrees"
     np.testing.assert_allclose(after.weights, [1e-3, 0.5e-3, 0.0, 0.0])
     np.testing.assert_allclose(after.weighted, 1e-3 * np.hypot(after.sigma[:, 0], 0.5 * after.sigma[:, 1]), rtol=1e-12)
+
+
+def test_start_times_rank_by_root_mean_square_where_mean_errors_matter() -> None:
+    """Accelerometers off above 80 km leave 387 km in every start: means are those of samples."""
+    scenario = {"type": "reentry", "trajectory": 4, "accelerometers_off_above": "80 km"}
+    switched = campaign(4, scenario=scenario)
+    study = start_time_study(switched, count=7)
+    assert study.means is not None
+    checked = check_start_time(switched, float(study.times[0]), study.axes)
+    # four standard errors of a mean, and what curvature adds: less than a twentieth of a sigma
+    reach = (4.0 / np.sqrt(checked.samples) + 0.05) * study.sigma[0]
+    assert np.all(np.abs(study.means[0] - checked.mean_sample) <= reach)
+    assert study.means[0, 0] == pytest.approx(387e3, abs=1e3)
+    np.testing.assert_allclose(study.weights, 1.0 / np.hypot(study.sigma[0], study.means[0]))
+    told = start_answer(study, {}, switched.scenario.outputs)
+    assert "a mean error exceeds its sigma: that of altitude is +387 km" in told
+    assert "Start times rank by root mean square." in told
+    assert start_time_study(campaign(4), count=7).means is None
 
 
 @pytest.mark.parametrize(

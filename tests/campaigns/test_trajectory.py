@@ -1,4 +1,4 @@
-"""`mcnav trajectory`: what it says of files and campaigns, its page, and its one line for bad input."""
+"""`mcnav check --trajectory`: what it says of files and campaigns, its page, and its one line for bad input."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ position = "10 m"
 
 
 def trajectory(*arguments: object) -> Result:
-    return in_process("trajectory", *arguments)
+    return in_process("check", "--trajectory", *arguments)
 
 
 def facts(*arguments: object) -> dict[str, tuple[float, float | None]]:

@@ -54,7 +54,7 @@ COMMANDS: Final[dict[str, list[str]]] = {
     "compare two": ["compare", "GOOD", "RUN", "--out", "OUT/compared.html"],
     "compare json": ["compare", "RUN", "GOOD", "--format", "json"],
     "export": ["export", "RUN", "--out", "OUT/export"],
-    "figure": ["figure", "RUN", "scatter", "--out", "OUT/scatter.svg"],
+    "figure": ["export", "RUN", "--figure", "scatter", "--out", "OUT/scatter.svg"],
     "replay": ["replay", "RUN", "3"],
     "index": ["index", "PARENT"],
     "sweep": ["sweep", "RUN", "--vary", "errors.altitude=1..2 km", "--out", "OUT/sweep"],

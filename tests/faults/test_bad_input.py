@@ -46,13 +46,13 @@ CAMPAIGNS = {
 }
 
 
-@pytest.mark.parametrize("command", ["run", "partials", "check", "linearity", "start-times"])
+@pytest.mark.parametrize("command", ["run", "lincov", "check", "sweep --scale", "sweep --vary start"])
 @pytest.mark.parametrize("case", CAMPAIGNS)
 def test_a_bad_campaign(command: str, case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text, message = CAMPAIGNS[case]
     monkeypatch.chdir(tmp_path)
     Path("bad.toml").write_text(text)
-    _refused([command, "bad.toml"], f"bad.toml: {message}")
+    _refused([*command.split(), "bad.toml"], f"bad.toml: {message}")
 
 
 INS = """samples = 100
@@ -112,18 +112,21 @@ def test_bad_aiding(command: str, case: str, tmp_path: Path, monkeypatch: pytest
     text, message = AIDING[case]
     monkeypatch.chdir(tmp_path)
     Path("bad.toml").write_text(text)
-    _refused([command, "bad.toml"], f"bad.toml: {message}")
+    _refused([*command.split(), "bad.toml"], f"bad.toml: {message}")
 
 
 CODES = {
     "random": ("return errors + np.random.standard_normal(errors.shape)", ["run"]),
     "not settled": ("return errors + (errors > 0.0)", ["run"]),
-    "raises": ("raise ValueError('never\\nflies')", ["run", "partials", "linearity"]),
-    "ends at zero": ("return np.where(np.abs(errors) > 1e-5, np.nan, errors)", ["run", "partials", "linearity"]),
+    "raises": ("raise ValueError('never\\nflies')", ["run", "lincov --partials", "sweep --scale"]),
+    "ends at zero": (
+        "return np.where(np.abs(errors) > 1e-5, np.nan, errors)",
+        ["run", "lincov --partials", "sweep --scale"],
+    ),
     "no map": ("return np.sign(errors - 0.5) + errors", ["run", "--engine", "map"]),
     "no differences": (
         "return np.where(np.abs(errors) > 1e-5, np.nan, errors)\n\n    def partials(self):\n        return [[1.0]]",
-        ["partials"],
+        ["lincov --partials"],
     ),
 }
 
@@ -138,7 +141,7 @@ def test_a_scenario_that_cannot_be_flown(case: str, tmp_path: Path, monkeypatch:
         _refused([commands[0], "own.toml", *commands[1:]], "own.toml: engine: ")
         return
     for command in commands:
-        _refused([command, "own.toml"], "own.toml: scenario")
+        _refused([*command.split(), "own.toml"], "own.toml: scenario")
 
 
 OPTIONS = {
@@ -162,8 +165,28 @@ OPTIONS = {
     "a replay of nothing": (["replay", "nowhere", "1"], "nowhere: holds no run"),
     "an index of nothing": (["index", "nowhere"], "nowhere: is no folder; expected one that contains run folders"),
     "an index of a file": (["index", "good.toml"], "good.toml: is no folder; expected"),
-    "start times of cruise": (["start-times", "cruise.toml"], "cruise.toml: scenario: has no start times"),
-    "partials at its start times": (["partials", "cruise.toml", "--start-times"], "cruise.toml: scenario: has no"),
+    "start times of cruise": (["sweep", "cruise.toml", "--vary", "start"], "cruise.toml: scenario: has no start times"),
+    "a sweep of nothing": (["sweep", "good.toml"], "mcnav sweep needs --vary KEY=VALUES, --vary start or --scale"),
+    "a sweep of two kinds": (["sweep", "good.toml", "--scale", "--vary", "start"], "mcnav sweep needs --vary KEY"),
+    "an option of another sweep": (["sweep", "good.toml", "--scale", "--axes", "start"], "--axes: belongs to --vary"),
+    "times of a sweep of starts": (["sweep", "good.toml", "--vary", "start", "--at", "1 s"], "--at: does not go with"),
+    "a method without partials": (["lincov", "good.toml", "--method", "runs"], "--method: belongs to --partials"),
+    "partials at a time": (["lincov", "good.toml", "--partials", "--at", "1 s"], "--at: does not go with --partials"),
+    "a page of a check": (["check", "good.toml", "--out", "page.html"], "--out: belongs to --trajectory"),
+    "a sample without a record": (["judge", "good.toml", "--sample", "1"], "--sample: belongs to --record"),
+    "a record to be judged": (
+        ["judge", "good.toml", "--record", "--imu", "imu.csv"],
+        "--record: takes a campaign",
+    ),
+    "a unit of another page": (["docs", "guide", "STIM300"], "STIM300: belongs to the page imu"),
+    "no such command": (["rnu", "good.toml"], "mcnav has no command 'rnu'; did you mean 'run'? mcnav --help lists all"),
+    "no such option": (["run", "good.toml", "--sampels", "3"], "--sampels: no such option; did you mean '--samples'?"),
+    "an option without its value": (["run", "good.toml", "-n"], "-n: needs a value"),
+    "a switch with a value": (["run", "good.toml", "--fresh=1"], "--fresh: takes no value"),
+    "a word for a number": (["run", "good.toml", "-n", "many"], "--samples: expected a whole number"),
+    "too few": (["run", "good.toml", "-n", "1"], "--samples: expected at least 2"),
+    "no campaign": (["run"], "CAMPAIGN: is missing; mcnav run --help lists what it takes"),
+    "two campaigns": (["run", "good.toml", "cruise.toml"], "unexpected words (cruise.toml); mcnav run --help"),
     "a campaign that is there": (["new", "campaign", "good"], "good.toml: exists already"),
     "a name that is none": (["new", "campaign", "2x"], "2x: cannot name a file"),
     "no such scheduler": (["run", "good.toml", "--scheduler", "nowhere"], "nowhere: is no scheduler"),

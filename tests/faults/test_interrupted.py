@@ -23,7 +23,8 @@ from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.linear.corrections import Corrections
-from mcnav.runner.processes import IsolatedEngine, end_workers
+from mcnav.runner.processes import IsolatedEngine
+from mcnav.runner.worker_processes import end_workers
 from mcnav.systems.timeouts import within_limit
 from tests.conftest import ROOT, campaign
 from tests.faults.scenarios import OnAdvance, command, environment

@@ -9,6 +9,7 @@ import pytest
 from typer.main import get_command
 
 from mcnav.cli import app
+from mcnav.cli.former import FORMER, current
 from mcnav.cli.program import GROUPS
 from tests.commands import invoke
 from tests.conftest import ROOT
@@ -53,9 +54,11 @@ def test_the_list_of_commands_has_its_first_sentence(name: str) -> None:
 
 
 def test_every_command_is_in_one_group() -> None:
-    """The help lists it once, in one line of 80 columns."""
+    """The help lists it once, in one line of 80 columns; there are few enough to be read."""
     listed = [name for names in GROUPS.values() for name in names]
-    assert sorted(listed) == sorted(get_command(app).commands)  # type: ignore[attr-defined]
+    shown = {name for name, command in get_command(app).commands.items() if not command.hidden}  # type: ignore[attr-defined]
+    assert sorted(listed) == sorted(shown)
+    assert len(listed) <= 20
     lines = invoke("--help", cwd=ROOT, columns=WIDTH).stdout.splitlines()
     for name in listed:
         (line,) = (line for line in lines if line.startswith(f"  {name} "))
@@ -64,10 +67,43 @@ def test_every_command_is_in_one_group() -> None:
         assert not line.endswith("...")
 
 
-def test_a_former_name_still_works() -> None:
-    group = get_command(app)
-    former = group.get_command(None, "check-scenario")  # type: ignore[attr-defined]
-    assert former is group.commands["check"]  # type: ignore[attr-defined]
+def test_the_help_ends_with_first_steps() -> None:
+    ending = invoke("--help", cwd=ROOT, columns=WIDTH).stdout.splitlines()[-3:]
+    assert [line.split("  ")[1] for line in ending] == [
+        "mcnav demo",
+        "mcnav new ins mine --aid gnss",
+        "mcnav lincov mine.toml",
+    ]
+
+
+@pytest.mark.parametrize("former", FORMER)
+def test_a_former_name_still_works(former: str) -> None:
+    """It does what its name of today does, and says that name; its help is that of today."""
+    done = invoke(former, "--help", cwd=ROOT)
+    assert done.returncode == 0
+    assert done.stderr.startswith(f"note: mcnav {former} is now: mcnav ")
+
+
+def test_options_of_former_names_are_those_of_today() -> None:
+    """Words that a former command took are accepted by the command that has its place."""
+    for words in (
+        ["trajectory", "flight.csv", "--out", "page.html", "--format", "csv"],
+        ["partials", "mine.toml", "--method", "runs", "--format", "json"],
+        ["partials", "mine.toml", "--start-times", "--count", "9", "--axes", "start", "--out", "folder"],
+        ["linearity", "mine.toml", "--tolerance", "0.1", "--samples", "200", "--largest", "12", "--out", "folder"],
+        ["start-times", "mine.toml", "--count", "9", "--axes", "trajectory", "--out", "folder"],
+        ["figure", "--panel", "altitude", "run", "scatter", "--out=scatter.pdf", "--size", "88x60mm", "--columns", "2"],
+        ["imu", "STIM300", "--format", "json"],
+        ["record", "mine.toml", "--sample", "3", "--rate", "20", "--out", "log"],
+        ["schema", "--out", "mcnav.schema.json"],
+        ["compile", "--only", "11", "--jobs", "1"],
+    ):  # fmt: skip
+        name, *others = current(words)
+        command = get_command(app).commands[name]  # type: ignore[attr-defined]
+        if name == "dev":
+            command, others = command.commands[others[0]], others[1:]
+        command.make_context(name, others)
+    assert current(["figure", "run", "scatter"]) == ["export", "run", "--figure", "scatter"]
 
 
 def test_output_places_have_one_name() -> None:

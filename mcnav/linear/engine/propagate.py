@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline
-from mcnav.linear.engine.products import sum_of_products, transform
-from mcnav.linear.engine.transitions import Block, bounds, expand
+from mcnav.linear.engine.products import map_covariances, sum_of_products, transform
+from mcnav.linear.engine.transitions import TOGETHER, Block, bounds, expand
 
 Maps = Callable[[int], Array]
 """From a position to C, shape (o, n)."""
@@ -81,7 +81,7 @@ def propagate(
     with one_thread():
         read_out(begin)
         for first, last in bounds(begin, int(ordered[-1]) if len(ordered) else begin):
-            block = expand(timeline, gains, first, last, start.constants)
+            block = expand(timeline, gains, first, last, start.constants, not by_cause)
             inner = ordered[(ordered > first) & (ordered < last)].tolist()
             for low, high in zip([first, *inner], [*inner, last], strict=True):
                 state.advance(block, low - first, high - first)
@@ -96,14 +96,14 @@ class _State:
 
     Attributes
     ----------
-    names : tuple of tuple of str
-        Processes of which there is a covariance each.
+    names : tuple of str
+        Processes.
     kept : ndarray of int, shape (p, m)
         States of each covariance; n for room that is not used.
     partials, covariances : ndarray, shapes (n, s + 1), (p, m, m)
     """
 
-    names: tuple[tuple[str, ...], ...]
+    names: tuple[str, ...]
     kept: IndexArray
     partials: Array
     covariances: Array
@@ -111,25 +111,22 @@ class _State:
     @classmethod
     def at(cls, timeline: Timeline, start: Start, by_cause: bool) -> _State:
         """Begin at a start."""
-        states, biases = timeline.states, timeline.biases
-        names: tuple[tuple[str, ...], ...] = (timeline.processes,) if timeline.processes else ()
-        kept = np.arange(states)[None].repeat(len(names), axis=0)
-        if by_cause:
-            names = tuple((name,) for name in timeline.processes)
-            owned = np.concatenate([np.zeros(0, dtype=np.int64), *biases.values()])
-            core = np.setdiff1d(np.arange(states), owned)
-            most = max((len(of) for of in biases.values()), default=0)
-            kept = np.full((len(names), len(core) + most), states)
-            kept[:, : len(core)] = core
-            for row, (name,) in zip(kept, names, strict=True):
-                own = biases.get(name, owned[:0])
-                row[len(core) : len(core) + len(own)] = own
+        states, names, biases = timeline.states, timeline.processes, timeline.biases
+        if not by_cause:
+            names, biases = (TOGETHER,)[: len(names)], {}
+        owned = np.concatenate([np.zeros(0, dtype=np.int64), *biases.values()])
+        core = np.setdiff1d(np.arange(states), owned)
+        most = max((len(of) for of in biases.values()), default=0)
+        kept = np.full((len(names), len(core) + most), states)
+        kept[:, : len(core)] = core
+        for row, name in zip(kept, names, strict=True):
+            own = biases.get(name, owned[:0])
+            row[len(core) : len(core) + len(own)] = own
+        started = start.noise if by_cause else {TOGETHER: sum(start.noise.values(), np.zeros((states, states)))}
         covariances = np.zeros((*kept.shape, kept.shape[1]))
-        for place, (together, row) in enumerate(zip(names, kept, strict=True)):
-            for name in together:
-                if name in start.noise:
-                    padded = np.pad(start.noise[name], ((0, 1), (0, 1)))
-                    covariances[place] += padded[np.ix_(row, row)]
+        for place, (name, row) in enumerate(zip(names, kept, strict=True)):
+            if name in started:
+                covariances[place] = np.pad(started[name], ((0, 1), (0, 1)))[np.ix_(row, row)]
         return cls(names, kept, start.partials, covariances)
 
     def advance(self, block: Block, first: int, last: int) -> None:
@@ -146,17 +143,17 @@ class _State:
             return
         padded = np.pad(whole, ((0, 1), (0, 1)))
         self.covariances = transform(padded[self.kept[:, :, None], self.kept[:, None, :]], self.covariances)
-        for place, names in enumerate(self.names):
+        for place, name in enumerate(self.names):
             used = self.kept[place] < len(whole)
             rows_kept = self.kept[place][used]
             own = later if np.array_equal(rows_kept, np.arange(len(whole))) else later[:, rows_kept]
-            for noise in (of for name in names for of in block.noise.get(name, ())):
+            for noise in block.noise.get(name, ()):
                 within = noise.between(first, last)
                 if len(within.places):
                     self.covariances[place][np.ix_(used, used)] += sum_of_products(own, within)
 
     def mapped(self, maps: Array) -> tuple[Array, Array]:
-        """Return partial derivatives and covariances of what is read."""
+        """Return partial derivatives and covariances of what is read; variances that are rounding are zero."""
         padded = np.pad(maps, ((0, 0), (0, 1)))
         own = padded[:, self.kept].transpose(1, 0, 2)
-        return maps @ self.partials, transform(own, self.covariances)
+        return maps @ self.partials, map_covariances(own, self.covariances)

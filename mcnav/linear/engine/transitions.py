@@ -19,6 +19,9 @@ from mcnav.linear.engine.products import Noise
 BLOCK: Final = 256
 """Transitions that are expanded at the same time."""
 
+TOGETHER: Final = "all processes"
+"""Name of all processes added up."""
+
 
 @dataclass(frozen=True)
 class Block:
@@ -54,7 +57,10 @@ def bounds(first: int, last: int) -> list[tuple[int, int]]:
     return [(begin, min(begin + BLOCK, last)) for begin in range(first, last, BLOCK)]
 
 
-def expand(timeline: Timeline, gains: Array | None, first: int, last: int, constants: Array | None = None) -> Block:
+def expand(
+    timeline: Timeline, gains: Array | None, first: int, last: int, constants: Array | None = None,
+    together: bool = False,
+) -> Block:  # fmt: skip
     """Expand the transitions between two positions.
 
     Parameters
@@ -63,6 +69,8 @@ def expand(timeline: Timeline, gains: Array | None, first: int, last: int, const
         K; none where there are no updates in between.
     constants : ndarray, shape (s + 1, s + 1), optional
         E, by which B is multiplied.
+    together : bool
+        All processes are one, `TOGETHER`.
     """
     states, sources = timeline.states, timeline.sources
     is_update = timeline.is_update[first:last]
@@ -73,9 +81,12 @@ def expand(timeline: Timeline, gains: Array | None, first: int, last: int, const
     if len(places):
         steps = timeline.steps(*timeline.steps_before[[first, last]].tolist())
         transitions[places], inputs[places] = steps.transitions, steps.inputs
-        noise = noise_of_steps(steps, places)
+        noise = {TOGETHER: (_added_up(steps, places),)} if together else noise_of_steps(steps, places)
     if is_update.any():
-        _expand_updates(timeline, gains, first, last, transitions, inputs, noise)
+        variances = timeline.updates.variances if timeline.updates is not None else {}
+        if together and variances:
+            variances = {TOGETHER: np.add.reduce(list(variances.values()))}
+        _expand_updates(timeline, gains, variances, first, last, transitions, inputs, noise)
     return Block(first, transitions, inputs if constants is None else inputs @ constants, noise)
 
 
@@ -84,9 +95,17 @@ def noise_of_steps(steps: Steps, places: IndexArray) -> dict[str, tuple[Noise, .
     return {name: (Noise(places, of.rows, of.covariance, of.factor),) for name, of in steps.noise.items()}
 
 
+def _added_up(steps: Steps, places: IndexArray) -> Noise:
+    """Return the noise of all processes in steps."""
+    total = np.zeros_like(steps.transitions)
+    for of in steps.noise.values():
+        total[:, of.rows[:, None], of.rows] += of.covariances
+    return Noise(places, np.arange(total.shape[1]), total, None)
+
+
 def _expand_updates(
-    timeline: Timeline, gains: Array | None, first: int, last: int, transitions: Array, inputs: Array,
-    noise: dict[str, tuple[Noise, ...]],
+    timeline: Timeline, gains: Array | None, by_process: Mapping[str, Array], first: int, last: int,
+    transitions: Array, inputs: Array, noise: dict[str, tuple[Noise, ...]],
 ) -> None:  # fmt: skip
     """Write the updates between two positions into a block."""
     updates, place = timeline.updates, timeline.filter
@@ -97,7 +116,7 @@ def _expand_updates(
     transitions[places] = np.eye(timeline.states) + corrections @ updates.responses[numbers]
     inputs[places] = corrections @ updates.disturbances[numbers]
     rows = np.flatnonzero(place.place.any(axis=1))
-    for name, variances in updates.variances.items():
+    for name, variances in by_process.items():
         u, c = np.nonzero(variances[numbers])
         if len(u):
             factor = corrections[u, :, c][:, rows] * np.sqrt(variances[numbers][u, c])[:, None]

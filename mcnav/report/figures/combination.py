@@ -13,7 +13,7 @@ from mcnav.report.figures.dispersion import ELLIPSES_LINEAR, FLIGHTS, SCATTERED,
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, Steps, Text
 from mcnav.report.figures.palette import AREA, LINEAR
-from mcnav.report.joint_words import combination_words
+from mcnav.report.joint_words import combination_words, direction_words
 from mcnav.report.model import RunAnalysis
 
 COUNTED: Final = Series("flown", "Monte Carlo", AREA, "area")
@@ -29,7 +29,7 @@ REACH: Final = 4.5
 """Linear sigmas that the histogram shows at least."""
 
 LONGEST: Final = 28
-"""Characters of an axis's label."""
+"""Characters of an axis's label; a combination whose words are longer has the name of its direction there."""
 
 TALLEST: Final = 1.3
 """Height of the histogram's panel over that of its highest bin: a density that is narrower ends beyond it."""
@@ -46,16 +46,17 @@ def combination(content: RunAnalysis) -> Figure | None:
     if figure is None or entry is None or len(content.flown) < 2:
         return None
     scale, unit = float(content.output_scale[figure.lead]), content.output_units[figure.lead]
-    label = combination_words(entry, content.summary)
+    label, direction = combination_words(entry, content.summary), direction_words(entry, content.summary)
+    short = label if len(label) <= LONGEST else direction
     values = scale * (content.flown / content.output_scale) @ figure.weights
     centre, sigma = scale * float(content.model.outcome_mean @ figure.weights), scale * figure.sigma_linear
     edges, counts, expected = _histogram(values, centre, sigma)
     upward = Axis("samples", low=0.0, high=TALLEST * float(counts.max()))
     along = [Steps(COUNTED, edges, counts), *_linear(edges, len(values), centre, sigma)]
-    panels, key = [Panel("Samples along the combination", Axis(_short(label), unit), upward, along)], [COUNTED, NORMAL]
+    panels, key = [Panel(f"Samples along the {direction}", Axis(short, unit), upward, along)], [COUNTED, NORMAL]
     beside = _explaining(content, figure, values)
     if beside is not None:
-        panels.append(_scatter(content, figure, values, beside, Axis(_short(label), unit)))
+        panels.append(_scatter(content, figure, values, beside, Axis(short, unit)))
         key += [FLIGHTS, ELLIPSES_LINEAR]
     samples = f"{len(values):,} samples"
     if content.summary.kept:
@@ -79,11 +80,6 @@ def _linear(edges: Array, count: int, centre: float, sigma: float) -> list[Mark]
     x = np.linspace(max(edges[0], centre - REACH * sigma), min(edges[-1], centre + REACH * sigma), POINTS)
     density = np.exp(-0.5 * ((x - centre) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
     return [Line(NORMAL, x, count * (edges[1] - edges[0]) * density, 2.1)]
-
-
-def _short(label: str) -> str:
-    """Return the words for an axis: those of the combination, where they have room beside it."""
-    return label if len(label) <= LONGEST else "combination"
 
 
 def _histogram(values: Array, centre: float, sigma: float) -> tuple[Array, Array, Array]:

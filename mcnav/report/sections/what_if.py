@@ -50,6 +50,10 @@ FAILS: Final = (
     "than this run does: simulate a change before you rely on it."
 )
 
+GATES: Final = (
+    "{}. So what you change here shows sigmas without rejections, and judges no requirement: run a changed campaign."
+)
+
 SAVED: Final = (
     "Copy as TOML gives the whole campaign file with the changed numbers; save it {} for mcnav lincov or mcnav run."
 )
@@ -87,6 +91,8 @@ def what_if_section(
     if len(part.json) > 2 * LARGEST:
         return None
     warned = [Note(FAILS)] if fails else []
+    if what_if.gates:
+        warned.append(Note(GATES.format(what_if.gates)))
     return Section("what-if", "What if", [*warned, *_words(what_if, loop), part])
 
 

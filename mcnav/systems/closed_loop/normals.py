@@ -5,18 +5,20 @@ and normal variates from these by the ziggurat of 256 layers (Marsaglia and Tsan
 ``numpy.random.Generator(Philox(counter=[0, 0, 0, stream], key=[seed, sample])).standard_normal()``. What a generator
 remembers is how many words it has used.
 
-Everything that these functions contain is in this file, besides the layers, which are those of numba's own ziggurat.
+Everything that these functions contain is in this file.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from decimal import Decimal
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from numba.core import types
-from numba.core.extending import intrinsic
-from numba.np.random import _constants as layers
+from numba import types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from mcnav._types import Array
@@ -32,14 +34,41 @@ _SECOND_KEY: Final = np.uint64(0xBB67AE8584CAA73B)
 
 ROUNDS: Final = 10
 
-_WIDTHS: Final = np.array(layers.wi_double)
-_INSIDE: Final = np.array(layers.ki_double)
-_HEIGHTS: Final = np.array(layers.fi_double)
-"""Layers: width over 2^52, share that lies beneath the curve times 2^52, and the curve's height."""
-
-_TAIL: Final = float(layers.ziggurat_nor_r)
-_INVERSE_TAIL: Final = float(layers.ziggurat_nor_inv_r)
+_TAIL: Final = 3.6541528853610088
+_INVERSE_TAIL: Final = 0.27366123732975828
 """Beginning of the lowest layer's tail, and its inverse."""
+
+_AREA: Final = 0.004928673233974652
+"""Area of a layer, as numpy has it."""
+
+_HEIGHT_ROUNDED_UP: Final = 38
+"""Layer whose height numpy has one unit of the last digit above the rounded one."""
+
+
+def compute_layers() -> tuple[Array, NDArray[np.uint64], Array]:
+    """Compute numpy's 256 layers of ``f(x) = exp(-x^2/2)``: widths x, thresholds k and heights f(x).
+
+    From the tail inwards ``f(x_i) = A / x_{i+1} + f(x_{i+1})``, with the same area A for all. The threshold of a layer
+    is the share ``x_{i-1} / x_i`` of it beneath the curve, times 2^52; widths are over 2^52. Layer 0 has the tail.
+    Exponentials and logarithms are rounded from more digits, so that they do not depend on the platform's library.
+    """
+    edges, heights = [_TAIL], [_exponential(-0.5 * _TAIL * _TAIL)]
+    for layer in range(254, 0, -1):
+        edge = math.sqrt(-2.0 * float(Decimal(_AREA / edges[0] + heights[0]).ln()))
+        height = _exponential(-0.5 * edge * edge)
+        edges.insert(0, edge)
+        heights.insert(0, math.nextafter(height, 1.0) if layer == _HEIGHT_ROUNDED_UP else height)
+    base = _AREA / heights[-1]
+    shares = [_TAIL / base, 0.0, *(inner / outer for inner, outer in pairwise(edges))]
+    thresholds = np.array([round(share * 2.0**52) for share in shares], dtype=np.uint64)
+    return np.array([base, *edges]) / 2.0**52, thresholds, np.array([1.0, *heights])
+
+
+def _exponential(power: float) -> float:
+    return float(Decimal(power).exp())
+
+
+_WIDTHS, _INSIDE, _HEIGHTS = compute_layers()
 
 _LAYER: Final = np.uint64(0xFF)
 _MANTISSA: Final = np.uint64(0x000FFFFFFFFFFFFF)

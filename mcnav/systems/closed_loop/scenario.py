@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -43,9 +42,10 @@ from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.strapdown.shown import instrument_sources, shown_units
 from mcnav.systems.closed_loop.timeline import LoopTimeline, process_names
 from mcnav.systems.closed_loop.transitions import Linearization
-from mcnav.systems.guard import LINEARIZING, in_user_code
-from mcnav.systems.sample_loop import format_exception
-from mcnav.systems.user.code import UserScenarioSpec
+from mcnav.systems.guard import LINEARIZING
+from mcnav.systems.user.code import UserScenarioSpec, ask
+
+Read = TypeVar("Read")
 
 REVISION: Final = 1
 """Counts the changes of the samples' last digits: before, products of a library were of all samples at once."""
@@ -122,8 +122,7 @@ class ClosedLoopScenario:
         self._shared: Linearization | None = None
         self._ends: tuple[tuple[float, ...], LinearSystem] | None = None
         self._object = spec.build_current()
-        with in_user_code(spec.code.file, f"while {spec.name} was read"):
-            self._read(spec, sizes)
+        _read_loop(spec, lambda: self._read(spec, sizes))
 
     def _read(self, spec: UserScenarioSpec, sizes: LoopSizes) -> None:
         """Read what the class declares."""
@@ -135,7 +134,8 @@ class ClosedLoopScenario:
         self._check_navigator(spec.name)
         self.judged = judged_states(self._instance, spec.name, self.maps)
         self.readout = readout_of(self.maps)
-        shown = shown_units(self._instance)
+        self._shown, self._instruments = shown_units(self._instance), instrument_sources(self._instance)
+        shown = self._shown
         self.outputs: tuple[Output, ...] = tuple(
             replace(output, shown_in=shown.get(output.name, output.shown_in)) for output in self.readout.outputs
         )
@@ -154,7 +154,7 @@ class ClosedLoopScenario:
     def sources(self) -> tuple[Source, ...]:
         """Errors at the start, and parameters."""
         sigmas = np.sqrt(np.maximum(np.diag(self.sizes.true.start), 0.0))
-        shown, known = shown_units(self._instance), instrument_sources(self._instance)
+        shown, known = self._shown, self._instruments
         sources = []
         for each, sigma in zip(self.maps.structure.sources, sigmas.tolist(), strict=True):
             usual = known[each.name].nominal if each.name in known else 1e-3 if each.unit.startswith("rad") else 1.0
@@ -222,10 +222,13 @@ class ClosedLoopScenario:
             return self._shared
         states, maps, believed = self.states, self.maps, self.sizes.believed
         follow = None if states is None else lambda: GainFilter.at_start(maps, states, believed)
-        with self._running():
+
+        def make() -> Linearization:
             if maps.covariance is not None:
                 stated_covariance(maps, np.repeat(self._start[:, None], 3, axis=1), np.zeros(3))
             return linearize(maps, self._start, self.schedule, self.sizes, follow)
+
+        return self._linearized(make)
 
     @cached_property
     def linear_loop(self) -> LinearLoop:
@@ -241,17 +244,10 @@ class ClosedLoopScenario:
             return self._begun.plan
         return make_plan(self.linearization, self.maps, self.states, self.sizes.believed)
 
-    @contextmanager
-    def _running(self) -> Iterator[None]:
-        """Run code of the user's without errors; what fails is a `ScenarioError`."""
+    def _linearized(self, run: Callable[[], Read], what: str = "its flight without any error failed") -> Read:
+        """Run code of the user's without errors, or with small ones; what fails is a `ScenarioError`."""
         with self._object.recording(self.spec.code.file, LINEARIZING), np.errstate(all="ignore"):
-            try:
-                yield
-            except ScenarioError:
-                raise
-            except Exception as failure:
-                message = f"its flight without any error failed: {format_exception(failure, self.spec.code.file)}"
-                raise ScenarioError("type", message) from failure
+            return ask(self.spec.code.file, LINEARIZING, what, run)
 
     @cached_property
     def _chosen(self) -> tuple[int, ...]:
@@ -319,8 +315,7 @@ class ClosedLoopScenario:
         """Return the readings at times; with the epochs, those around corrections as well."""
         if np.array_equal(times, self.reading_times):
             return self.linear_loop.around(self._chosen)
-        with self._running():
-            return self.linear_loop.at_times(times.tolist())
+        return self._linearized(lambda: self.linear_loop.at_times(times.tolist()))
 
     def smoothed(self, times: Array | None = None) -> LinearSystem:
         """Linearize the errors behind the smoother, at the readings of `linear`; `own` is what it claims."""
@@ -405,19 +400,16 @@ class ClosedLoopScenario:
         """
         self.plan  # noqa: B018  its failure is told first
         instants = {number: epoch for epoch, number in enumerate(self._chosen)}
-        with self._object.recording(self.spec.code.file, LINEARIZING), np.errstate(all="ignore"):
-            try:
-                setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
-                result = None if self._shared is not None else check_repeatable(setup)
-                remarks = remarks_on(setup, self._sigmas_of_times)
-                if result is not None:
-                    remarks += step_error(setup)
-                return (*remarks, *self._departures(setup, result))
-            except ScenarioError:
-                raise
-            except Exception as failure:
-                message = f"flights with small errors failed: {format_exception(failure, self.spec.code.file)}"
-                raise ScenarioError("type", message) from failure
+
+        def try_out() -> tuple[str, ...]:
+            setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
+            result = None if self._shared is not None else check_repeatable(setup)
+            remarks = remarks_on(setup, self._sigmas_of_times)
+            if result is not None:
+                remarks += step_error(setup)
+            return (*remarks, *self._departures(setup, result))
+
+        return self._linearized(try_out, "flights with small errors failed")
 
     def _departures(self, setup: Setup, result: SimulationResult | None) -> tuple[str, ...]:
         """Say what linear analysis says of the loop itself, and how a few samples, if any, depart from it."""
@@ -465,8 +457,7 @@ class ClosedLoopScenario:
 
     @cached_property
     def _starts(self) -> Starts:
-        with self._running():
-            return plan_starts(self.linear_loop.loop, self._start, self.schedule)
+        return self._linearized(lambda: plan_starts(self.linear_loop.loop, self._start, self.schedule))
 
     def start_times(self, count: int) -> Array:
         """Choose evenly spaced instants of the loop up to the first event by trigger, and those of corrections, s."""
@@ -479,8 +470,9 @@ class ClosedLoopScenario:
         """Start the navigator at an instant of the loop, s; see `mcnav.systems.closed_loop.start_times`."""
         self.check_start_axes(axes)
         number = self._start_at(time)
-        with self._running():
-            return type(self)(self.spec, self.sizes, self._starts.begun(self._starts.numbers[number]))
+        return self._linearized(
+            lambda: type(self)(self.spec, self.sizes, self._starts.begun(self._starts.numbers[number]))
+        )
 
     def _start_at(self, time: float) -> int:
         """Return the place of a start among all; `ScenarioError` where the navigator cannot start at a time."""
@@ -547,6 +539,10 @@ def _same_maps(one: ClosedLoopScenario, other: ClosedLoopScenario) -> bool:
 def without_errors(spec: UserScenarioSpec) -> LoopSizes:
     """Return the sizes of a loop without errors."""
     loop = spec.build_current().value
-    with in_user_code(spec.code.file, f"while {spec.name} was read"):
-        none = Sizes.none(maps_of(with_navigator(loop), spec.name))
+    none = _read_loop(spec, lambda: Sizes.none(maps_of(with_navigator(loop), spec.name)))
     return LoopSizes(none, replace(none))
+
+
+def _read_loop(spec: UserScenarioSpec, read: Callable[[], Read]) -> Read:
+    """Read what a user's loop declares; `ScenarioError` when its code fails."""
+    return ask(spec.code.file, f"while {spec.name} was read", spec.name, read)

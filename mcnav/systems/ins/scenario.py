@@ -28,6 +28,8 @@ from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.contract.time_axis import TimeAxis, time_axis
+from mcnav.linear.engine.products import transform
+from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.systems.ins.aided import (
     PROBES,
     AidedEngine,
@@ -36,6 +38,7 @@ from mcnav.systems.ins.aided import (
     believed_shares,
     filter_schema,
 )
+from mcnav.systems.ins.ensemble.adjoint import Adjoint, adjoint_of_free
 from mcnav.systems.ins.ensemble.aided import GivenNoise
 from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
 from mcnav.systems.ins.ensemble.free import EnsembleErrors, EnsembleTables, simulate, simulate_given, tabulate
@@ -46,12 +49,11 @@ from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import NoiseResponse
-from mcnav.systems.ins.linear.adjoint import Adjoint, adjoint_of_free
-from mcnav.systems.ins.linear.closed_loop_covariance import ClosedLoopCovariance
-from mcnav.systems.ins.linear.covariance import LinearErrors, propagate
+from mcnav.systems.ins.linear.aided_errors import ClosedLoopCovariance
+from mcnav.systems.ins.linear.covariance import LinearErrors
+from mcnav.systems.ins.linear.free_timeline import free_errors, free_starts, free_timeline
 from mcnav.systems.ins.linear.recent_responses import recent_responses
 from mcnav.systems.ins.linear.response import StepResponses, respond
-from mcnav.systems.ins.linear.start_times import LinearStarts, propagate_starts
 from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor, gate_limits
@@ -266,7 +268,7 @@ class Navigation:
         if self.aided is not None:
             closed = self.aided.linear
             return LinearErrors(closed.times, closed.partials, closed.processes)
-        return propagate(self.truth, self.responses, self.imu, np.arange(len(self.times)))
+        return free_errors(self.truth, self.responses, self.imu, np.arange(len(self.times)))
 
 
 def _around_faults(sensor: Sensor) -> list[tuple[float, ...]]:
@@ -477,7 +479,7 @@ class Ins:
             )
         self.navigation = navigation
         self.remarks = remarks
-        self._last_starts: tuple[tuple[str, bytes], LinearStarts] | None = None
+        self._last_starts: tuple[tuple[str, bytes], Propagated] | None = None
 
     @property
     def can(self) -> frozenset[Capability]:
@@ -609,7 +611,7 @@ class Ins:
         if not epochs_alone:
             grid = np.union1d(navigation.times, times)
             responses = respond(navigation.truth, navigation.platform, grid, navigation.imu)
-            linear = propagate(navigation.truth, responses, navigation.imu, np.searchsorted(grid, times))
+            linear = free_errors(navigation.truth, responses, navigation.imu, np.searchsorted(grid, times))
         nominal = np.zeros(linear.partials.shape[:2])
         return LinearSystem(linear.times, linear.partials, nominal, linear.processes, label=TRAJECTORY_TIME)
 
@@ -700,23 +702,22 @@ class Ins:
         grid = np.union1d(navigation.times, times)
         responses = _FreeTables.of(navigation, grid, before if isinstance(before, _FreeTables) else None)
         shared.tables = responses
-        linear = propagate(navigation.truth, responses.responses, navigation.imu, np.searchsorted(grid, times))
-        total = linear.partials @ covariance @ linear.partials.swapaxes(1, 2)
-        total += sum(linear.processes.values(), np.zeros_like(total))
-        return CovarianceReadings(times, linear.partials @ mean, total)
+        timeline = free_timeline(navigation.truth, responses.responses, navigation.imu)
+        read = propagate(timeline, None, timeline.positions(times), by_cause=False)
+        partials = read.partials[:, :, :-1]
+        total = transform(partials, covariance) + read.covariances.sum(axis=1)
+        return CovarianceReadings(times, partials @ mean, total)
 
     def linear_over_time(self, count: int) -> LinearSystem:
         """Return the linear system at the epochs, whatever the count."""
         return self.linear()
 
     def check_start_axes(self, axes: str) -> None:
-        """Refuse aided navigation, and axes of another instant where instruments are not on an inertial platform."""
+        """Refuse recorded sensors, and axes of another time where instruments are not on an inertial platform."""
         navigation = self.navigation
-        if navigation.sensors:
+        if self.logs:
             raise ScenarioError(
-                "aiding",
-                "start times are not compared for aided navigation, whose final errors hardly depend on the start; "
-                "leave out [[aiding]] and [filter]",
+                "aiding", f"got a file of measurements of {min(self.logs)}; start times need sensors without a file"
             )
         if axes != "start" and navigation.platform != "inertial":
             raise ScenarioError(
@@ -737,7 +738,9 @@ class Ins:
         if not first <= time <= last:
             raise ScenarioError("start", f"got {time:g} s; navigation starts from {first:g} s to {last:g} s")
         truth = navigation.truth if axes == "start" else navigation.truth.held(navigation.start)
-        return Ins(replace(navigation, truth=truth, start=time), self.remarks)
+        sensors = tuple(sensor.since(time) for sensor in navigation.sensors)
+        model = None if navigation.filter is None else navigation.filter.since(time)
+        return Ins(replace(navigation, truth=truth, start=time, sensors=sensors, filter=model), self.remarks)
 
     def start_times(self, count: int) -> Array:
         """Space start times from the navigation's start to that of the shortest navigation, shape (count,), s."""
@@ -745,27 +748,42 @@ class Ins:
 
     def partials_at(self, times: Array, axes: str = "start") -> Array:
         """Compute the partial derivatives for navigation started at each time, shape (n, 9, sources)."""
-        return self._started(times, axes).partials
+        return self._started(times, axes).partials[:, :, :-1]
 
     def noise_at(self, times: Array, axes: str = "start") -> Array:
         """Compute the covariance from all processes for navigation started at each time, shape (n, 9, 9).
 
         Each process begins with the start: a bias instability is stationary there, a random walk is zero.
         """
-        return self._started(times, axes).noise
+        return np.asarray(self._started(times, axes).covariances.sum(axis=1))
 
-    def _started(self, times: Array, axes: str) -> LinearStarts:
+    def _started(self, times: Array, axes: str) -> Propagated:
         """Propagate all starts, or return what the last call has for the same ones."""
         self.check_start_axes(axes)
         key = (axes, times.tobytes())
         if self._last_starts is None or self._last_starts[0] != key:
             navigation = self.navigation
-            aligned = None if axes == "start" else navigation.start
-            linear_starts = propagate_starts(
-                navigation.truth, navigation.platform, times, navigation.end, navigation.imu, aligned
-            )
+            linear_starts = self._propagate_starts(times, None if axes == "start" else navigation.start)
             self._last_starts = (key, linear_starts)
         return self._last_starts[1]
+
+    def _propagate_starts(self, times: Array, aligned: float | None) -> Propagated:
+        """Propagate all starts; an inertial platform may keep the directions of one time, s."""
+        navigation = self.navigation
+        truth = navigation.truth if aligned is None else navigation.truth.held(aligned)
+        # a platform whose directions depend on the start has tables of its own for each
+        turns = navigation.platform == "inertial" and aligned is None
+        groups = [times[[n]] for n in range(len(times))] if turns else [times]
+        aided = replace(navigation, truth=truth).aided
+        read = [
+            free_starts(truth, navigation.platform, group, navigation.end, navigation.imu)
+            if aided is None
+            else aided.started(group, navigation.end)
+            for group in groups
+        ]
+        return Propagated(
+            np.concatenate([each.partials for each in read]), np.concatenate([each.covariances for each in read])
+        )
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""

@@ -81,7 +81,7 @@ class Kind:
 
 
 @dataclass(frozen=True)
-class Simulated:
+class KeptNumbers:
     """Numbers that were simulated, and how many variates of noise a simulation had, where that counts."""
 
     arrays: tuple[Array, ...]
@@ -89,7 +89,7 @@ class Simulated:
 
 
 class _Header(Record):
-    """First line of a file; the numbers of `Simulated` follow it.
+    """First line of a file; the numbers of `KeptNumbers` follow it.
 
     Attributes
     ----------
@@ -109,9 +109,9 @@ def keep(
     loaded: Loaded,
     spec: UserScenarioSpec,
     kind: Kind,
-    repeats: Callable[[Simulated], bool],
-    simulate: Callable[[], Simulated],
-) -> Simulated:
+    repeats: Callable[[KeptNumbers], bool],
+    simulate: Callable[[], KeptNumbers],
+) -> KeptNumbers:
     """Return a result of a user's class: that of an earlier command, or simulated now.
 
     Parameters
@@ -143,7 +143,7 @@ def keep(
     return result
 
 
-def _read(kind: Kind, name: str, key: Mapping[str, object], inputs: Mapping[str, InputFile]) -> Simulated | None:
+def _read(kind: Kind, name: str, key: Mapping[str, object], inputs: Mapping[str, InputFile]) -> KeptNumbers | None:
     """Read a kept result; none where there is none, or what was noticed meanwhile has changed."""
     try:
         content = kind.cache.read(name)
@@ -159,7 +159,7 @@ def _read(kind: Kind, name: str, key: Mapping[str, object], inputs: Mapping[str,
             return None
         parts = np.split(values, ends[:-1])
         arrays = tuple(part.reshape(shape) for part, shape in zip(parts, described.shapes, strict=True))
-        return Simulated(arrays, described.variates)
+        return KeptNumbers(arrays, described.variates)
     except DamagedError as damaged:
         note(f"{damaged}; {kind.anew}")
     except (ValidationError, ValueError):  # of another version

@@ -13,7 +13,7 @@ from mcnav._types import Array
 from mcnav.cache import Cache
 from mcnav.contract.samples import SimulationResult
 from mcnav.systems.user.code import Loaded, UserScenarioSpec
-from mcnav.systems.user.kept import Kind, Simulated, keep
+from mcnav.systems.user.kept import KeptNumbers, Kind, keep
 
 CACHE: Final = Cache("differences")
 
@@ -50,16 +50,16 @@ def simulate_for_differences(
         result, over_time = simulate(largest)
         return np.concatenate([result.values.ravel(), over_time.ravel()])
 
-    def compute() -> Simulated:
+    def compute() -> KeptNumbers:
         began = time.perf_counter()
         repeated = alone()
         kind.tell(len(errors) * (time.perf_counter() - began))
         result, over_time = simulate(errors)
         if result.failures or result.fallback_count:
             raise _SomeFailed(result, over_time)
-        return Simulated((result.values, over_time, repeated))
+        return KeptNumbers((result.values, over_time, repeated))
 
-    def repeats(kept: Simulated) -> bool:
+    def repeats(kept: KeptNumbers) -> bool:
         return kept.arrays[2].tobytes() == alone().tobytes()
 
     try:

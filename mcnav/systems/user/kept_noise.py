@@ -10,7 +10,7 @@ from mcnav.cache import Cache
 from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.user import noise_measurement
 from mcnav.systems.user.code import Loaded, UserScenarioSpec
-from mcnav.systems.user.kept import Kind, Simulated, keep
+from mcnav.systems.user.kept import KeptNumbers, Kind, keep
 from mcnav.systems.user.measured_noise import EVERY, INDEPENDENT, MeasuredNoise
 from mcnav.systems.user.noise_measurement import Probes, measure, respond
 from mcnav.systems.user.stochastic_engine import SCALE, StochasticUserEngine
@@ -36,9 +36,9 @@ def noise_of(loaded: Loaded, spec: UserScenarioSpec, engine: StochasticUserEngin
         with loaded.recording(spec.code.file, LINEARIZING):
             probes = Probes.of(engine, sources)
 
-        def simulate() -> Simulated:
+        def simulate() -> KeptNumbers:
             measured = measure(probes, KIND.tell)
-            return Simulated((measured.covariance, measured.first), measured.variates)
+            return KeptNumbers((measured.covariance, measured.first), measured.variates)
 
         kept = keep(loaded, spec, KIND, lambda known: _same(probes, known), simulate)
         covariance, first = kept.arrays
@@ -46,7 +46,7 @@ def noise_of(loaded: Loaded, spec: UserScenarioSpec, engine: StochasticUserEngin
     return loaded.noise
 
 
-def _same(probes: Probes, kept: Simulated) -> bool:
+def _same(probes: Probes, kept: KeptNumbers) -> bool:
     """Simulate the first probe again, and compare bits; also compare the number of variates."""
     _, first = kept.arrays
     if kept.variates is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -21,9 +22,9 @@ from mcnav.systems.guard import LINEARIZING, call_user, in_user_code, simulating
 from mcnav.systems.sample_loop import SampleFailed, simulate_each
 from mcnav.systems.timeouts import Result, SampleTimeout, within_limit
 from mcnav.systems.user.code import UserScenarioSpec
-from mcnav.systems.user.flown import Flown, record_of
 from mcnav.systems.user.returned import numbers_of
 from mcnav.systems.user.sample_noise import NORMALS, SAMPLES, GivenNoise, ScaledNoise, sample_noise
+from mcnav.systems.user.simulated import Simulated, record_of
 
 MOST_NORMALS: Final = 2_000
 """Standard normals of a sample's noise, each of which takes a flight or two to see what it adds."""
@@ -90,13 +91,13 @@ class StochasticUserEngine:
 
         def simulate(row: int) -> Array:
             key, errors = (batch.seed, int(batch.index[row])), batch.errors[row]
-            flown = self._fly(instance, errors, noise(row))
-            over_time = flown.errors.reshape(-1, outputs)
+            simulated = self._fly(instance, errors, noise(row))
+            over_time = simulated.errors.reshape(-1, outputs)
             if not np.isfinite(over_time[-1]).all():
                 raise SampleFailed(Failure.of(Reason.NOT_FINITE))
             record = None
             if schema is not None and self.epochs is not None:
-                record = record_of(flown, schema, self.epochs, self.outputs, self.groups)
+                record = record_of(simulated, schema, self.epochs, self.outputs, self.groups)
             if linear is not None:
                 linear[row] = self._linear_outcome(instance, errors, key)
             if history is not None:
@@ -119,8 +120,8 @@ class StochasticUserEngine:
         values = np.empty((len(errors), outputs))
 
         def simulate(row: int) -> Array:
-            flown = self._fly(instance, errors[row], ScaledNoise(0, 0, 0.0))
-            over_time[row] = flown.errors.reshape(-1, outputs)
+            simulated = self._fly(instance, errors[row], ScaledNoise(0, 0, 0.0))
+            over_time[row] = simulated.errors.reshape(-1, outputs)
             return np.asarray(over_time[row, -1])
 
         failures = simulate_each(simulate, range(len(errors)), values, file=self.spec.code.file)
@@ -169,16 +170,15 @@ class StochasticUserEngine:
             raise ScenarioError("type", f"a flight with one normal of its noise failed: {failure}")
         return values.reshape(counted.used, *begun.shape)
 
-    def nominal(self) -> Flown:
+    def nominal(self) -> Simulated:
         """Simulate without errors and noise; what ``fly`` raises is raised."""
         instance = self.spec.build().value
-        none = np.zeros(len(instance.sources))
-        return self._once(lambda: self._fly(instance, none, ScaledNoise(0, 0, 0.0)))
+        return self._once(lambda: self._fly(instance, np.zeros(len(instance.sources)), ScaledNoise(0, 0, 0.0)))
 
     def flight(self, errors: Array, noise: np.random.Generator) -> Array:
         """Call ``fly`` of the class with the errors of one sample, shape (sources,); return shape (m, outputs)."""
-        flown = self._once(lambda: self._fly(self.spec.build().value, errors, noise))
-        return np.asarray(flown.errors.reshape(-1, len(self.outputs)))
+        simulated = self._once(lambda: self._fly(self.spec.build().value, errors, noise))
+        return np.asarray(simulated.errors.reshape(-1, len(self.outputs)))
 
     def response(self, seed: int, index: int, stream: int = SAMPLES, scale: float = SCALE) -> Array:
         """Compute the linear response to a sample's noise by differences, shape (m, outputs)."""
@@ -199,10 +199,10 @@ class StochasticUserEngine:
             except SampleTimeout as late:
                 raise TimeoutError(str(late)) from None
 
-    @property
+    @cached_property
     def own_linear(self) -> bool:
         """Return whether the class has ``fly_linear``."""
-        return hasattr(self.spec.build().value, "fly_linear")
+        return self.spec.gives("fly_linear")
 
     def _linear_outcome(self, instance: Any, errors: Array, key: tuple[int, int]) -> Array:
         """Compute the final errors of one sample by the linear system with the same noise, shape (outputs,)."""
@@ -229,14 +229,14 @@ class StochasticUserEngine:
             raise ValueError("the linear response to the noise is not finite")
         return np.asarray(values)
 
-    def _fly(self, instance: Any, errors: Array, noise: np.random.Generator) -> Flown:
+    def _fly(self, instance: Any, errors: Array, noise: np.random.Generator) -> Simulated:
         """Call ``fly`` with the errors of one sample; `ValueError` when the shape of what it returns is wrong."""
         returned = call_user(instance.fly, errors.copy(), *((noise,) if self.noisy else ()))
-        flown = returned if isinstance(returned, Flown) else Flown(returned)
-        values = numbers_of(flown.errors, "fly")
+        simulated = returned if isinstance(returned, Simulated) else Simulated(returned)
+        values = numbers_of(simulated.errors, "fly")
         if values.shape != self.shape:
             raise ValueError(f"fly must return shape {self.shape}; got {values.shape}")
-        return replace(flown, errors=values)
+        return replace(simulated, errors=values)
 
 
 @dataclass(frozen=True)

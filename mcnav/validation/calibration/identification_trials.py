@@ -46,7 +46,7 @@ EVERY: Final = 10
 """Records of which one is simulated again with each disturbance."""
 
 SHARE: Final = 3
-"""Campaigns of other kinds for which there is one record of each grade in `mcnav calibrate`."""
+"""Campaigns of other kinds for which there is one record of each grade in `mcnav dev calibrate`."""
 
 DRIFT: Final = 0.1
 """Change of the bias for 1 °C, as a share of the grade's bias; the temperature rises by 1 °C in an hour."""

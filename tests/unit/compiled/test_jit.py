@@ -17,9 +17,9 @@ from tests.processes import run_to_end
 
 CODE = """
 import sys
-import mcnav.compiled.jit as jit
+from mcnav.compiled import objects
 
-jit.sources_digest = lambda: sys.argv[1]
+objects.sources_digest = lambda: sys.argv[1]
 sys.path.insert(0, sys.argv[2])
 import doubled
 doubled.doubled(1.0)
@@ -64,7 +64,7 @@ def test_a_function_whose_own_code_is_lost_and_that_of_its_caller_is_not(tmp_pat
         return done.stdout.strip()
 
     assert call("row", "first") == "[6.0, 3.0]"
-    lost = list((tmp_path / "cache").rglob("pair.row-*"))
+    lost = list((tmp_path / "cache").rglob("pair.row.*"))
     assert lost
     for path in lost:
         path.unlink()
@@ -144,5 +144,6 @@ def test_an_installation_that_cannot_be_written_to(tmp_path: Path) -> None:
     start = f"note: compiled code cannot be stored: neither {package}/"
     assert len(told) == 1
     assert told[0].startswith(start)
-    assert f" nor {nowhere}/cache/numba is writable; set NUMBA_CACHE_DIR to a folder that is" in told[0]
+    assert f" nor {nowhere}/cache/numba/" in told[0]
+    assert " is writable; set NUMBA_CACHE_DIR to a folder that is" in told[0]
     assert (tmp_path / "reports" / campaign.stem / "report.html").exists()

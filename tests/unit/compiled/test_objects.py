@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import pickle
 import shutil
 import sys
 from collections.abc import Iterator
@@ -110,6 +111,20 @@ def test_compiled_functions_name_nothing_of_files_that_are_not_digested() -> Non
     assert named == set()
 
 
+def test_a_word_of_a_sensor_s_docstring_compiles_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """And another sign of its innovation does."""
+    shutil.copytree(PACKAGE, tmp_path / "mcnav", ignore=shutil.ignore_patterns("__pycache__", "docs", "*.npz"))
+    sensor = tmp_path / "mcnav" / "systems" / "ins" / "sensors" / "position.py"
+    text = sensor.read_text(encoding="utf-8")
+    monkeypatch.setattr(objects, "__file__", str(tmp_path / "mcnav" / "compiled" / "objects.py"))
+    digests = []
+    for old, new in (("", ""), ("Add ``d . x``", "Add\n    ``d . x``"), ("value += dx * lx", "value -= dx * lx")):
+        assert old in text
+        sensor.write_text(text.replace(old, new, 1), encoding="utf-8")
+        digests.append(objects.sources_digest.__wrapped__())
+    assert digests[0] == digests[1] != digests[2]
+
+
 CODE = """
 import sys
 from numba.core import event
@@ -133,7 +148,7 @@ def test_objects_are_used_without_a_folder_to_write_to_and_not_after_a_change(tm
     """
     package = tmp_path / "installed" / "mcnav"
     package.mkdir(parents=True)
-    for name in ("__init__.py", "constants.py", "progress.py", "_types.py"):
+    for name in ("__init__.py", "constants.py", "files.py", "progress.py", "_types.py"):
         shutil.copy(ROOT / "mcnav" / name, package / name)
     shutil.copytree(ROOT / "mcnav" / "compiled", package / "compiled", ignore=shutil.ignore_patterns("__pycache__"))
     (package.parent / "__pycache__").touch()
@@ -160,11 +175,11 @@ def test_objects_are_used_without_a_folder_to_write_to_and_not_after_a_change(tm
 
 def test_code_is_whole_and_says_what_it_is_whoever_writes_it(tmp_path: Path) -> None:
     """Processes that store other types at the same time keep both; a file of another key or source is not read on."""
-    first, second = (objects.CodeFiles(str(tmp_path), "kernel-1.py311", "sources") for _ in range(2))
-    first.save("float64", "code for a float64")
-    second.save("int64", "code for an int64")
+    first, second = (objects.CodeFiles(tmp_path, "kernel", "sources") for _ in range(2))
+    first.save("float64", pickle.dumps("code for a float64"))
+    second.save("int64", pickle.dumps("code for an int64"))
     assert (first.load("int64"), second.load("float64")) == ("code for an int64", "code for a float64")
-    assert objects.CodeFiles(str(tmp_path), "kernel-1.py311", "other sources").load("int64") is None
+    assert objects.CodeFiles(tmp_path, "kernel", "other sources").load("int64") is None
     first._path("int64").replace(first._path("float64"))
     assert first.load("float64") is None
     assert first.load("int64") is None

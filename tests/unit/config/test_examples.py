@@ -9,6 +9,7 @@ import pytest
 from mcnav.config.read import read_campaign
 from mcnav.entries.examples import FIRST, copy_examples, example, examples, examples_folder
 from mcnav.errors import CampaignError
+from tests import campaign_list
 from tests.commands import invoke
 from tests.conftest import ROOT
 
@@ -19,6 +20,14 @@ def test_every_campaign_is_an_example_with_a_question() -> None:
     for question in examples().values():
         assert "?" in question
         assert "#" not in question
+
+
+def test_the_page_of_the_campaigns_is_current() -> None:
+    """Written again from the headers, it is the same: `python -m tests.campaign_list`; every question has an answer."""
+    assert campaign_list.page() == campaign_list.PAGE.read_text(encoding="utf-8")
+    rows = [line.split(" | ") for line in campaign_list.page().splitlines() if line.startswith("| [")]
+    assert len(rows) == len(examples())
+    assert all(len(row) == 3 and row[2].removesuffix(" |") for row in rows)
 
 
 @pytest.mark.parametrize("name", ["1", "01", FIRST])
@@ -65,5 +74,6 @@ def test_the_command(tmp_path: Path) -> None:
     assert refused.stderr.startswith("error: NAME: no example 'polr'; ")
     done = invoke("demo", "14", cwd=tmp_path)
     assert done.returncode == 0
-    assert "report: reports/14_polar/report.html\n\nnext: mcnav report reports/14_polar --open\n" in done.stdout
+    assert done.stdout.splitlines()[1] == "NO  The linear sigma is wrong for y."
+    assert "\nReport:   reports/14_polar/report.html\nLook:     mcnav report reports/14_polar --open\n" in done.stdout
     assert (tmp_path / "reports" / "14_polar" / "report.html").exists()

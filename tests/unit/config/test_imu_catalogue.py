@@ -72,16 +72,16 @@ def test_units_of_data_sheets() -> None:
 
 
 def test_the_command_lists_and_shows() -> None:
-    listed = in_process("imu")
+    listed = in_process("docs", "imu")
     assert listed.exit_code == 0, listed.output
     for unit in catalogue_units():
         assert unit.name in listed.output
-    shown = in_process("imu", "STIM300")
+    shown = in_process("docs", "imu", "STIM300")
     assert shown.exit_code == 0
     assert "gyro.g_sensitivity" in shown.output
     assert "citing the data sheet" in shown.output
-    table = json.loads(in_process("imu", "--format", "json").stdout)
+    table = json.loads(in_process("docs", "imu", "--format", "json").stdout)
     assert len(table["values"]) == sum(len(unit.values) for unit in catalogue_units())
-    refused = in_process("imu", "STIM30")
+    refused = in_process("docs", "imu", "STIM30")
     assert refused.exit_code == 2
     assert "no grade or unit 'STIM30'; did you mean 'STIM300'?" in refused.stderr

@@ -64,6 +64,17 @@ def test_when() -> None:
     assert "It is the latest start compared; a later one is not looked at." in last
 
 
+def test_a_start_with_the_smallest_sigma_is_not_the_best_where_its_mean_error_is_large() -> None:
+    means = np.array([[1.0, 0.0], [5.0, 0.0], [0.5, 0.0], [0.0, 0.0]])
+    ranked = replace(study([4.0, 1.0, 2.0]), means=means)
+    assert study([4.0, 1.0, 2.0]).best_weighted == 1
+    assert ranked.best_weighted == 2
+    assert list(ranked.best) == [2, 0]
+    told = start_answer(ranked, {}, OUTPUTS)
+    assert told.startswith("At 1 of 3 start times a mean error exceeds its sigma: that of range is +0.005")
+    assert "Start at −10.0 min from reentry: of the starts compared, the weighted root mean square is" in told
+
+
 def test_when_errors_are_beyond_the_range_of_linear_analysis() -> None:
     limited = (Output("range", "m", "km", limit=1.5), Output("altitude", "m", "km"))
     within = start_answer(study([4.0, 1.0, 2.0]), {}, limited)

@@ -10,13 +10,14 @@ from scipy import integrate, optimize, special, stats
 
 from mcnav.analysis.gates import answer_gates
 from mcnav.contract.gates import GateLaw, GateQuestion
+from mcnav.errors import NumericalError
 from mcnav.statistics.gates import (
     GatedError,
     acceptance,
+    check_stopped,
     largest_of,
     rejected_again,
     rejected_square,
-    run_acceptance,
     smallest_stopped,
 )
 
@@ -28,11 +29,12 @@ S, LIMIT = BEFORE + 1.0, 10.827566170662733
 
 def test_case_i() -> None:
     """A spike of 6 in one measurement: digits of the check value, which was computed elsewhere."""
-    law = GatedError(LIMIT, np.array([-6.0 / np.sqrt(S)]), np.eye(1), np.zeros(1), 6.0 * GAIN, float(np.sqrt(VARIANCE)))
+    means, errors, sigma = np.array([[-6.0 / np.sqrt(S)]]), np.array([6.0 * GAIN]), float(np.sqrt(VARIANCE))
+    law = GatedError(LIMIT, means, np.eye(1), np.zeros(1), errors, sigma)
     assert pytest.approx(2.618034, abs=1e-6) == S
-    assert acceptance(LIMIT, law.mean, law.covariance) == pytest.approx(0.338092, abs=1e-6)
-    assert law.error == pytest.approx(3.708204, abs=1e-6)
-    assert law.unnoticed_beyond(4.0 * law.sigma) == pytest.approx(0.2580601, abs=1e-7)
+    assert acceptance(LIMIT, means, law.covariance)[0] == pytest.approx(0.338092, abs=1e-6)
+    assert errors[0] == pytest.approx(3.708204, abs=1e-6)
+    assert law.unnoticed_beyond(4.0 * sigma)[0] == pytest.approx(0.2580601, abs=1e-7)
 
 
 def test_answers_of_its_gate() -> None:
@@ -54,8 +56,8 @@ def test_answers_of_its_gate() -> None:
                                        + stats.norm.sf((4.0 * sigma + GAIN * spike) / sigma))  # fmt: skip
 
     spike = optimize.brentq(lambda b: accepted(b) - 0.01, 1.0, 30.0, xtol=1e-12)
-    assert answer.spike == pytest.approx(spike, rel=1e-9)
-    assert answer.spike_error == pytest.approx(GAIN * spike, rel=1e-9)
+    assert answer.spike == pytest.approx(spike, rel=1e-6)  # as the bracket is wide
+    assert answer.spike_error == pytest.approx(GAIN * spike, rel=1e-6)
     assert answer.limit == pytest.approx(4.0 * np.sqrt(VARIANCE), rel=1e-12)
     worst = optimize.minimize_scalar(lambda b: -risk(b), bounds=(0.0, 20.0), method="bounded")
     assert answer.risk == pytest.approx(-worst.fun, rel=1e-6)  # flat at the top
@@ -63,24 +65,24 @@ def test_answers_of_its_gate() -> None:
     assert risk(6.0) < answer.risk
     # the usual rejections do not count: one measurement of 0.001
     ramp = optimize.brentq(lambda b: accepted(b) / accepted(0.0) - 0.01, 1.0, 30.0, xtol=1e-12)
-    assert answer.ramp == pytest.approx(ramp, rel=1e-9)
-    assert answer.ramp_error == pytest.approx(GAIN * ramp, rel=1e-9)
+    assert answer.ramp == pytest.approx(ramp, rel=1e-6)
+    assert answer.ramp_error == pytest.approx(GAIN * ramp, rel=1e-6)
 
 
 def test_three_components_as_scipy_has_them() -> None:
     mean = np.array([1.0, -2.0, 0.5])
-    assert acceptance(9.0, mean, np.eye(3)) == pytest.approx(stats.ncx2.cdf(9.0, 3, mean @ mean), rel=1e-9)
     means = np.stack([mean, 2.0 * mean, 0.0 * mean])
-    each = [acceptance(9.0, row, np.eye(3)) for row in means]
-    assert run_acceptance(9.0, means, np.eye(3)) == pytest.approx(np.prod(each), rel=1e-12)
-    assert acceptance(np.inf, mean, np.eye(3)) == 1.0
+    expected = stats.ncx2.cdf(9.0, 3, np.sum(means**2, axis=1))
+    assert acceptance(9.0, means, np.eye(3)) == pytest.approx(expected, rel=1e-9)
+    assert acceptance(9.0, means, np.eye(3), rough=True) == pytest.approx(expected, rel=2e-6)
+    assert np.all(acceptance(np.inf, means, np.eye(3)) == 1.0)
 
 
 @pytest.mark.parametrize("size", [0.0, 0.8, 4.0])
 def test_an_innovation_that_is_correlated_with_the_error(size: float) -> None:
     """Against scipy's bivariate normal, good to 1e-5, where the innovation is twice as large as believed."""
     covariance, cross, sigma, mean, error = 4.0, 0.9, 0.7, 1.2, -0.3
-    law = GatedError(6.0, np.array([mean]), np.array([[covariance]]), np.array([cross]), error, sigma)
+    law = GatedError(6.0, np.array([[mean]]), np.array([[covariance]]), np.array([cross]), np.array([error]), sigma)
     both = stats.multivariate_normal([mean, error], [[covariance, cross], [cross, sigma**2]])
     reach = np.sqrt(6.0)
 
@@ -90,13 +92,15 @@ def test_an_innovation_that_is_correlated_with_the_error(size: float) -> None:
         return float(sum(corners))
 
     expected = rectangle(size, 50.0) + rectangle(-50.0, -size)
-    assert law.unnoticed_beyond(size) == pytest.approx(expected, abs=2e-5)
+    assert law.unnoticed_beyond(size)[0] == pytest.approx(expected, abs=2e-5)
 
 
 def test_where_nothing_is_stopped() -> None:
     assert smallest_stopped(lambda size: 1.0, 0.9) == np.inf
     assert smallest_stopped(lambda size: 0.05, 0.9) == 0.0
-    assert largest_of(lambda x: 1.0 - (x - 0.3) ** 2, 2.0) == (pytest.approx(0.3, abs=1e-6), pytest.approx(1.0))
+    assert largest_of(lambda x: np.cos(x - 0.3), 2.0) == pytest.approx(0.3, abs=1e-6)
+    with pytest.raises(NumericalError, match=r"should accept with 0\.05 is accepted with 0\.06"):
+        check_stopped(0.06, 0.95)
 
 
 @pytest.mark.parametrize(("variance", "correlation"), [(25.0, 0.999), (400.0, 0.99), (1e6, 0.9)])
@@ -104,13 +108,13 @@ def test_a_gate_that_is_open_for_few_of_the_errors(variance: float, correlation:
     """Of an innovation that the error nearly determines: by the law of the error given the innovation, in the gate."""
     limit, mean, error, sigma, size = 6.0, 3.0, 0.1, 0.7, 0.3
     cross = correlation * np.sqrt(variance) * sigma
-    law = GatedError(limit, np.array([mean]), np.array([[variance]]), np.array([cross]), error, sigma)
+    law = GatedError(limit, np.array([[mean]]), np.array([[variance]]), np.array([cross]), np.array([error]), sigma)
     nodes, weights = np.polynomial.legendre.leggauss(400)
     innovation = np.sqrt(limit) * nodes
     density = np.sqrt(limit) * weights * stats.norm.pdf(innovation, mean, np.sqrt(variance))
     centre, spread = error + cross / variance * (innovation - mean), sigma * np.sqrt(1.0 - correlation**2)
     beyond = special.ndtr((-size - centre) / spread) + special.ndtr((centre - size) / spread)
-    assert law.unnoticed_beyond(size) == pytest.approx(float(density @ beyond), rel=1e-6)
+    assert law.unnoticed_beyond(size)[0] == pytest.approx(float(density @ beyond), rel=1e-6)
 
 
 @pytest.mark.parametrize("rejected", [0.1, 1e-3])
@@ -166,9 +170,17 @@ def test_rejected_again_of_unlike_components() -> None:
     assert low <= again <= high
 
 
-def test_a_run_of_rejections_that_is_almost_sure() -> None:
-    """Its probability of acceptance underflows, while the one by which each is divided does not."""
-    means, wide = np.zeros((400, 1)), 4.0 * np.eye(1)
-    usual = acceptance(1.0, means[0], wide)
-    assert run_acceptance(1.0, means, wide) == 0.0
-    assert run_acceptance(1.0, means, wide, usual) == pytest.approx(1.0)
+def test_cases_at_once_are_those_alone_and_those_of_samples() -> None:
+    """Three components, two cases, an innovation that differs from what the filter believes; false alarm 1e-4."""
+    covariance, cross = np.array([[3.0, 0.5, 0.0], [0.5, 1.5, 0.2], [0.0, 0.2, 0.8]]), np.array([0.6, -0.2, 0.1])
+    means, errors, sigma, size = np.array([[1.0, -2.0, 0.5], [0.0, 0.0, 3.0]]), np.array([0.4, -0.2]), 0.6, 1.0
+    at_once = GatedError(9.0, means, covariance, cross, errors, sigma).unnoticed_beyond(size)
+    root = np.linalg.cholesky(np.block([[covariance, cross[:, None]], [cross, np.array([[sigma**2]])]]))
+    draws = np.random.default_rng(53).standard_normal((200_000, 4)) @ root.T
+    for case, (mean, error) in enumerate(zip(means, errors, strict=True)):
+        law = GatedError(9.0, mean[None], covariance, cross, error[None], sigma)
+        assert law.unnoticed_beyond(size)[0] == pytest.approx(at_once[case], rel=1e-9)
+        assert law.unnoticed_beyond(size, rough=True)[0] == pytest.approx(at_once[case], rel=2e-4)
+        unnoticed = (np.sum((draws[:, :3] + mean) ** 2, axis=1) <= 9.0) & (np.abs(draws[:, 3] + error) > size)
+        low, high = stats.binom.ppf([5e-5, 1.0 - 5e-5], len(draws), at_once[case])
+        assert low <= unnoticed.sum() <= high

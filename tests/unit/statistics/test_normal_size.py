@@ -10,7 +10,7 @@ from scipy import special, stats
 
 from mcnav._types import Array
 from mcnav.errors import NumericalError
-from mcnav.statistics import normal_size
+from mcnav.statistics import generalized_chi_square
 from mcnav.statistics.normal_size import NormalSize, size_quantile
 
 # The burn of nasa/condor's rendezvous: mean, and a covariance with the same sigmas.
@@ -152,14 +152,14 @@ def test_the_law_rises_and_its_mean_lies_between_for_shapes_at_random() -> None:
 
 def test_routes_that_disagree_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a second route of two nodes in each unit, no probability and no quantile is stated."""
-    monkeypatch.setattr(normal_size, "PATHS", (normal_size.PATHS[0], (0.3, 2)))
+    monkeypatch.setattr(generalized_chi_square, "PATHS", (generalized_chi_square.PATHS[0], (0.3, 2)))
     law = NormalSize.of(np.array([0.0, 5.5]), np.diag([1.0, 0.02]))
-    normal_size._hyperbola.cache_clear()
+    generalized_chi_square._hyperbola.cache_clear()
     with pytest.raises(NumericalError, match="two ways to compute the probability of 5"):
         law.probability(5.0)
     with pytest.raises(NumericalError, match=r"two ways to compute the size at the probability 0\.9973"):
         law.quantile(0.9973)
-    normal_size._hyperbola.cache_clear()
+    generalized_chi_square._hyperbola.cache_clear()
 
 
 def test_circles_and_spheres() -> None:

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.systems.ins.imu.gravity import DISTURBANCES, GravityDisturbance
+from mcnav.systems.ins.imu.gravity import GravityDisturbance
 
 AXES: Final = ("x", "y", "z")
 CROSS_AXES: Final = ("xy", "xz", "yx", "yz", "zx", "zy")
@@ -127,9 +127,3 @@ def process_sizes(imu: Imu) -> dict[str, float]:
     ]
     present = {name: float(size) for name, size in zip(PROCESSES, sizes, strict=True) if size > 0.0}
     return present | imu.gravity.sizes
-
-
-def count_processes(imu: Imu) -> int:
-    """Count the processes that are not zero: a deflection of the vertical is two."""
-    of_instruments = process_sizes(Imu(imu.gyro, imu.accelerometer))
-    return len(of_instruments) + sum(imu.gravity.sigma(name) > 0.0 for name in DISTURBANCES)

@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav._types import Array
 from mcnav.systems.ins.earth import local_axes
-from mcnav.systems.ins.imu.gravity import DISTURBANCES, add_by_cause
-from mcnav.systems.ins.imu.instruments import CONSTANTS, PROCESSES, Imu, Noise, process_sizes
+from mcnav.systems.ins.imu.gravity import DISTURBANCES
+from mcnav.systems.ins.imu.instruments import PROCESSES, Imu, Noise, process_sizes
 from mcnav.systems.ins.linear.response import StepResponses
 from mcnav.systems.ins.truth.trajectory import Truth
-
-ROUNDED: Final = 1e-14
-"""Share of the variance that a sum would have without cancellation, up to which its own is rounding.
-
-Each of its two products of nine terms has nine units of rounding, 2e-15 together; the covariance's entries, which add
-up steps and updates, have some more.
-"""
 
 
 @dataclass(frozen=True)
@@ -69,32 +61,6 @@ def output_map(truth: Truth, time: float) -> Array:
     result[6:9, 0:3] = axes
     result[6:9, 6:9] = -turn @ axes
     return result
-
-
-def map_covariances(maps: Array, covariances: Array) -> Array:
-    """Compute ``M P M^T``; rows and columns of variances that are rounding are zero.
-
-    Parameters
-    ----------
-    maps, covariances : ndarray, shapes (..., r, n), (..., n, n)
-
-    Returns
-    -------
-    ndarray, shape (..., r, r)
-
-    Examples
-    --------
-    Two errors that are one, and their difference:
-
-    >>> map_covariances(np.array([[1.0, 0.0], [3.0, -0.3]]), np.array([[0.01, 0.1], [0.1, 1.0]]))
-    array([[0.01, 0.  ],
-           [0.  , 0.  ]])
-    """
-    mapped = maps @ covariances @ maps.swapaxes(-1, -2)
-    variances = np.maximum(np.diagonal(covariances, axis1=-2, axis2=-1), 0.0)
-    sizes = (np.abs(maps) @ np.sqrt(variances)[..., None])[..., 0]
-    kept = np.diagonal(mapped, axis1=-2, axis2=-1) > ROUNDED * sizes**2
-    return np.asarray(np.where(kept[..., :, None] & kept[..., None, :], mapped, 0.0))
 
 
 def transitions(responses: StepResponses) -> Array:
@@ -199,41 +165,3 @@ def _quantization(responses: StepResponses, noise: Noise, axis: int, first: int)
 def biased_processes(responses: StepResponses, imu: Imu) -> tuple[str, ...]:
     """Return the names of the processes that are biases, in order."""
     return tuple(name for name, (response, _, _) in process_systems(responses, imu).items() if response.any())
-
-
-def propagate(truth: Truth, responses: StepResponses, imu: Imu, epochs: IndexArray) -> LinearErrors:
-    """Propagate the linear system along the truth.
-
-    Parameters
-    ----------
-    epochs : ndarray of int, shape (m,)
-        Rising; numbers of the times at which it is read out, 0 being the start.
-    """
-    transition, inputs = transitions(responses), constant_inputs(responses)
-    systems = process_systems(responses, imu)
-    partials = np.zeros((9, len(CONSTANTS)))
-    partials[:, :9] = np.linalg.inv(output_map(truth, float(responses.times[0])))
-    covariance = np.zeros((len(systems), 10, 10))
-    augmented = np.zeros((len(systems), len(transition), 10, 10))
-    added = np.zeros((len(transition), len(systems), 10, 10))
-    for number, (response, noise, variance) in enumerate(systems.values()):
-        covariance[number, 9, 9] = variance
-        augmented[number, :, :9, :9] = transition
-        augmented[number, :, :, 9] = response
-        added[:, number] = noise
-    seen_partials, seen_covariance = [], []
-    wanted = set(epochs.tolist())
-    for number, time in enumerate(responses.times):
-        if number > 0:
-            step = number - 1
-            partials = transition[step] @ partials
-            partials[:, 9:] += inputs[step]
-            over = augmented[:, step]
-            covariance = over @ covariance @ over.swapaxes(1, 2) + added[step]
-        if number in wanted:
-            to_outputs = output_map(truth, float(time))
-            seen_partials.append(to_outputs @ partials)
-            seen_covariance.append(to_outputs @ covariance[:, :9, :9] @ to_outputs.T)
-    by_process = np.stack(seen_covariance)
-    named = add_by_cause({name: by_process[:, number] for number, name in enumerate(systems)})
-    return LinearErrors(responses.times[epochs], np.stack(seen_partials), named)

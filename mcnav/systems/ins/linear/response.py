@@ -118,6 +118,14 @@ def respond(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepRes
     return responses
 
 
+def responses_between(responses: StepResponses, first: int, last: int) -> StepResponses:
+    """Return the responses over the steps from the first to before the last, in the same memory."""
+    times, *tables, axes, gravity = responses
+    of_gravity = GravityResponses._make(table[first:last] for table in gravity)
+    of_steps = (table[first:last] for table in tables)
+    return StepResponses._make((times[first : last + 1], *of_steps, axes[first : last + 1], of_gravity))
+
+
 def _rooms_for(times: Array, axes: Array, gravity: GravityResponses) -> StepResponses:
     """Return responses over the steps between times, which are zero but for those to gravity disturbances."""
     shapes = (

@@ -39,9 +39,9 @@ CONSTANTS: Final = ("bias", "scale_factor", "misalignment", "g_sensitivity", "no
 
 Grade = Annotated[
     str,
-    OneOf(tuple(unit.name for unit in catalogue_units()), "; mcnav imu lists them"),
+    OneOf(tuple(unit.name for unit in catalogue_units()), "; mcnav docs imu lists them"),
 ]
-OfGrade = Field(description="Grade or unit of the catalogue; mcnav imu lists it.")
+OfGrade = Field(description="Grade or unit of the catalogue; mcnav docs imu lists it.")
 OfGyros = Field(description="Errors of the gyros, in place of the grade's.")
 OfAccelerometers = Field(description="Errors of the accelerometers, in place of the grade's.")
 

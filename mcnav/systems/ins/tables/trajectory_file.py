@@ -49,7 +49,7 @@ LONGEST_HEADER: Final = 20_000
 """Bytes of the first line."""
 
 ENDINGS: Final = (".csv", ".parquet", ".txt", ".toml", ".pos", ".nmea", ".gpx", ".ulg")
-"""Endings of files that ``mcnav trajectory`` may read."""
+"""Endings of files that ``mcnav check --trajectory`` may read."""
 
 DELIMITERS: Final = (",", ";", "\t")
 

@@ -163,7 +163,9 @@ def hover(growth: pd.DataFrame, departure: pd.DataFrame) -> tuple[Figure, Figure
 def reduction(frame: pd.DataFrame) -> Figure:
     """Draw the reduction by the pendulum against flight time, by error source and together."""
     names = [column.removesuffix(" [1]") for column in frame.columns[1:]]
-    single = [numbered(place, name) for place, name in enumerate(names) if not name.startswith("all")]
+    # every other colour: those between are paler
+    alone = [name for name in names if not name.startswith("all")]
+    single = [numbered(2 * place, name) for place, name in enumerate(alone)]
     together = [
         Series(name.replace(", ", "-").replace(" ", "-"), name, INK, kind)
         for name, kind in zip((name for name in names if name.startswith("all")), ("line", "dotted"), strict=True)
@@ -189,7 +191,7 @@ def reduction(frame: pd.DataFrame) -> Figure:
 def detuned(frame: pd.DataFrame) -> Figure:
     """Draw the error of the cruising missile over time by gear ratio."""
     lines = [
-        (numbered(place, column.removesuffix(" [mi]")), frame[column].abs())
+        (numbered(2 * place, column.removesuffix(" [mi]")), frame[column].abs())
         for place, column in enumerate(frame.columns[1:])
     ]
     marks: list[Mark] = [Line(series, frame["time [min]"][1:], error[1:]) for series, error in lines]

@@ -73,7 +73,7 @@ NOMINAL_FINAL_ALTITUDE: Final = 28e3
 
 MULTIPLES: Final = np.linspace(-100.0, 100.0, 81)
 SWITCHING_ALTITUDES: Final = (
-    *np.arange(60.0, 90.0, 5.0), *np.arange(90.0, 112.0, 2.0), 115.0, 121.92, 130.0, 150.0, 175.0, 200.0,
+    60.0, 65.0, 70.0, *np.arange(75.0, 96.0), *np.arange(96.0, 112.0, 2.0), 115.0, 121.92, 130.0, 150.0, 175.0, 200.0,
 )  # fmt: skip
 
 

@@ -33,9 +33,11 @@ FLOWN_ERROR: Final = Series("flown", "flown", FLOWN)
 LINEAR_ERROR: Final = Series("linear", "linear", LINEAR, "dashed")
 LEAST: Final = Series("least", "least", INK, "triangle")
 
-LOWEST_SHOWN: Final = 75.0
+LOWEST_SHOWN, HIGHEST_SHOWN = 75.0, 130.0
+"""Switching altitudes that are drawn, km: above them the curves are flat."""
+
 SMALLEST_SHOWN: Final = 0.1
-"""Switching altitudes (km) and errors (km) from here on are drawn."""
+"""Errors (km) from here on are drawn."""
 
 
 def figure_1(frame: pd.DataFrame) -> Figure:
@@ -310,7 +312,7 @@ def figure_13(frame: pd.DataFrame) -> Figure:
     mean = Series("mean", "mean, by the drag missed", FILTER, "dashdot")
     alone = Series("sigma", "sigma", LINEAR, "dashed")
     whole = Series("rms", "root mean square", FLOWN)
-    shown = frame[frame["off above [km]"] >= LOWEST_SHOWN]
+    shown = frame[frame["off above [km]"].between(LOWEST_SHOWN, HIGHEST_SHOWN)]
 
     def panel(name: str) -> Panel:
         switched = shown["off above [km]"]

@@ -41,6 +41,14 @@ class Innovations:
         Covariance that the filter expects of them.
     accepted : array_like of bool, shape (k,), optional
         Updates that the filter used; all unless given.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> import numpy as np
+    >>> range_ = mc.Innovations(times=[1.0, 2.0], values=[0.3, -0.1], covariance=[0.04, 0.04])
+    >>> np.shape(range_.values)
+    (2,)
     """
 
     times: Any
@@ -50,7 +58,7 @@ class Innovations:
 
 
 @dataclass(frozen=True)
-class Flown:
+class Simulated:
     """One simulation with a filter.
 
     Attributes
@@ -62,6 +70,15 @@ class Flown:
         all navigation errors.
     innovations : mapping of str to Innovations
         By the name of the sensor; always the same sensors.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> import numpy as np
+    >>> errors = np.array([[0.1], [0.2]])  # two epochs, one output
+    >>> flight = mc.Simulated(errors, covariance=np.array([[[0.04]], [[0.05]]]))
+    >>> flight.covariance.shape
+    (2, 1, 1)
     """
 
     errors: Any
@@ -70,7 +87,10 @@ class Flown:
 
 
 def schema_of(
-    flown: Flown, outputs: Sequence[str], groups: Mapping[str, Sequence[str]], known: Sequence[str]
+    simulated: Simulated,
+    outputs: Sequence[str],
+    groups: Mapping[str, Sequence[str]],
+    known: Sequence[str],
 ) -> FilterSchema | None:
     """Derive the columns of the records from one simulation; none without a filter.
 
@@ -88,11 +108,11 @@ def schema_of(
     ValueError
         When names or shapes are wrong.
     """
-    if flown.covariance is None:
-        if flown.innovations or groups:
-            raise ValueError("innovations and groups need the filter's covariance: Flown(errors, covariance, ...)")
+    if simulated.covariance is None:
+        if simulated.innovations or groups:
+            raise ValueError("innovations and groups need the filter's covariance: Simulated(errors, covariance, ...)")
         return None
-    for name in (*groups, *flown.innovations):
+    for name in (*groups, *simulated.innovations):
         if not isinstance(name, str) or not NAME.fullmatch(name):
             raise ValueError(f"{name!r} is not a name of letters, digits and _")
     for name, members in groups.items():
@@ -102,7 +122,7 @@ def schema_of(
         named = {output for output in known if output.startswith(name)}  # the analysis takes them for the group's
         if named and named != set(members):
             raise ValueError(f"groups: {name!r} must list the outputs whose names begin with it, or have another name")
-    sizes = {name: _columns(name, each)[1].shape[1] for name, each in flown.innovations.items()}
+    sizes = {name: _columns(name, each)[1].shape[1] for name, each in simulated.innovations.items()}
     return FilterSchema(
         groups={ALL: len(known)} | {name: len(members) for name, members in groups.items()},
         outputs=len(outputs),
@@ -112,7 +132,11 @@ def schema_of(
 
 
 def record_of(
-    flown: Flown, schema: FilterSchema, epochs: Epochs, outputs: Sequence[str], groups: Mapping[str, Sequence[str]]
+    simulated: Simulated,
+    schema: FilterSchema,
+    epochs: Epochs,
+    outputs: Sequence[str],
+    groups: Mapping[str, Sequence[str]],
 ) -> Array:
     """Compute the records of one simulation at all epochs, shape (m, width).
 
@@ -123,17 +147,17 @@ def record_of(
     ValueError
         When shapes or sensors are wrong.
     """
-    errors = numbers_of(flown.errors, "fly")
+    errors = numbers_of(simulated.errors, "fly")
     known = list(schema.known)
     count, size = len(errors), len(known)
-    if flown.covariance is None:
+    if simulated.covariance is None:
         raise ValueError("fly returned no covariance; it did without errors and noise")
-    covariance = numbers_of(flown.covariance, "covariance of fly")
+    covariance = numbers_of(simulated.covariance, "covariance of fly")
     if covariance.shape != (count, size, size):
         raise ValueError(f"the filter's covariance must have shape {(count, size, size)}; got {covariance.shape}")
-    if dict(schema.sensors).keys() != flown.innovations.keys():
+    if dict(schema.sensors).keys() != simulated.innovations.keys():
         listed = ", ".join(schema.sensors) or "no sensor"
-        raise ValueError(f"innovations must always be of {listed}; got {', '.join(flown.innovations) or 'none'}")
+        raise ValueError(f"innovations must always be of {listed}; got {', '.join(simulated.innovations) or 'none'}")
     _check_finite(errors, epochs, "errors")
     _check_finite(covariance, epochs, "the filter's covariance")
     records, places = np.zeros((count, schema.width)), schema.places
@@ -148,7 +172,7 @@ def record_of(
     sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     records[:, places["within_1"]] = np.abs(errors) <= sigmas
     records[:, places["within_3"]] = np.abs(errors) <= 3.0 * sigmas
-    for name, innovations in flown.innovations.items():
+    for name, innovations in simulated.innovations.items():
         records[:, places[f"sensor:{name}"]] = _counted(name, innovations, schema.sensors[name], epochs)
     return records
 

@@ -9,7 +9,7 @@ import pytest
 
 from mcnav.contract.history import Epochs
 from mcnav.systems.sample_loop import SampleFailed
-from mcnav.systems.user.flown import Flown, Innovations, record_of, schema_of
+from mcnav.systems.user.simulated import Innovations, Simulated, record_of, schema_of
 
 EPOCHS = Epochs("time [s]", np.array([0.0, 2.0, 4.0]))
 NAMES = ("x", "y", "z")
@@ -18,14 +18,14 @@ ERRORS = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, -7.0], [3.0, 0.0, 1.0]])
 COVARIANCE = np.array([np.eye(3), np.diag([1.0, 4.0, 4.0]), [[4.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]]])
 
 
-def _flown(**changes: Any) -> Flown:
+def _flown(**changes: Any) -> Simulated:
     radar = Innovations([1.0, 2.0, 2.0, 3.5], [2.0, -2.0, 4.0, 1.0], [4.0, 4.0, 4.0, 1.0], [True, True, False, True])
     pair = Innovations([4.0], [[3.0, 1.0]], [[[9.0, 0.0], [0.0, 1.0]]])
     given = {"errors": ERRORS, "covariance": COVARIANCE, "innovations": {"radar": radar, "pair": pair}}
-    return Flown(**given | changes)
+    return Simulated(**given | changes)
 
 
-def _record(flown: Flown) -> np.ndarray:
+def _record(flown: Simulated) -> np.ndarray:
     schema = schema_of(_flown(), NAMES, GROUPS, NAMES)
     assert schema is not None
     return record_of(flown, schema, EPOCHS, NAMES, GROUPS)
@@ -72,7 +72,7 @@ def test_a_singular_covariance_has_no_nees() -> None:
 
 
 def test_without_a_covariance_there_is_no_record() -> None:
-    assert schema_of(Flown(ERRORS), NAMES, {}, NAMES) is None
+    assert schema_of(Simulated(ERRORS), NAMES, {}, NAMES) is None
     with pytest.raises(ValueError, match="need the filter's covariance"):
         schema_of(_flown(covariance=None), NAMES, {}, NAMES)
 

@@ -1,0 +1,197 @@
+"""The answers of a run in plain sentences, as `mcnav demo` prints them: verdict, consequence, worst number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from mcnav.analysis.filter_consistency import cause_words
+from mcnav.analysis.filter_remarks import group_words, instant
+from mcnav.analysis.verdict import NUMERICAL
+from mcnav.report import sentences
+from mcnav.report.filter_verdict import LEAST, NAMED
+from mcnav.report.format import rounded
+from mcnav.report.joint_words import joined
+from mcnav.report.names import humanize, shown_units
+from mcnav.report.sentences import Statement, more_samples
+from mcnav.report.tiles import worst_departure, worst_requirement
+
+if TYPE_CHECKING:
+    from mcnav._types import Array
+    from mcnav.analysis.summary import Departure, Ends, FilterSummary, Summary
+
+WORDS: Final = {"agrees": "YES", "partly": "PARTLY", "differs": "NO", "undecided": "UNDECIDED"}
+"""The verdict in one word, by tone."""
+
+OF_REQUIREMENTS: Final = {"agrees": "MET", "differs": "NOT MET", "undecided": "UNDECIDED"}
+
+LISTED: Final = 3
+"""Outputs that a sentence lists."""
+
+FINEST: Final = 0.1
+"""Smallest difference that is told, per cent."""
+
+TOGETHER: Final = ("all", "navigation")
+"""Groups of states that need no name beside a filter's errors."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """An answer: its word, its tone, its sentence, further sentences, and what to do about it."""
+
+    word: str
+    tone: str
+    sentence: str
+    further: tuple[str, ...] = ()
+    advice: str = ""
+
+
+def answers(summary: Summary, epochs: Mapping[str, Array]) -> list[Answer]:
+    """Answer what a run was made for, the worst answer first.
+
+    Parameters
+    ----------
+    epochs : mapping
+        Columns over time as `mcnav.store.run_folder.RunFolder.epochs` returns them; empty where none are stored.
+    """
+    return [_answer(summary, statement, epochs) for statement in sentences.statements(summary)]
+
+
+def _answer(summary: Summary, statement: Statement, epochs: Mapping[str, Array]) -> Answer:
+    match statement.subject:
+        case "linear":
+            return _linear(summary, statement)
+        case "filter" if summary.filter is not None:
+            return _filter(summary, summary.filter, statement, epochs)
+        case "requirements":
+            worst = worst_requirement(summary)
+            least = () if worst is None else (f"Least margin: {worst.words}.",)
+            words = statement.words.removeprefix("Requirements: ")
+            return Answer(OF_REQUIREMENTS[statement.tone], statement.tone, f"Requirements: {words}", least)
+        case _:
+            return Answer(WORDS[statement.tone], statement.tone, statement.words)
+
+
+def _linear(summary: Summary, statement: Statement) -> Answer:
+    """Say whether the linear sigmas are right, and whether the covariance matrix is."""
+    tone = sentences.tone(summary)
+    if summary.unsettled or summary.beyond_range or not (summary.verdicts and any(summary.sigma_linear)):
+        return Answer(WORDS[tone], tone, statement.words, statement.warnings)
+    said = {"agrees": _agreeing, "partly": _partly, "differs": _differing, "undecided": _undecided}
+    sentence, advice = said[tone](summary)
+    return Answer(WORDS[tone], tone, sentence, statement.warnings, advice)
+
+
+def _agreeing(summary: Summary) -> tuple[str, str]:
+    if summary.filter is not None:
+        return f"Linear covariance predicts every sigma within {_bound(summary)}.", ""
+    also = ", and so is the full covariance matrix" if summary.verdict_matrix == "agrees" else ""
+    return f"Every sigma is right{also}.", "Linear covariance does here without a simulation."
+
+
+def _bound(summary: Summary) -> str:
+    """Bound the differences of all sigmas, per cent."""
+    ends = [end for each in summary.sigma_ratio_paired_interval if each is not None for end in each if end is not None]
+    return f"{difference_bound(ends)} %" if ends else f"{100.0 * summary.tolerance:g} %"
+
+
+def difference_bound(ratios: list[float]) -> str:
+    """Round the largest difference of ratios from one up, per cent: to a tenth, or to one from ten on.
+
+    >>> difference_bound([0.9998, 1.0001]), difference_bound([0.9999, 1.0015]), difference_bound([0.88, 1.13])
+    ('0.1', '0.2', '13')
+    """
+    largest = 100.0 * max(abs(ratio - 1.0) for ratio in ratios)
+    step = FINEST if largest < 10.0 else 1.0
+    return f"{max(step, math.ceil(largest / step - NUMERICAL) * step):.3g}"
+
+
+def _partly(summary: Summary) -> tuple[str, str]:
+    joint = summary.joint
+    if summary.verdict_matrix != "differs":
+        needed = None if joint is None else joint.samples_needed
+        more = f"Run {more_samples(needed, summary.samples)} to decide." if needed else ""
+        return "Every sigma is right. The samples do not decide on the full covariance matrix.", more
+    if joint is not None and joint.cause == "mean" and joint.dispersion_verdict == "agrees":
+        return "Every sigma is right. The mean is not.", "Use the sigmas, with the mean errors of Monte Carlo."
+    advice = "Use the sigmas; do not gate or fuse with the full matrix."
+    return "Every sigma is right. The full covariance matrix is not.", advice
+
+
+def _differing(summary: Summary) -> tuple[str, str]:
+    wrong = [humanize(name) for name, verdict in zip(summary.names, summary.verdicts, strict=True)
+             if verdict == "differs"]  # fmt: skip
+    listed = joined([*wrong[:LISTED], *([f"{len(wrong) - LISTED} more"] if len(wrong) > LISTED else [])])
+    sigma = "sigma is" if len(wrong) == 1 else "sigmas are"
+    return f"The linear {sigma} wrong for {listed}.", "Use the Monte Carlo sigmas."
+
+
+def _undecided(summary: Summary) -> tuple[str, str]:
+    needed = [each for each in summary.samples_needed if each]
+    run = f"Run {more_samples(max(needed), summary.samples)} to decide." if needed else ""
+    return f"{summary.samples - summary.failed:,} samples do not decide whether every linear sigma is right.", run
+
+
+def _filter(summary: Summary, result: FilterSummary, statement: Statement, epochs: Mapping[str, Array]) -> Answer:
+    """Say whether the covariance that the filter computes is that of its errors."""
+    word, worst = WORDS[statement.tone], worst_departure(result)
+    if result.verdict == "consistent":
+        within = "" if result.tolerance is None else f", within {100.0 * result.tolerance:g} %"
+        return Answer(word, statement.tone, f"The covariance that the filter computes is that of its errors{within}.")
+    if result.verdict not in ("optimistic", "pessimistic") or worst is None or result.factor is None:
+        return Answer(word, statement.tone, statement.words)
+    whose = "its" if result.group in TOGETHER else group_words(result.group) if result.group else humanize(worst.name)
+    errors = f"{whose} errors are {rounded(result.factor, 2)} times what it computes."
+    if result.verdict == "pessimistic":
+        return Answer(word, statement.tone, f"This filter's covariance is larger than its errors: {errors}")
+    further = (_worst_output(summary, result, epochs), _silent(result), _causes(result))
+    sentence = f"Do not trust this filter's covariance: {errors}"
+    return Answer(word, statement.tone, sentence, tuple(filter(None, further)))
+
+
+def _worst_output(summary: Summary, result: FilterSummary, epochs: Mapping[str, Array]) -> str:
+    """Compare true and filter sigma of the output that the filter is most wrong about, at its worst time."""
+    outputs = [each for each in result.departures if each.of == "output" and each.verdict == result.verdict]
+    worst = max(outputs, key=lambda each: each.factor or 0.0, default=None)
+    if worst is None or worst.factor is None or worst.worst is None:
+        return ""
+    when = f"{humanize(worst.name)} at {instant(worst.worst, result.time)}"
+    between = _ends(worst.factor_interval, 100.0 * (result.confidence or summary.confidence))
+    return f"Worst: {when}, {_sigmas(summary, result, worst, epochs)}{rounded(worst.factor, 2)} times{between}."
+
+
+def _ends(ends: Ends | None, confidence: float) -> str:
+    low, high = ends or (None, None)
+    return f" ({confidence:g} %: {rounded(low, 2)} to {rounded(high, 2)})" if low is not None else ""
+
+
+def _sigmas(summary: Summary, result: FilterSummary, worst: Departure, epochs: Mapping[str, Array]) -> str:
+    """Write true and filter sigma at that time; empty where they are not stored."""
+    unit = next(output.unit for output in summary.outputs if output.name == worst.name)
+    times = epochs.get(result.time)
+    pair = [epochs.get(f"{kind} {worst.name} [{unit}]") for kind in ("sigma", "filter sigma")]
+    if times is None or worst.worst is None or pair[0] is None or pair[1] is None:
+        return ""
+    scale, shown = shown_units(summary)[worst.name]
+    place = int(np.abs(times - worst.worst).argmin())
+    true, own = (rounded(float(column[place]) * scale, 2) for column in pair if column is not None)
+    return f"true {true} {shown}, filter {own}: "
+
+
+def _silent(result: FilterSummary) -> str:
+    """Say that NIS of every sensor stays near its number of measurements, though the filter is wrong."""
+    known = [(name, each) for name, each in result.sensors.items() if each.nis_mean is not None]
+    if not known or any(each.verdict != "consistent" for _, each in known):
+        return ""
+    told = ", ".join(f"{each.nis_mean:.1f} where {each.size} is expected" for _, each in known)
+    return f"NIS hardly shows it: {told}." if len(known) == 1 else ""
+
+
+def _causes(result: FilterSummary) -> str:
+    named = [each for each in result.neglected if each.share >= LEAST][:NAMED]
+    shares = ", ".join(f"{cause_words(each.name)} {100.0 * each.share:.0f} %" for each in named)
+    return f"Cause: {shares}." if named else ""

@@ -1,0 +1,59 @@
+"""What good measurements that gates reject do to linear analysis, of a scenario and its errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import IndexArray
+from mcnav.analysis.rejections import OnLinear, RejectionAnswer, judge_rejections
+from mcnav.contract.gates import RejectionLaws
+from mcnav.contract.scenario import Scenario, has_gates
+from mcnav.report.gates import rejection_line
+from mcnav.sampler.error_model import ErrorModel
+
+READINGS: Final = 5
+"""Epochs at which rejections of good measurements are looked at, and as many of those of requirements."""
+
+
+def rejections_of(
+    scenario: Scenario, errors: ErrorModel, tolerance: float, epochs: Sequence[int] = ()
+) -> tuple[RejectionLaws | None, RejectionAnswer | None]:
+    """Judge what good measurements that gates reject do, at the end and at epochs; none without a gate.
+
+    Parameters
+    ----------
+    tolerance : float
+        Of the ratio of an rms to that of linear analysis.
+    epochs : sequence of int
+        Of requirements, rising.
+    """
+    if not has_gates(scenario):
+        return None, None
+    times = scenario.reading_times
+    chosen = np.unique(np.concatenate([_some(range(len(times))), _some(epochs)]))
+    laws = scenario.rejection_laws(errors.mean, errors.covariance, times[chosen])
+    return laws, None if laws is None else judge_rejections(laws, scenario.outputs, tolerance)
+
+
+def doubt_about_gates(
+    scenario: Scenario, errors: ErrorModel, tolerance: float, epochs: Sequence[int] = ()
+) -> str | None:
+    """Say what rejections of good measurements do where linear analysis does not hold for them.
+
+    Arguments are those of `rejections_of`. Empty where it holds, none without a gate.
+    """
+    _, rejections = rejections_of(scenario, errors, tolerance, epochs)
+    if rejections is None:
+        return None
+    if rejections.verdict == OnLinear.HOLDS:
+        return ""
+    return rejection_line(rejections, [output.name for output in scenario.outputs])
+
+
+def _some(numbers: Sequence[int]) -> IndexArray:
+    """Return at most `READINGS` of rising numbers, the first and the last among them."""
+    places = np.linspace(0, len(numbers) - 1, min(READINGS, len(numbers))).round().astype(int)
+    return np.array([numbers[place] for place in places], dtype=np.int64)
