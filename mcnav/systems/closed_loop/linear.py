@@ -82,14 +82,20 @@ class LinearLoop:
         """Return readings after all at instants, by number."""
         return [self._after(number) for number in numbers]
 
-    def around(self, numbers: Sequence[int]) -> list[Reading]:
-        """Return readings before and after updates at instants by number, and before and after all corrections."""
+    def around(self, numbers: Sequence[int], moments: bool = True) -> list[Reading]:
+        """Return readings before and after updates at instants by number, and before and after all corrections.
+
+        Parameters
+        ----------
+        moments : bool
+            Whether to read out before and after events within steps.
+        """
         readings: list[Reading] = []
         for number, planned in enumerate(self.loop.linear.instants):
             before = int(self.loop.before[number])
             if before < self.begin:
                 continue
-            for place, step in enumerate(planned.steps):
+            for place, step in enumerate(planned.steps if moments else ()):
                 position = before - len(planned.steps) + place
                 readings += [_of_moment(moment, position) for moment in step.moments if position >= self.begin]
             corrects = any(update.kind == "correct" for update in planned.updates)
@@ -149,7 +155,8 @@ class LinearLoop:
         assert states is not None
         within = [reading.time for reading in readings if reading.within]
         if within:
-            told = f"got {within[0]:g} s within a step; the smoother is read out at instants of the loop"
+            nearest = loop.times[np.abs(loop.times - within[0]).argmin()]
+            told = f"got {within[0]:g} s; it is read out at instants of the loop, the nearest is {nearest:g} s"
             raise ScenarioError("filter", f"smoother: {told}")
         positions = np.array([reading.position for reading in readings])
         own = replace(designed, positions=positions, covariances=self.own(readings))
@@ -159,10 +166,9 @@ class LinearLoop:
         partials[:, known] = smoothed.partials[:, :, :-1]
         processes: dict[str, Array] = {}
         for number, name in enumerate(loop.timeline.processes):
-            added = system.processes.get(name, np.zeros((len(readings), *(len(loop.readout.outputs),) * 2))).copy()
+            processes[name] = added = system.processes[name].copy()
             added[:, known] = added[:, :, known] = 0.0
             added[:, known[:, None], known] = smoothed.covariances[:, number]
-            processes |= {name: added} if added.any() else {}
         return without_rounding(replace(system, partials=partials, processes=processes), loop), smoothed.claimed
 
     def read(self, readings: Sequence[Reading]) -> LinearSystem:
@@ -181,7 +187,7 @@ class LinearLoop:
             partials[number], covariances[number] = of_moment.partials[0], of_moment.covariances[0]
         nominal = [loop.readout.read_nominal(reading.x, reading.time) for reading in readings]
         floor = loop.readout.floor(loop.linear)
-        processes = {name: covariances[:, number] for number, name in enumerate(names) if covariances[:, number].any()}
+        processes = {name: covariances[:, number] for number, name in enumerate(names)}
         system = LinearSystem(
             np.array([reading.time for reading in readings]), partials[:, :, :-1],
             np.array(nominal).reshape(len(readings), outputs), processes,

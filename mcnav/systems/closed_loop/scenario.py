@@ -40,7 +40,7 @@ from mcnav.systems.closed_loop.soundness import check_repeatable, remarks_on, st
 from mcnav.systems.closed_loop.start_times import Begun, Starts, check_starts, plan_starts
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.strapdown.shown import instrument_sources, shown_units
-from mcnav.systems.closed_loop.timeline import LoopTimeline, process_names
+from mcnav.systems.closed_loop.timeline import LoopTimeline, sized_processes
 from mcnav.systems.closed_loop.transitions import Linearization
 from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.user.code import UserScenarioSpec, ask
@@ -178,16 +178,7 @@ class ClosedLoopScenario:
     @property
     def processes(self) -> tuple[Output, ...]:
         """Processes of noise that have a size."""
-        true, structure = self.sizes.true, self.maps.structure
-        blocks = (structure.white, structure.markov)
-        sized = [
-            array[place.start - block.begin : place.stop - block.begin]
-            for block, array in zip(blocks, (true.white, true.markov), strict=True)
-            for _, place in block.places()
-        ]
-        sized += [*true.measurements, *true.corrections]
-        names = process_names(self.maps)
-        return tuple(Output(name, "1", "1") for name, size in zip(names, sized, strict=True) if size.any())
+        return tuple(Output(name, "1", "1") for name in sized_processes(self.maps, self.sizes.true))
 
     @property
     def noisy(self) -> bool:
@@ -314,7 +305,7 @@ class ClosedLoopScenario:
     def _readings_at(self, times: Array) -> list[Reading]:
         """Return the readings at times; with the epochs, those around corrections as well."""
         if np.array_equal(times, self.reading_times):
-            return self.linear_loop.around(self._chosen)
+            return self.linear_loop.around(self._chosen, moments=self._lag is None)
         return self._linearized(lambda: self.linear_loop.at_times(times.tolist()))
 
     def smoothed(self, times: Array | None = None) -> LinearSystem:

@@ -32,11 +32,17 @@ from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.closed_loop.transitions import Innovation, Linearization, Transition
 
 
-def process_names(maps: Maps) -> tuple[str, ...]:
-    """Return the names of all processes of noise: white, Gauss-Markov, of sensors, of corrections."""
+def sized_processes(maps: Maps, sizes: Sizes) -> tuple[str, ...]:
+    """Return the names of the processes of noise that have a size: white, Gauss-Markov, of sensors, of corrections."""
     structure = maps.structure
-    sensors = tuple(sensor.declared.name for sensor in maps.sensors)
-    return (*structure.white.names, *structure.markov.names, *sensors, *structure.corrections.names)
+    sized_by_name: dict[str, Array] = {}
+    for block, array in ((structure.white, sizes.white), (structure.markov, sizes.markov)):
+        for quantity, place in block.places():
+            sized_by_name[quantity.name] = array[place.start - block.begin : place.stop - block.begin]
+    sensors = [sensor.declared.name for sensor in maps.sensors]
+    sized_by_name |= dict(zip(sensors, sizes.measurements, strict=True))
+    sized_by_name |= dict(zip(structure.corrections.names, sizes.corrections, strict=True))
+    return tuple(name for name, size in sized_by_name.items() if size.any())
 
 
 def entering(maps: Maps, sizes: Sizes, transition: Transition) -> Iterator[tuple[str, Array]]:
@@ -190,12 +196,19 @@ class LoopTimeline:
         return times
 
     @cached_property
+    def processes(self) -> tuple[str, ...]:
+        """Processes of noise that have a size."""
+        return sized_processes(self.maps, self.sizes.true)
+
+    @cached_property
     def timeline(self) -> Timeline:
         """The timeline."""
         structure, true = self.maps.structure, self.sizes.true
         started = rows_of_errors(self.pairs, structure.start_partials)
         noise, begin = {}, structure.markov.begin
         for quantity, place in structure.markov.places():
+            if quantity.name not in self.processes:
+                continue
             sigmas = np.zeros((structure.size, quantity.size))
             sigmas[place] = np.diag(true.markov[place.start - begin : place.stop - begin])
             factor = rows_of_errors(self.pairs, sigmas)
@@ -207,7 +220,7 @@ class LoopTimeline:
             self.transitions.steps_between,
             Instants(self.times, self.before, self.after),
             self.read,
-            process_names(self.maps),
+            self.processes,
             {name: np.setdiff1d(each, self.pairs[0]) for name, each in biases.items()},
             self._updates,
             self._filter,
@@ -234,11 +247,13 @@ class LoopTimeline:
         sizes = np.array([len(each.response) for each in innovations], dtype=np.int64)
         most = int(sizes.max(initial=0))
         responses = np.zeros((len(sizes), most, structure.size))
-        variances = {sensor.declared.name: np.zeros((len(sizes), most)) for sensor in self.maps.sensors}
+        names = [sensor.declared.name for sensor in self.maps.sensors]
+        variances = {name: np.zeros((len(sizes), most)) for name in names if name in self.processes}
         for row, (size, each) in enumerate(zip(sizes.tolist(), innovations, strict=True)):
             responses[row, :size] = -columns_of_errors(self.pairs, each.response)
             sigmas = self.sizes.true.measurements[each.number]
-            variances[self.maps.sensors[each.number].declared.name][row, :size] = sigmas**2
+            if names[each.number] in variances:
+                variances[names[each.number]][row, :size] = sigmas**2
         disturbances = np.zeros((len(sizes), most, len(structure.sources) + 1))
         return Updates(sizes, responses, disturbances, variances)
 
