@@ -23,12 +23,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mcnav.analysis.allocation import Allocation
     from mcnav.analysis.linear_answer import LinearAnswer
     from mcnav.contract.history import Epochs, History, Panel
     from mcnav.contract.quantities import Output, Source
     from mcnav.contract.samples import SimulationResult
     from mcnav.errors import CampaignError, RunFolderError
+    from mcnav.frames.allocation import AllocationResult, allocate
     from mcnav.frames.answers import LinearResult, lincov
     from mcnav.frames.campaigns import Campaign, read_campaign
     from mcnav.frames.comparison import CovarianceVerdict, compare
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from mcnav.notebook import RunResult, check_scenario, open_run, run, run_campaign, sweep
     from mcnav.sampler.errors import Errors
     from mcnav.sampler.sizes import fixed, normal, student_t, table, triangular, truncated_normal, uniform
-    from mcnav.studies.allocate import allocate
     from mcnav.studies.judge import judge_recording
     from mcnav.studies.lincov import linear_covariance
     from mcnav.studies.recordings import RecordingFiles
@@ -75,7 +74,7 @@ _HOMES = {
     "Trigger": "mcnav.systems.closed_loop.declarations",
     "Strapdown": "mcnav.systems.closed_loop.strapdown.navigator",
     "White": "mcnav.systems.closed_loop.declarations",
-    "Allocation": "mcnav.analysis.allocation",
+    "AllocationResult": "mcnav.frames.allocation",
     "RunComparison": "mcnav.workflow.compare",
     "Campaign": "mcnav.frames.campaigns",
     "CampaignError": "mcnav.errors",
@@ -94,7 +93,7 @@ _HOMES = {
     "RecordingFiles": "mcnav.studies.recordings",
     "RunFolderError": "mcnav.errors",
     "Source": "mcnav.contract.quantities",
-    "allocate": "mcnav.studies.allocate",
+    "allocate": "mcnav.frames.allocation",
     "check_scenario": "mcnav.notebook",
     "compare_runs": "mcnav.workflow.compare",
     "export_run": "mcnav.workflow.export",
@@ -131,7 +130,7 @@ _HOMES = {
 }
 
 __all__ = [
-    "Allocation",
+    "AllocationResult",
     "Attitude",
     "Campaign",
     "CampaignError",
@@ -204,7 +203,7 @@ _SHORT = {"identify": "identify_noise", "judge": "judge_recording"}
 _EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult"}
 """Former names, which user-defined scenarios may still use."""
 
-_RENAMED = {"fly": "run", "Flown": "Simulated", "FlownRun": "RunResult"}
+_RENAMED = {"fly": "run", "Flown": "Simulated", "FlownRun": "RunResult", "Allocation": "AllocationResult"}
 """Former names that work for one release with a warning."""
 
 
@@ -218,7 +217,11 @@ def __getattr__(name: str) -> Any:
     name = _SHORT.get(name, name)
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'mcnav' has no attribute {name!r}")
+    if name.startswith("_"):
+        raise AttributeError(f"module 'mcnav' has no attribute {name!r}")
+    from mcnav.errors import suggestion
+
+    raise AttributeError(f"module 'mcnav' has no attribute {name!r}{suggestion(name, __all__)}")
 
 
 def __dir__() -> list[str]:

@@ -7,13 +7,13 @@ from mcnav._streams import tolerate
 
 
 def main() -> None:
-    """Run the command line, as the child of a supervisor if it may execute a user's code.
+    """Run the command line, under a supervisor if it may execute a user's code.
 
     Its import takes long enough to be interrupted.
     """
     tolerate()
-    if not _supervision.attach() and _supervision.names_code(sys.argv[1:]):
-        sys.exit(_supervision.supervise())
+    if _supervision.names_code(sys.argv[1:]) and (status := _supervision.supervise()) is not None:
+        sys.exit(status)
     from mcnav._interrupts import interruptible  # which a supervisor does without
 
     with _supervision.supervised(), interruptible():

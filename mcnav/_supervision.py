@@ -1,8 +1,9 @@
 """A command that executes a user's code, and the process that starts it and says how it ended.
 
 The user's code may end its process without a word: ``os._exit``, ``STOP`` of Fortran, a crash. Such a command is
-therefore the child of a small process, its supervisor, with the same terminal, signals and exit status. It leaves notes
-in memory that both share. They outlast it, and need none of its files to be open.
+therefore a copy of a small process, its supervisor, with the same terminal, signals and exit status. It leaves notes
+in memory that both share. They outlast it, and need none of its files to be open. Systems that cannot copy a process
+have no supervisor.
 """
 
 from __future__ import annotations
@@ -17,9 +18,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, NoReturn
-
-VARIABLE: Final = "MCNAV_NOTES"
-"""Environment variable of the child: the file of the notes, and the supervisor's process."""
 
 ENDED_BY_CODE: Final = 2
 """Exit status of a command that its user's code has ended."""
@@ -52,12 +50,12 @@ _CRASHES: Final = ("SIGSEGV", "SIGBUS", "SIGFPE", "SIGILL", "SIGABRT", "SIGTRAP"
 
 
 class Notes:
-    """Notes of a command for its supervisor, in a file of ``SIZE`` bytes."""
+    """Notes of a command for its supervisor, in memory that copies of a process share."""
 
     SIZE: Final = _NUMBERS + (PLACES + 1) * _LENGTH
 
-    def __init__(self, file: int) -> None:
-        self._memory = mmap.mmap(file, self.SIZE)
+    def __init__(self) -> None:
+        self._memory = mmap.mmap(-1, self.SIZE)
         self.numbers = memoryview(self._memory)[:_NUMBERS].cast("i")
 
     def write(self, line: int, text: str) -> None:
@@ -92,6 +90,8 @@ def names_code(arguments: Sequence[str]) -> bool:
     It may also be true of a campaign without code that mentions such a file, or has escapes. What ``live`` serves may
     change while it runs.
     """
+    if not hasattr(os, "fork"):
+        return False
     return arguments[:1] == ["live"] or any(".py" in each or _mentions_code(each) for each in arguments)
 
 
@@ -105,28 +105,30 @@ def _mentions_code(argument: str) -> bool:
     return False
 
 
-def supervise() -> int:
-    """Run this program once more as a child, and return its exit status; print how it ended where it could not.
+def supervise() -> int | None:
+    """Continue this program in a copy of its process, and return the exit status of the copy; in the copy, none.
 
-    Signals are passed on, though the child may have had them from the terminal as well: it counts them. A second one
-    ends it at once.
+    This process prints how the copy ended where it could not. Signals are passed on, though the copy may have had them
+    from the terminal as well: it counts them. A second one ends it at once. What is imported so far serves both: a
+    program that started once more would take a tenth of a second.
     """
-    with _memory_file() as file:
-        notes, received = Notes(file), list[int]()
+    notes, received, program = Notes(), list[int](), os.getpid()
 
-        def pass_on(number: int, frame: object) -> None:
-            received.append(number)
-            notes.numbers[PASSED_ON] = len(received)
-            child.send_signal(number if len(received) == 1 else signal.SIGKILL)
+    def pass_on(number: int, frame: object) -> None:
+        received.append(number)
+        notes.numbers[PASSED_ON] = len(received)
+        with suppress(ProcessLookupError):
+            os.kill(child, number if len(received) == 1 else signal.SIGKILL)
 
-        with signals_blocked():
-            import subprocess  # which commands without a user's code do not need
-
-            for number in _SIGNALS:
-                signal.signal(number, pass_on)
-            variables = {**os.environ, VARIABLE: f"{file} {os.getpid()}"}
-            child = subprocess.Popen([sys.executable, *sys.orig_argv[1:]], env=variables, pass_fds=(file,))
-    status = child.wait()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # until both have their handlers
+    child = os.fork()
+    if not child:
+        _attach(notes, program)
+        return None
+    for number in _SIGNALS:
+        signal.signal(number, pass_on)
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     if notes.numbers[ENDED]:
         return notes.numbers[ENDED] - 1
     if sys.stderr is not None:
@@ -135,40 +137,17 @@ def supervise() -> int:
     return _SIGNALS[signal.Signals(received[0])] if received else ENDED_BY_CODE
 
 
-@contextmanager
-def _memory_file() -> Iterator[int]:
-    """Open a file for the notes that has no name."""
-    if hasattr(os, "memfd_create"):
-        file = os.memfd_create("mcnav")
-        try:
-            os.truncate(file, Notes.SIZE)
-            yield file
-        finally:
-            os.close(file)
-        return
-    from tempfile import TemporaryFile
+def _attach(notes: Notes, supervisor: int) -> None:
+    """Attach this process to its supervisor, which it does not outlive."""
+    from mcnav._subprocess import follow_parent
 
-    with TemporaryFile() as temporary:
-        temporary.truncate(Notes.SIZE)
-        yield temporary.fileno()
-
-
-@contextmanager
-def signals_blocked() -> Iterator[None]:
-    """Let the signals that end a command wait, also in a process that is started: until its handlers are there."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    _own.append(notes)
+    follow_parent(supervisor)
 
 
 def unblock_signals() -> None:
-    """Let signals come that have waited since this process was started (`signals_blocked`)."""
-    if _own and hasattr(signal, "pthread_sigmask"):
+    """Let signals come that have waited since this process was made (`supervise`)."""
+    if _own:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
 
 
@@ -237,16 +216,3 @@ def supervised() -> Iterator[None]:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     atexit._run_exitfuncs()
     os._exit(status)
-
-
-def attach() -> bool:
-    """Attach this process to its supervisor, which it does not outlive; return whether it has one."""
-    file, _, parent = os.environ.pop(VARIABLE, "").partition(" ")
-    if not file:
-        return False
-    from mcnav._subprocess import follow_parent
-
-    _own.append(Notes(int(file)))
-    os.close(int(file))
-    follow_parent(int(parent))
-    return True

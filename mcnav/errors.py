@@ -67,7 +67,17 @@ class Problem:
 
 
 class CampaignError(Exception):
-    """A campaign that cannot be run, with its mistakes, one a line."""
+    """A campaign that cannot be run, with its mistakes, one a line.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> try:
+    ...     mc.Campaign({"type": "reentry", "trajectory": 1}, {"altitud": 1.0})
+    ... except mc.CampaignError as refused:
+    ...     print(refused.problems[0].key)
+    errors.altitud
+    """
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         lines = [str(problem) for problem in problems[:MOST_PROBLEMS]]
@@ -85,7 +95,17 @@ class NumericalError(Exception):
 
 
 class RunFolderError(Exception):
-    """A run folder that cannot be used; the message, of one printable line, names it and the remedy."""
+    """A run folder that cannot be used; the message, of one printable line, names it and the remedy.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> try:
+    ...     mc.open_run("nowhere")
+    ... except mc.RunFolderError as refused:
+    ...     print(refused)
+    nowhere: holds no run (there is no such folder)
+    """
 
     def __init__(self, message: str) -> None:
         super().__init__(printable(message.strip(), LONGEST_LINE))

@@ -12,10 +12,11 @@ matrix, as ``{"index": {key: unit}, "columns": {key: unit}}``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
@@ -25,7 +26,7 @@ from mcnav._threads import one_thread
 from mcnav.config.documents import Description
 from mcnav.config.read import campaign_from
 from mcnav.config.sweep_values import POINTS
-from mcnav.errors import reading_file, suggestion
+from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, suggestion
 from mcnav.report import sentences
 from mcnav.report.arrays import arrays
 from mcnav.report.card import run_card
@@ -72,6 +73,15 @@ class RunResult:
     ------
     RunFolderError
         When it holds no finished run, or is damaged.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> run = mc.open_run("reports/first")
+    >>> run.outputs["unit"].to_dict()
+    {'altitude': 'km', 'range': 'km', 'altitude_rate': 'm/s', 'range_rate': 'm/s'}
+    >>> run.epochs.index.names
+    FrozenList(['time from reentry [min]', 'output'])
     """
 
     def __init__(self, path: Path) -> None:
@@ -249,11 +259,43 @@ def _check_units(units: str) -> None:
         raise ValueError(f"units must be one of SI, shown; got {units!r}")
 
 
+OPTIONS: Final = {
+    "--fresh replaces": "fresh=True replaces", "--out writes elsewhere": "another folder keeps both",
+    "--force": "force=True", "--vary": "varied", "--against": "against", "--points": "points", "--at": "at",
+}  # fmt: skip
+"""Options of the program that messages name, and what a function of Python has in their place."""
+
+
+@contextmanager
+def _named_as_here() -> Iterator[None]:
+    """Name arguments of Python in place of the program's options in what is refused."""
+    try:
+        yield
+    except CampaignError as refused:
+        raise CampaignError(
+            [Problem(problem.file, _renamed(problem.key), _renamed(problem.message)) for problem in refused.problems]
+        ) from None
+    except RunFolderError as refused:
+        raise RunFolderError(_renamed(str(refused))) from None
+
+
+def _renamed(text: str) -> str:
+    for option, argument in OPTIONS.items():
+        text = text.replace(option, argument)
+    return text
+
+
 def open_run(path: str | Path) -> RunResult:
     """Open a finished run folder.
 
     Raises `RunFolderError` when there is no such folder, or it holds no run, one that is not finished, or one that is
     damaged.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.open_run("reports/first").summary["samples"]
+    200
     """
     return RunResult(Path(path))
 
@@ -288,15 +330,36 @@ def run(
     ------
     CampaignError, RunFolderError
         As `mcnav.workflow.run.run_campaign`.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> errors = {"altitude": "5 km", "misalignment": 2e-4}
+    >>> campaign = mc.Campaign({"type": "reentry", "trajectory": 1}, errors, samples=200)
+    >>> run = mc.run(campaign, "reports/mine")
+    >>> run.outputs.index.tolist()
+    ['altitude', 'range', 'altitude_rate', 'range_rate']
     """
-    workflow.run_campaign(campaign_from(campaign, instead), Path(folder), engine, jobs, fresh, force=force)
+    if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
+        raise ValueError(f"jobs must be a whole number of at least 1; got {jobs!r}")
+    with _named_as_here():
+        workflow.run_campaign(campaign_from(campaign, instead), Path(folder), engine, jobs, fresh, force=force)
     return RunResult(Path(folder))
 
 
 def run_campaign(
     campaign: Description, path: str | Path, engine: str | None, jobs: int, **options: Any
 ) -> workflow.Run:
-    """Run a campaign in any of the forms that `run` takes, with the options of `mcnav.workflow.run.run_campaign`."""
+    """Run a campaign in any of the forms that `run` takes, with the options of `mcnav.workflow.run.run_campaign`.
+
+    Raises `CampaignError` and `RunFolderError` as it does.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.run_campaign("reports/first/campaign.toml", "reports/first", None, 1).simulated  # all are stored
+    0
+    """
     return workflow.run_campaign(campaign_from(campaign), Path(path), engine, jobs, **options)
 
 
@@ -304,6 +367,17 @@ def check_scenario(campaign: Description) -> list[Check]:
     """Check the scenario of a campaign in any of the forms that `run` takes; see `mcnav.systems.user.conformance`.
 
     Raises `CampaignError` when the campaign cannot be read.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> class Mine:
+    ...     sources = (mc.Source("a", "m", "m", 1.0),)
+    ...     outputs = (mc.Output("b", "m", "m"),)
+    ...     def propagate(self, errors):
+    ...         return 2.0 * errors
+    >>> all(check.passed for check in mc.check_scenario(mc.Campaign(Mine, {"a": 1.0})))
+    True
     """
     return workflow.check_scenario(campaign_from(campaign))
 
@@ -338,8 +412,9 @@ def sweep(
     Returns
     -------
     DataFrame
-        A row for each point; units are in the columns' names and in ``attrs["units"]``. ``attrs["just_met"]`` lists the
-        values at which each limit is just met.
+        A row for each point, whose index is the keys that are varied, so that ``.plot(logx=True)`` draws the measures
+        over them; of two keys, ``table[measure].unstack()`` is a grid. Units are in the names of columns and index, and
+        in ``attrs["units"]``. ``attrs["just_met"]`` lists the values at which each limit is just met.
 
     Raises
     ------
@@ -348,9 +423,19 @@ def sweep(
 
     Examples
     --------
-    >>> table = sweep("campaigns/11_cruise.toml", {"errors.gyro_drift": "0.001..0.1 deg/h"})  # doctest: +SKIP
-    >>> table.attrs["just_met"]                                                              # doctest: +SKIP
+    >>> import mcnav as mc
+    >>> campaign = mc.Campaign({"type": "reentry", "trajectory": 1}, {"altitude": "5 km", "gyro_drift": "0.2 deg/h"})
+    >>> table = mc.sweep(campaign, {"errors.altitude": [1e3, "5 km"]}, against="altitude < 5 km")
+    >>> table["altitude < 5 km, met"].to_dict(), table.index.name
+    ({1.0: True, 5.0: False}, 'errors.altitude [km]')
+    >>> [round(value, 2) for value in table.attrs["just_met"][0]["just_met"]]
+    [2.5]
     """
     times = read_times(at).tolist() if isinstance(at, str) else list(at)
     measures = (against,) if isinstance(against, str) else tuple(against)
-    return frame(run_sweep(campaign, SweepPlan(varied, measures, points, times, jobs)))
+    if not isinstance(varied, Mapping):
+        expected = "a mapping of keys to values such as {'errors.altitude': '1..10 km'}"
+        raise TypeError(f"varied must be {expected}; got {type(varied).__name__}")
+    with _named_as_here():
+        swept = run_sweep(campaign, SweepPlan(varied, measures, points, times, jobs))
+    return frame(swept).set_index([variable.label for variable in swept.variables])

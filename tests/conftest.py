@@ -25,7 +25,7 @@ from mcnav.systems.reentry.ensemble.transition import Response, linear_response
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.table_i import COLUMNS, ERROR_SIZES, ERRORS, TABLE_I, among_all, start_state
 from mcnav.systems.reentry.vehicle import Vehicle
-from tests import worker_server
+from tests import examples, worker_server
 from tests.processes import run_to_end
 from tests.reproduction import Reproduction, reproduce, reproduced
 
@@ -99,6 +99,7 @@ class _ExamplesAlone:
 def pytest_configure(config: pytest.Config) -> None:
     """Search modules of the package for examples only if they have any."""
     config.pluginmanager.register(_ExamplesAlone())
+    config.pluginmanager.register(examples)
 
 
 def pytest_collection(session: pytest.Session) -> None:

@@ -168,18 +168,22 @@ class OneMap:
         return own @ own.T
 
 
-def constant_velocity(count: int, interval: float, spectral: float, sigma: float, start: Array) -> Timeline:
+def constant_velocity(
+    count: int, interval: float, spectral: float, sigma: float, start: Array, believed: float | None = None
+) -> Timeline:
     """Return position and velocity driven by white acceleration, with a position fix after each step.
 
-    The errors are those of the estimate, so that the filter knows the truth.
+    The errors are those of the estimate, so that the filter knows the truth, but for the sigma of the fixes where it
+    believes another one.
     """
     transition = np.array([[1.0, interval], [0.0, 1.0]])
     noise = spectral * np.array([[interval**3 / 3.0, interval**2 / 2.0], [interval**2 / 2.0, interval]])
     transitions, covariances = np.tile(transition, (count, 1, 1)), np.tile(noise, (count, 1, 1))
     fixes = np.tile(np.array([[[1.0, 0.0]]]), (count, 1, 1))
     variances = np.full((count, 1), sigma**2)
+    of_filter = variances if believed is None else np.full((count, 1), believed**2)
     filtered = TimelineFilter(
-        lambda first, last: FilterSteps(transitions[first:last], covariances[first:last]), fixes, variances, start,
+        lambda first, last: FilterSteps(transitions[first:last], covariances[first:last]), fixes, of_filter, start,
         np.ones(2), np.eye(2), lambda position: (np.eye(2), np.zeros((2, 1))),
     )  # fmt: skip
     return timeline_of(

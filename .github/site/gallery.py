@@ -24,6 +24,9 @@ REPORTS: Final = Path("reports") / "examples"
 WIDTH, HEIGHT, FONT = 9.0, 5.6, 0.8
 """Size of a picture, cm, and of its text over that of the page."""
 
+ASKED: Final = {"21_flight_with_an_altimeter": "position down", "38_hover_with_an_altimeter": "position down"}
+"""Outputs that examples ask about, where that is not the first."""
+
 HEAD: Final = """# Gallery
 
 Every example with its question and the expected answer. A picture shows the linear 1σ of one output over time, or,
@@ -41,7 +44,7 @@ def picture_of(campaign: Path) -> Figure | None:
     over_time = drawn.sigmas(answer, {})
     if over_time is None:
         return drawn.budget(answer)
-    return over_time.of_panels(over_time.panels[0].title)
+    return over_time.of_panels(ASKED.get(campaign.stem, over_time.panels[0].title))
 
 
 def draw(campaign: Path, folder: Path) -> Path:
@@ -70,8 +73,7 @@ def page() -> str:
         links += [f"[report](/{report.as_posix()})"] if (ROOT / report).exists() else []
         picture = f"/static/gallery/{file.stem}.svg"
         shown = f"[![Linear analysis of {file.stem}]({picture})](/reference/examples.md#{anchor})"
-        drawn = [shown] if (PICTURES / f"{file.stem}.svg").exists() else []  # a new example has none until it is drawn
-        parts += [f"## {file.stem}", *drawn, f"**{escape(question)}**", escape(answer), " · ".join(links)]
+        parts += [f"## {file.stem}", shown, f"**{escape(question)}**", escape(answer), " · ".join(links)]
     return "\n\n".join(parts) + "\n"
 
 

@@ -86,9 +86,15 @@ class SampleMoments:
         )
         return self._sums(simulated), self._sums(simulated - linear)
 
-    def combined(self, weights: Array) -> Array:
-        """Add up ``u^2`` of the combination ``u = w y`` about its mean, shape (b,)."""
-        return self._sums(((self.y - self.mean) @ weights) ** 2)
+    def combined(self, weights: Array) -> tuple[Array, Array]:
+        """Add up ``u^2``, and ``u^2 - v^2``, of the combinations ``u = w y`` and ``v = w z`` about their means."""
+        u, v = ((values - mean) @ weights for values, mean in ((self.y, self.mean), (self.z, self.linear_mean)))
+        return self._sums(u * u), self._sums(u * u - v * v)
+
+    @property
+    def rounding(self) -> float:
+        """Share of its terms' sigmas below which the sigma of a combination is rounding of the sums."""
+        return 0.0
 
     def powers(self, i: int) -> Array:
         """Add up the first four powers of y_i in some origin and unit, shape (4, b)."""
@@ -212,8 +218,14 @@ class SummaryMoments:
         yy, zz = (each[:, i, j] for each in self.centred)
         return yy, yy - zz
 
-    def combined(self, weights: Array) -> Array:
-        return np.asarray(np.einsum("bij,i,j->b", self.centred[0], weights, weights))
+    def combined(self, weights: Array) -> tuple[Array, Array]:
+        yy, zz = (np.einsum("bij,i,j->b", each, weights, weights) for each in self.centred)
+        return yy, yy - zz
+
+    @property
+    def rounding(self) -> float:
+        """Root of the largest relative error of a block's sums of n products, n eps."""
+        return float(np.sqrt(np.finfo(float).eps * self.counts.max(initial=1.0)))
 
     def powers(self, i: int) -> Array:
         scale = self.scale[i]

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
@@ -23,7 +23,7 @@ from scipy import linalg
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.block_moments import BlockMoments
 from mcnav.analysis.decision_rule import DecisionRule
-from mcnav.analysis.floor import COMBINED
+from mcnav.analysis.floor import SIMULATED
 from mcnav.analysis.verdict import Judgement
 
 
@@ -127,7 +127,7 @@ def null_combinations(factor: Array, rank: int) -> tuple[Array, IndexArray]:
 
 @dataclass(frozen=True)
 class FixedCombination:
-    """Combination to which linear analysis gives no dispersion, or less than counts.
+    """Combination to which linear analysis gives no dispersion, or next to none.
 
     Attributes
     ----------
@@ -135,18 +135,20 @@ class FixedCombination:
         Weights on outputs in linear sigmas.
     lead : int
         Dependent output, whose weight is one.
-    floor : float
-        Variance up to which its dispersion counts as none, in the square of that sigma.
+    variance, floor : float
+        Linear variance in the square of that sigma, and the one up to which a difference counts as agreement.
     """
 
     terms: Array
     lead: int
+    variance: float
     floor: float
 
 
 def fixed_combinations(
-    partials: Array, covariance: Array, processes: Sequence[Array], sigma: Array, rank: int, floor: Array
-) -> tuple[FixedCombination, ...]:
+    partials: Array, covariance: Array, processes: Sequence[Array], sigma: Array, rank: int, floor: Array,
+    least: float = SIMULATED,
+) -> tuple[FixedCombination, ...]:  # fmt: skip
     """List the combinations of outputs outside the range of the linear covariance, of so many dimensions.
 
     Parameters
@@ -154,22 +156,25 @@ def fixed_combinations(
     sigma, floor : ndarray, shape (outputs,)
         Linear sigmas, and the sigma up to which each counts as none (`mcnav.analysis.floor`). Outputs without a sigma
         are left out.
+    least : float
+        Share of each sigma that is rounding in any case, at least `SIMULATED`.
     """
     dispersed = np.flatnonzero(sigma > 0.0)
     noise = [each[np.ix_(dispersed, dispersed)] for each in processes]
     factor = covariance_factor(partials[dispersed], covariance, noise, sigma[dispersed])
-    shares, combinations = np.maximum(floor[dispersed] / sigma[dispersed], COMBINED), []
+    shares, combinations = np.maximum(floor[dispersed] / sigma[dispersed], max(least, SIMULATED)), []
     for own, dependent in zip(*null_combinations(factor, rank), strict=True):
         terms = np.zeros(len(sigma))
         terms[dispersed] = own
-        combinations.append(FixedCombination(terms, int(dispersed[dependent]), float(np.abs(own) @ shares) ** 2))
+        variance, square = float(np.sum((factor.T @ own) ** 2)), float(np.abs(own) @ shares) ** 2
+        combinations.append(FixedCombination(terms, int(dispersed[dependent]), variance, square))
     return tuple(combinations)
 
 
 def compare_fixed(
     fixed: FixedCombination, sigma: Array, moments: BlockMoments, bias: Array, rule: DecisionRule
 ) -> Combination:
-    """Compare the dispersion of a combination with the linear one: with none, any that is above the floor differs.
+    """Compare the dispersion of a combination with the linear one; where both are within the floor they agree.
 
     Parameters
     ----------
@@ -177,9 +182,12 @@ def compare_fixed(
         Linear sigmas, and simulated less linear means.
     """
     scaled = np.divide(fixed.terms, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
-    estimate = rule.mean(moments.unbiased * moments.combined(scaled), moments.counts)
-    judgement, unit = rule.judge(estimate, 0.0, fixed.floor), float(sigma[fixed.lead])
+    estimate, difference = (rule.mean(moments.unbiased * sums, moments.counts) for sums in moments.combined(scaled))
+    expected = fixed.variance if fixed.variance > fixed.floor else 0.0
+    if expected:
+        estimate = replace(difference, value=expected + difference.value)
+    judgement, unit = rule.judge(estimate, expected, fixed.floor), float(sigma[fixed.lead])
     return Combination(
-        fixed.lead, unit * scaled, fixed.terms, 0.0, unit * _root(estimate.value), unit * float(scaled @ bias),
-        judgement,
+        fixed.lead, unit * scaled, fixed.terms, unit * _root(expected), unit * _root(estimate.value),
+        unit * float(scaled @ bias), judgement,
     )  # fmt: skip

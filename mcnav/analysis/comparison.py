@@ -25,7 +25,7 @@ from mcnav.analysis.block_moments import (
 from mcnav.analysis.combinations import Combination, FixedCombination, compare_fixed, fixed_combinations
 from mcnav.analysis.decision_rule import DecisionRule
 from mcnav.analysis.ellipsoid import Ellipsoid, compare_ellipsoid, name_combinations
-from mcnav.analysis.floor import COMBINED, agreement_floor, cancelled
+from mcnav.analysis.floor import CLEAR, agreement_floor, cancelled
 from mcnav.analysis.multivariate import MultivariateTests, compare_jointly
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Judgement, Verdict, combine_verdicts
 from mcnav.linear.block_sums import BlockSums, Normalization
@@ -98,11 +98,10 @@ class Model:
     def judged(self) -> NDArray[np.bool_]:
         """Outputs that are judged together: not those hardly dispersed, nor those withheld while others are not.
 
-        An output is hardly dispersed within its floor, or by less than `COMBINED` of the error of fixed sources.
+        An output is hardly dispersed up to `CLEAR` floors.
         """
         variances = np.diag(self.outcome_covariance)
-        least = np.maximum(self.floor, COMBINED * np.abs(self._fixed))
-        judged = (variances == 0.0) | (variances > least**2)
+        judged = (variances == 0.0) | (variances > (CLEAR * self.floor) ** 2)
         if len(self.withheld) < len(variances):
             judged[list(self.withheld)] = False
         return np.asarray(judged)
@@ -282,7 +281,7 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
     """Compare a campaign with the linear model; the criterion's confidence is that of all verdicts (Bonferroni)."""
     moments, linear = samples.moments, model.outcome_covariance
     count, failed = moments.samples, samples.failed
-    given, fixed = whitening(model.judged_covariance), _fixed_combinations(model)
+    given, fixed = whitening(model.judged_covariance), _fixed_combinations(model, moments)
     each = 1.0 - (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / (len(linear) + 1)
     if min(count, samples.stored.samples) < 2:
         unknown = np.full_like(linear, np.nan)
@@ -321,12 +320,12 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
     )
 
 
-def _fixed_combinations(model: Model) -> tuple[FixedCombination, ...]:
+def _fixed_combinations(model: Model, moments: BlockMoments) -> tuple[FixedCombination, ...]:
     """List the combinations of outputs that the linear model holds fixed, of outputs that are judged together."""
     judged = model.judged_covariance
     return fixed_combinations(
         model.partials, model.covariance, list(model.processes.values()), np.sqrt(np.diag(judged)),
-        whitening(judged).rank, model.floor,
+        whitening(judged).rank, model.floor, moments.rounding,
     )  # fmt: skip
 
 

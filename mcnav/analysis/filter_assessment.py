@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -52,6 +52,10 @@ WITHIN: Final = {"within_1": float(special.erf(np.sqrt(0.5))), "within_3": float
 """Probability of a normal error within one and three sigmas."""
 
 
+HEAVY: Final = "a source that it may depend on has heavy tails: there is no interval"
+"""Why nothing is decided of an output, a state or a sensor."""
+
+
 @dataclass(frozen=True)
 class _Basis:
     """Evidence, criterion, rates of the intervals that decide, and why nothing can be decided, if so."""
@@ -68,6 +72,18 @@ class _Basis:
     @property
     def considered(self) -> tuple[str, ...]:
         return () if self.evidence.means is None else self.evidence.means.schema.considered
+
+    def on(self, outputs: Sequence[int], further: bool = False) -> _Basis:
+        """Return the basis of a statement on outputs, and on ``further`` states or innovations.
+
+        It decides nothing on outputs that depend on a source with heavy tails, nor, where there are some, on anything
+        further, whose dependence is not known.
+        """
+        withheld = self.evidence.withheld
+        if self.remark or not withheld or not (further or set(outputs) & set(withheld)):
+            return self
+        everything = tuple(range(len(self.evidence.outputs)))
+        return replace(self, evidence=replace(self.evidence, withheld=everything), remark=HEAVY)
 
     def count(self, samples: Array) -> Array:
         """Return the number of independent samples."""
@@ -212,8 +228,8 @@ def _groups(
     names = [output.name for output in evidence.outputs]
     consistencies = []
     for number, (name, size) in enumerate(sizes.items()):
-        count = basis.count(nees.count[:epochs, number])
         picked = [i for i in outputs_of(name, names) if i in means.schema.known]
+        based = basis.on(picked, further=len(picked) != size)
         members = [*(() if name == "sensors" else (outputs[i] for i in picked if outputs))]
         members += states if name in NOT_NAVIGATION else ()
         unknown = np.zeros(epochs, dtype=bool)
@@ -221,16 +237,16 @@ def _groups(
             unknown = unknown | each.disbelieved | each.negligible
         if len(picked) > 1:
             unknown |= _singular(means.covariances[:epochs][:, np.array(picked)[:, None], picked], unknown)
-        rates = basis.deciding if name in deciding else aside
+        rates, count = basis.deciding if name in deciding else aside, based.count(nees.count[:epochs, number])
         band = mean_square_band(
             np.where(unknown, np.nan, nees.value[:epochs, number]),
-            basis.error(nees.standard_error[:epochs, number]),
+            based.error(nees.standard_error[:epochs, number]),
             count,
             count * size,
             rates,
         )
         ratio = root_ratio(band, float(size))
-        freedom = np.array(means.samples * evidence.weight * size)
+        freedom = np.array(means.samples * based.evidence.weight * size)
         bounds_each, bounds_together = (
             _pair(mean_square_bounds(float(size), freedom, each)) for each in (bounding.each, bounding.together)
         )
@@ -244,7 +260,7 @@ def _groups(
                 bounds_together,
                 ratio,
                 linear,
-                basis.find(ratio, means.samples, rates),
+                based.find(ratio, means.samples, rates),
             )
         )
     return tuple(consistencies)
@@ -310,9 +326,10 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
     for i, output in enumerate(evidence.outputs):
         squares = Means(true.value[:, i], true.standard_error[:, i], np.full(epochs, float(true.samples)))
         own = Means(variances.value[:epochs, i], variances.standard_error[:epochs, i], variances.count[:epochs, i])
-        ratio = _ratio(basis, squares, own, basis.deciding, floors[i])
+        based = basis.on([i])
+        ratio = _ratio(based, squares, own, basis.deciding, floors[i])
         within_1, within_3 = (
-            _share_band(shares[name].value[:epochs, i], basis.count(shares[name].count[:epochs, i]), halves)
+            _share_band(shares[name].value[:epochs, i], based.count(shares[name].count[:epochs, i]), halves)
             for name in WITHIN
         )
         linear_true = None if linear is None or linear.true is None else _root(linear.true[:, i, i])
@@ -330,7 +347,7 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
                 within_3,
                 bounds_1,
                 bounds_3,
-                basis.find(ratio, means.samples, basis.deciding),
+                based.find(ratio, means.samples, basis.deciding),
                 float(floors[i]),
             )
         )
@@ -339,6 +356,7 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
 
 def _states(basis: _Basis, means: FilterMeans) -> tuple[SigmaConsistency, ...]:
     """Compare the sigma of the errors of the filter's other states with the filters'."""
+    basis = basis.on((), further=True)
     evidence, epochs, schema = basis.evidence, len(basis.evidence.times), means.schema
     squares, variances = means.squared_state_errors, means.at("state_variance")
     rates = Rates.of(basis.criterion, int(np.count_nonzero(variances.value[:-1] > 0.0)))
@@ -374,6 +392,7 @@ def _states(basis: _Basis, means: FilterMeans) -> tuple[SigmaConsistency, ...]:
 
 def _sensors(basis: _Basis, means: FilterMeans) -> tuple[SensorConsistency, ...]:
     """Compare the mean NIS of each sensor with the size of its measurements, and its innovations with white ones."""
+    basis = basis.on((), further=True)
     sensors = list(means.sensors())
     whole = Rates.of(basis.criterion, 2 * len(sensors))
     intervals = sum(np.count_nonzero(consistencies["nis"].value[:-1] > 0.0) for _, _, consistencies in sensors)

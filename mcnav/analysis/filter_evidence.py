@@ -141,6 +141,8 @@ class FilterEvidence:
         What is judged: the filter, or the smoother behind it.
     floor : ndarray, shape (outputs,), optional
         That of the outputs for samples (`mcnav.analysis.floor`).
+    withheld : tuple of int
+        Outputs that depend on a source with heavy tails: no interval is known of them.
     """
 
     label: str
@@ -154,6 +156,7 @@ class FilterEvidence:
     linear: LinearFilter | None = None
     subject: str = "filter"
     floor: Array | None = None
+    withheld: tuple[int, ...] = ()
 
     @property
     def samples(self) -> int:
@@ -163,6 +166,8 @@ class FilterEvidence:
     @property
     def weight(self) -> float:
         """Independent samples that a sample counts for, at least; see `independent_share`."""
+        if self.outputs and len(self.withheld) == len(self.outputs):
+            return 0.0
         return independent_share(self.design, self.sampling)
 
 

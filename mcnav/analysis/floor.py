@@ -1,21 +1,20 @@
 """The floor: the size below which a difference of two answers says nothing, and counts as agreement.
 
 Two answers, by samples and by linear analysis, or of a truth and of its filter, agree in a sigma when their variances
-differ by no more than the square of the floor. It is the largest of five sizes, of which each is a number that a
-computer, or a campaign, cannot tell from zero:
+differ by no more than the square of the floor. It is the largest of what a computer cannot tell from zero and of what
+nobody who uses the output could notice:
 
 - `INTEGRATED` of the scale on which the output's system changes, its `Output.limit`: a position on the earth is a
   difference of two vectors of 6.4e6 m, an attitude one of directions;
 - `CANCELLED` of the largest term of the linear sum, and of its mean: terms that cancel leave their rounding;
-- `SECOND_ORDER` of the mean error that errors of fixed value leave: what a dispersion changes of it is the dispersion
-  times the error, and a share so small of an error is of no use to anybody;
-- `REQUIRED` of the smallest limit that a requirement sets;
-- `STORED` of the largest sigma beside it, for a covariance that a filter keeps: in doubles it has a small sigma beside
-  a large one to the root of 2.2e-16, 1.5e-8, and updates add up. Sigmas in one unit are compared as they are, those in
-  different units over the scales of their outputs.
+- `STORED` of the largest sigma beside it, for a covariance that a filter keeps. Sigmas in one unit are compared as they
+  are, those in different units over the scales of their outputs;
+- `SIMULATED` of the sigmas of its terms, for a combination of outputs;
+- `OWN_SIZE` of the error that sources of fixed value leave in the output: its own size, beside which its dispersion is
+  nothing;
+- `REQUIRED` of the smallest limit that a requirement sets.
 
-A difference of 10 % in a sigma ten times the floor is a difference of 21 squares of the floor in the variance, and is
-found.
+A difference of 10 % in a sigma of ten floors is one of 21 squares of the floor in the variance, and is found.
 """
 
 from __future__ import annotations
@@ -34,23 +33,38 @@ INTEGRATED: Final = 1e-12
 CANCELLED: Final = 1e-10
 """What is left of terms that cancel, as a share of the largest."""
 
-SECOND_ORDER: Final = 1e-4
-"""Share of a fixed error below which its dispersion is of second order: that of 600 m of position on the earth."""
+OWN_SIZE: Final = 1e-4
+"""Share of an output's own size, the error that fixed sources leave, that nobody could notice: a practical rule.
 
-REQUIRED: Final = 1e-6
-"""Share of a required limit."""
-
-STORED: Final = 2e-7
-"""Share of the largest sigma beside it to which a filter's covariance holds a sigma: 13 roots of 2.2e-16.
-
-Of 80 m of altitude alone, filters were measured to hold tilts from 9e-8 of 80 m over the earth's radius on.
+A sigma so small changes the root mean square by 5e-9, and the error that one sample in a million exceeds, 4.9 sigmas
+out, by 0.05 %: by less than the last of three digits.
 """
 
-COMBINED: Final = 1e-3
-"""Share of the sigmas of its terms below which the dispersion of a combination of outputs counts as none.
+REQUIRED: Final = 1e-6
+"""Share of a required limit that nobody could notice: of a limit of a kilometre it is a millimetre."""
 
-What depends on such a combination is an inverse of a singular covariance: it has no use that a thousandth of a sigma
-would change.
+CLEAR: Final = 10.0
+"""Floors from which an output is judged together with others.
+
+There the floor's square is a hundredth of the variance, and leaves a ratio of sigmas as it is but for 0.5 %, a tenth of
+the usual tolerance. A mean is judged in sigmas there, and those that are next to nothing would decide it.
+"""
+
+SIMULATED: Final = 1e-6
+"""Share of an output's sigma to which engines simulate it: two engines of one system differ by up to 9e-7 of it.
+
+A combination of outputs that varies by less of the sigmas of its terms is rounding of what cancels.
+"""
+
+STATES: Final = 30
+"""States of a filter of position, velocity, attitude and the biases, scale factors and misalignments of an IMU."""
+
+STORED: Final = float(np.sqrt(6.0 * STATES * np.finfo(float).eps))
+"""Share of the largest sigma beside it to which a filter's covariance holds a sigma: 2.0e-7.
+
+Of a product of n x n matrices doubles leave n eps of the largest terms (Higham, *Accuracy and Stability of Numerical
+Algorithms*, 2002, section 3.5). F P F^T and an update in Joseph's form, (1 - K H) P (1 - K H)^T + K R K^T, take six:
+6 n eps of the largest variance. Filters were measured to hold tilts from 9e-8 of 80 m of altitude on.
 """
 
 
@@ -78,7 +92,7 @@ def agreement_floor(
     >>> agreement_floor(np.array([[3.0]]), np.zeros(1), np.zeros(1), np.array([6.4e6]))
     array([6.4e-06])
     """
-    floor = np.maximum(cancelled(terms, means), SECOND_ORDER * np.abs(fixed))
+    floor = np.maximum(cancelled(terms, means), OWN_SIZE * np.abs(fixed))
     for share, sizes in ((INTEGRATED, scales), (REQUIRED, limits)):
         if sizes is not None:
             floor = np.maximum(floor, share * np.where(np.isfinite(sizes), sizes, 0.0))

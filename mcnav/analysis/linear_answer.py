@@ -113,6 +113,13 @@ class LinearAnswer:
         What the scenario notices of itself; see `mcnav.contract.scenario.RemarkingScenario`.
     card : callable or None
         Writes it as HTML, for notebooks.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> answer = mc.linear_covariance({"scenario": {"type": "reentry", "trajectory": 1}, "errors": {"altitude": 5e3}})
+    >>> answer.covariance.shape, round(float(answer.sigma[0]))
+    ((4, 4), 6126)
     """
 
     campaign: str

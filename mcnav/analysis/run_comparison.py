@@ -11,6 +11,7 @@ reach further where the skewness of the blocks requires it (`mcnav.statistics.es
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,8 +85,10 @@ def change(
         squares.append(square / variance if variance > 0.0 else square)
         deviations.append(deviation)
         means.append(centre)
-    spread = _difference(before, after, squares, common)
-    mean = _difference(before, after, deviations, common)
+    withheld = outputs[0] in before.model.withheld or outputs[1] in after.model.withheld
+    fewest = math.inf if withheld else max(before.design.fewest_blocks, after.design.fewest_blocks)
+    spread = _difference(before, after, squares, common, fewest)
+    mean = _difference(before, after, deviations, common, fewest)
     shifted = Estimate(means[1] - means[0] + mean.value, mean.standard_error, mean.degrees_of_freedom)
     if not all(sigmas):
         unknown = float("nan"), float("nan")
@@ -114,10 +117,11 @@ def _controlled(samples: SampleSet, i: int, about_zero: bool) -> tuple[Array, Ar
     return paired_squares(simulated, linear), simulated - linear, variance, mean
 
 
-def _difference(before: SampleSet, after: SampleSet, values: list[Array], common: bool) -> Estimate:
-    """Estimate the mean of the later values less that of the earlier ones."""
+def _difference(
+    before: SampleSet, after: SampleSet, values: list[Array], common: bool, fewest: float
+) -> Estimate:  # fmt: skip
+    """Estimate the mean of the later values less that of the earlier ones; without an interval of fewer blocks."""
     value = float(np.mean(values[1]) - np.mean(values[0]))
-    fewest = max(before.design.fewest_blocks, after.design.fewest_blocks)
     if common:
         _, first, second = np.intersect1d(before.index, after.index, assume_unique=True, return_indices=True)
         if len(first) == len(before.index) == len(after.index):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
@@ -40,19 +41,22 @@ class Convergence:
     paired: RunningRatio
 
 
-def convergence(moments: BlockMoments, comparison: Comparison, design: SamplingDesign) -> Convergence | None:
+def convergence(
+    moments: BlockMoments, comparison: Comparison, design: SamplingDesign, withheld: Sequence[int] = ()
+) -> Convergence | None:
     """Compute the sigma ratios of growing parts of a campaign; none with too few blocks.
 
     Products are about the mean of all samples, which takes nothing from the intervals and makes the curves end at the
-    comparison's ratios.
+    comparison's ratios. Outputs without a verdict, by number, have none.
     """
-    if not comparison.outputs or len(moments.counts) < 2 * design.fewest_blocks:
+    if len(withheld) == len(comparison.outputs) or len(moments.counts) < 2 * design.fewest_blocks:
         return None
     unbiased = moments.samples / (moments.samples - 1.0)
     ends = np.unique(np.geomspace(design.fewest_blocks, len(moments.counts), POINTS).round().astype(int))
     sizes = np.cumsum(moments.counts).astype(np.int64)[ends - 1]
-    variances = np.diag(comparison.covariance_linear)
+    variances = np.diag(comparison.covariance_linear).copy()
     running = np.full((2, 3, len(sizes), len(variances)), np.nan)
+    variances[list(withheld)] = 0.0
     for i in np.flatnonzero(variances > 0.0).tolist():
         variance = float(variances[i])
         for kind, (sums, known) in enumerate(zip(moments.products(i, i), (0.0, variance), strict=True)):

@@ -62,6 +62,8 @@ def document_of(campaign: Description) -> Document:
         return campaign.document
     if not isinstance(campaign, (str, Path)):
         message = f"got {type(campaign).__name__}; expected a file, a dictionary or mcnav.Campaign"
+        if callable(campaign):
+            message += ", such as mcnav.Campaign({'type': function, 'outputs': ['range']}, errors)"
         raise CampaignError([Problem(UNNAMED, "", message)])
     path = Path(campaign)
     return Document(load_file(path), str(path), path.stem)
@@ -84,6 +86,10 @@ def written(given: Mapping[str, Any]) -> Document:
         content["errors"] = {name: _size(name, size) for name, size in sizes.items()}
     scenario = content.get("scenario")
     table = dict(scenario) if isinstance(scenario, Mapping) else {"type": scenario}
+    kind = table.get("type")
+    if not isinstance(kind, type) and any(hasattr(kind, method) for method in ("propagate", "fly", "rates")):
+        name = type(kind).__name__
+        raise _refuse("scenario", f"got an object of {name}; give the class, and settings by name: {{'type': {name}}}")
     if callable(table.get("type")):
         source = _code_of(table, sizes)
         code[source.file] = source

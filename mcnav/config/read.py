@@ -43,6 +43,7 @@ from mcnav.systems.registry import (
     is_code,
     scenario_type,
 )  # fmt: skip
+from mcnav.systems.timeouts import time_limit
 from mcnav.units import PlainNumbers, numbers_in_si
 
 __all__ = ["Campaign", "campaign_from", "parse_campaign", "read_campaign"]
@@ -124,13 +125,20 @@ def _parse(context: FileContext, stem: str, numbers: PlainNumbers) -> Campaign:
     content = context.content
     whole = validate(CampaignFile, content, context)
     table = whole or _readable_part(content, context)
+    if whole is not None:
+        check_stored_samples(whole, context)
+    with time_limit(table.sample_timeout):  # for a user's code, which is executed
+        return _read_tables(table, context, stem, numbers)
+
+
+def _read_tables(table: CampaignTable, context: FileContext, stem: str, numbers: PlainNumbers) -> Campaign:
+    """Read the tables of a file, of which the top level is known; see `parse_campaign`."""
+    content = context.content
     described, known = _read_scenario(content.get("scenario"), context)
     if content.get("units") == SI and isinstance(content.get("errors"), dict) and known is not None:
         content["errors"] = with_units(content["errors"], known.sources)
     distributions = _read_distributions(described, known, context)
     _check_use(None if described is None else described.scenario, context)
-    if whole is not None:
-        check_stored_samples(whole, context)
     if known is not None:
         check_names(content, known, context)
     if outputs := _outputs(described, content):

@@ -12,7 +12,8 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.sweep import Variable
 from mcnav.errors import CampaignError, Problem
-from mcnav.units import UnitError, conversion
+from mcnav.sampler.sizes import in_si
+from mcnav.units import UnitError, conversion, si_unit
 
 POINTS: Final = 20
 """Values of a range."""
@@ -38,7 +39,8 @@ def read_variables(varied: Mapping[str, str | Sequence[object]], points: int = P
     Parameters
     ----------
     varied : mapping of str to str or sequence
-        Ranges and lists as written, by path; or sequences of quantities, or of numbers without a unit.
+        Ranges and lists as written, by path; or sequences of quantities, as text or pint's, and of numbers, which are
+        SI where others have a unit.
     points : int
         Values of each range.
 
@@ -57,8 +59,8 @@ def read_variables(varied: Mapping[str, str | Sequence[object]], points: int = P
         raise CampaignError([Problem("--vary", "", f"got {len(varied)} keys; expected one or two")])
     variables = []
     for path, written in varied.items():
-        text = written if isinstance(written, str) else ", ".join(map(str, written))
         try:
+            text = written if isinstance(written, str) else _listed(written)
             variables.append(_read_variable(path, text, points))
         except UnitError as wrong:
             raise CampaignError([Problem("--vary", path, str(wrong))]) from None
@@ -69,6 +71,28 @@ def read_variables(varied: Mapping[str, str | Sequence[object]], points: int = P
         message = f"got {sizes} points; at most {MOST_POINTS:,} in all, fewer --points make fewer"
         raise CampaignError([Problem("--vary", "", message)])
     return tuple(variables)
+
+
+def _listed(values: Sequence[object]) -> str:
+    """Write a sequence as a list; numbers beside quantities get their SI unit.
+
+    >>> _listed([1e3, "5 km"]), _listed([1, 4])
+    ('1000.0 m, 5 km', '1, 4')
+    """
+    texts = [_text(value) for value in values]
+    units = [match[2] for text in texts if (match := _ITEM.fullmatch(text)) is not None and match[2]]
+    if not units:
+        return ", ".join(texts)
+    own = si_unit(units[-1])
+    numbers = [isinstance(value, (int, float, np.number)) for value in values]
+    return ", ".join(f"{text} {own}" if number else text for text, number in zip(texts, numbers, strict=True))
+
+
+def _text(value: object) -> str:
+    if hasattr(value, "to_base_units"):  # a quantity of pint
+        number, unit = in_si(value)
+        return f"{number!r} {unit}".removesuffix(" 1")
+    return repr(value.item()) if isinstance(value, np.number) else str(value)
 
 
 def split_varied(written: Sequence[str]) -> dict[str, str]:

@@ -32,6 +32,12 @@ class Panel:
         Where in the first column (time) the diagram begins.
     marks : tuple of str
         Events shown as lines, where x is the first column.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.Panel("height", "time [s]", ("height [m]",)).y
+    ('height [m]',)
     """
 
     title: str
@@ -65,6 +71,15 @@ class History:
         column.
     title : str
         What the diagrams show.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> import numpy as np
+    >>> time = np.linspace(0.0, 10.0, 11)
+    >>> flight = mc.History({"time [s]": time, "height [m]": 5.0 * time}, {"burnout": 6.0})
+    >>> list(flight.columns)
+    ['time [s]', 'height [m]']
     """
 
     columns: Mapping[str, Array] = field(default_factory=dict)
@@ -86,6 +101,14 @@ class Epochs:
         Rising.
     events : mapping of str to float
         Named instants, in the same unit.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> import numpy as np
+    >>> epochs = mc.Epochs("time [min]", np.linspace(0.0, 10.0, 3))
+    >>> epochs.times
+    array([ 0.,  5., 10.])
     """
 
     label: str

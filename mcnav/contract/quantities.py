@@ -43,6 +43,13 @@ class Source:
         Sources that belong together; an entry of ``[errors]`` with this name holds for each.
     of : str
         What it is of; see `Of`.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> gyro = mc.Source("gyro_bias", "rad/s", "deg/h", 4.8e-8)
+    >>> gyro.unit, gyro.shown_in
+    ('rad/s', 'deg/h')
     """
 
     name: str
@@ -74,6 +81,12 @@ class Output:
     departs : bool
         True of the departure of a state from the nominal flight. The state itself is the output and what it is measured
         from, `mcnav.contract.linear.LinearSystem.origin`; requirements limit the state unless they say otherwise.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.Output("range", "m", "km").shown_in
+    'km'
     """
 
     name: str

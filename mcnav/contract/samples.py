@@ -52,6 +52,14 @@ class SimulationResult:
         Records of the samples' filters at every epoch, from an engine with a filter alone; see `FilterSchema`.
     smoothed_history, smoother_values : ndarray, shapes (n, m, outputs), (n, m, width), optional
         Errors behind a smoother at every epoch, and its records; from an engine with a smoother alone.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> import numpy as np
+    >>> result = mc.SimulationResult(np.array([[1.0], [np.nan]]), {1: "the engine stopped"})
+    >>> sorted(result.failures)
+    [1]
     """
 
     values: Array

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement
 from mcnav.config.documents import Description
-from mcnav.report.lincov import final_rows, reading_rows, requirement_rows
+from mcnav.report.lincov import final_rows, reading_rows, requirement_rows, units_shown
 from mcnav.studies.lincov import linear_covariance, read_times
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 class LinearResult:
@@ -22,6 +25,15 @@ class LinearResult:
     ----------
     answer : LinearAnswer
         All that is known, in SI: moments, budget, history, requirements, gates.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> answer = mc.lincov({"scenario": {"type": "reentry", "trajectory": 1}, "errors": {"altitude": 5e3}})
+    >>> answer.outputs["sigma_linear"].round(2).to_dict()
+    {'altitude': 6.13, 'range': 14.63, 'altitude_rate': 14.21, 'range_rate': 3.36}
+    >>> answer.covariance.attrs["units"]["range"]
+    'm'
     """
 
     def __init__(self, answer: LinearAnswer) -> None:
@@ -39,15 +51,21 @@ class LinearResult:
 
     @cached_property
     def epochs(self) -> pd.DataFrame:
-        """A row a time and output, as `outputs`; where an update falls on a time, ``update`` tells before from after.
+        """A row a time and output, as `outputs` and `RunResult.epochs`.
+
+        Where an update falls on a time, ``update`` tells before from after.
+
+        >>> answer.epochs["sigma_linear"].unstack().plot()  # doctest: +SKIP
 
         Raises `ValueError` when the campaign is linearized at its end alone.
         """
         if self.answer.history is None and self.answer.asked is None:
             raise ValueError(f"{self.answer.campaign}: linear covariance is known at the end alone")
         rows = pd.DataFrame(asdict(row) for row in reading_rows(self.answer))
-        names = {"mean": "mean_linear", "sigma": "sigma_linear"}
-        return rows.rename(columns=names).set_index(["time", "output"]).dropna(axis="columns", how="all")
+        history = self.answer.asked or self.answer.history
+        label = "time" if history is None else history.readings.label
+        names = {"time": label, "mean": "mean_linear", "sigma": "sigma_linear"}
+        return rows.rename(columns=names).set_index([label, "output"]).dropna(axis="columns", how="all")
 
     @property
     def budget(self) -> pd.DataFrame:
@@ -71,9 +89,35 @@ class LinearResult:
 
     @cached_property
     def requirements(self) -> pd.DataFrame:
-        """A row a requirement: ``requirement``, ``finding``, ``value`` in SI, ``margin``."""
-        columns = ["requirement", "finding", "value", "margin", "exceedance"]
-        return pd.DataFrame([asdict(row) for row in requirement_rows(self.answer)], columns=columns)
+        """A row a requirement: ``requirement``, ``finding``, ``unit``, ``linear`` (its value), ``margin``.
+
+        The margin is the multiple of all errors at which it is just met. ``exceedance`` is the probability beyond the
+        limits of one that allows little.
+        """
+        return requirements_frame(self.answer, self.answer.requirements)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the sigma of each output over time, or at the end as bars where no other time is known.
+
+        Sigmas are divided by the largest of their output, whose value and unit are in the legend. Returns matplotlib's
+        axes.
+        """
+        import matplotlib.pyplot as plt
+
+        ax = ax or plt.subplots()[1]
+        if self.answer.history is None and self.answer.asked is None:
+            sigmas = self.outputs["sigma_linear"]
+            ax.bar([f"{name} [{unit}]" for name, unit in self.outputs["unit"].items()], sigmas.to_numpy(float))
+            ax.set_ylabel("linear sigma")
+            return ax
+        for output, rows in self.epochs.groupby(level="output", sort=False):
+            sigmas, largest = rows["sigma_linear"], rows["sigma_linear"].max()
+            times = rows.index.get_level_values(0)
+            ax.plot(times, sigmas / (largest or 1.0), label=f"{output}, at most {largest:.3g} {rows['unit'].iloc[0]}")
+        ax.set_xlabel(str(self.epochs.index.names[0]))
+        ax.set_ylabel("linear sigma / its largest value")
+        ax.legend(fontsize="small")
+        return ax
 
     @property
     def _outputs(self) -> list[str]:
@@ -84,6 +128,29 @@ class LinearResult:
 
     def __repr__(self) -> str:
         return repr(self.answer)
+
+
+def unit_of(answer: LinearAnswer, row: LinearRequirement) -> tuple[float, str]:
+    """Return the factor from SI to the unit in which a requirement is shown, and the unit; none of a probability."""
+    if row.requirement.kind == "box" or not row.requirement.outputs:
+        return 1.0, ""
+    shown: tuple[float, str] = units_shown(answer.outputs)[answer.outputs[row.requirement.outputs[0]].name]
+    return shown
+
+
+def requirements_frame(answer: LinearAnswer, rows: Sequence[LinearRequirement]) -> pd.DataFrame:
+    """Tabulate requirements with their linear values, a row each; see `LinearResult.requirements`."""
+    words = requirement_rows(replace(answer, requirements=tuple(rows)))
+    units = [unit_of(answer, row) for row in rows]
+    table = {
+        "requirement": [row.requirement for row in words],
+        "finding": [row.finding for row in words],
+        "unit": [unit for _, unit in units],
+        "linear": [row.value * scale for row, (scale, _) in zip(rows, units, strict=True)],
+        "margin": [row.margin for row in rows],
+        "exceedance": [row.beyond for row in rows],
+    }
+    return pd.DataFrame(table).dropna(axis="columns", how="all") if rows else pd.DataFrame(table)
 
 
 def lincov(campaign: Description, at: str | Sequence[float] = ()) -> LinearResult:

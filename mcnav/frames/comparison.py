@@ -39,9 +39,10 @@ class CovarianceVerdict:
     Attributes
     ----------
     frame : DataFrame
-        A row an output, SI: ``unit``, ``sigma_linear``, ``sigma_plain`` of the samples, where draws and P were given
-        ``sigma_paired``, ``ratio`` (simulated over linear sigma; paired where it can be) with ``ratio_from`` and
-        ``ratio_to`` at the confidence of all verdicts together, ``verdict`` and ``samples_needed``.
+        A row an output, SI, with the columns of `RunResult.outputs`: ``unit``, ``sigma_linear``, ``sigma_plain`` of
+        the samples and, where draws and P were given, ``sigma_paired``; ``ratio_paired``, else ``ratio_plain``, the
+        simulated over the linear sigma, with ``_from`` and ``_to`` at the confidence of all verdicts together;
+        ``verdict`` and ``samples_needed``.
     verdict : str
         ``agrees``, ``differs`` or ``undecided``, of the sigmas; ``partly`` where these agree and the matrix does not.
     joint : str
@@ -57,6 +58,11 @@ class CovarianceVerdict:
         Whether the sampling noise that samples and linear analysis share was taken out.
     without : tuple of str
         Processes of noise that the system has and P S P' has not.
+    fixed : Series or None
+        Weights, in units of the outputs' sigmas, of the combination that linear analysis treats as exact and that
+        varies most all the same; none where there is none.
+    fixed_sigma : float
+        Its simulated sigma, in sigmas of the output with the weight one.
 
     Examples
     --------
@@ -66,7 +72,7 @@ class CovarianceVerdict:
     >>> draws = errors.draw(4000, seed=1)
     >>> P = mc.partials(lambda e: e, errors)
     >>> verdict = mc.compare(mc.propagate_covariance(P, errors), mc.simulate(lambda e: e, draws), draws, P)
-    >>> verdict.verdict, bool(abs(verdict.frame["ratio"] - 1.0).max() < 1e-9)
+    >>> verdict.verdict, bool(abs(verdict.frame["ratio_paired"] - 1.0).max() < 1e-9)
     ('agrees', True)
     """
 
@@ -83,6 +89,8 @@ class CovarianceVerdict:
     without: tuple[str, ...]
     tolerance: float
     confidence: float
+    fixed: pd.Series | None = None
+    fixed_sigma: float = 0.0
 
     @property
     def sentence(self) -> str:
@@ -101,6 +109,16 @@ class CovarianceVerdict:
         return text + (f" {self.failed:,} of {self.samples + self.failed:,} samples failed." if self.failed else "")
 
     @property
+    def _kind(self) -> str:
+        return "paired" if self.paired else "plain"
+
+    @property
+    def _ends(self) -> Array:
+        """Ends of the intervals of the ratios, shape (outputs, 2)."""
+        ends = [f"ratio_{self._kind}_from", f"ratio_{self._kind}_to"]
+        return np.asarray(self.frame[ends].to_numpy(float))
+
+    @property
     def _remedy(self) -> str:
         needed = self.frame["samples_needed"].max()
         if np.isfinite(needed):
@@ -111,26 +129,29 @@ class CovarianceVerdict:
 
     def __str__(self) -> str:
         """Write the verdict as a table."""
-        kind = "sigma_paired" if self.paired else "sigma_plain"
         shown = pd.DataFrame(
             {
                 "unit": self.frame["unit"],
                 "P S P'": self.frame["sigma_linear"].map("{:.5g}".format),
-                "Monte Carlo": self.frame[kind].map("{:.5g}".format),
-                "difference": (self.frame["ratio"] - 1.0).map("{:+.2%}".format),
-                "interval": [_interval(*ends) for ends in self.frame[["ratio_from", "ratio_to"]].to_numpy(float)],
+                "Monte Carlo": self.frame[f"sigma_{self._kind}"].map("{:.5g}".format),
+                "difference": (self.frame[f"ratio_{self._kind}"] - 1.0).map("{:+.2%}".format),
+                "interval": [_interval(*ends) for ends in self._ends],
                 "verdict": self.frame["verdict"],
             }
         )
         lines = [f"{self.verdict.upper()}  {self.sentence}", "", shown.to_string()]
         if self.joint:
-            weights = self.worst_direction[self.worst_direction.abs() > 0.05]
-            named = " ".join(f"{weight:+.3f} {name}" for name, weight in weights.items())
+            nees = f"mean NEES {self.nees:.4g} where {self.nees_expected:.4g} is expected"
             lines += [
                 "",
-                f"mean NEES {self.nees:.4g} where {self.nees_expected:.4g} is expected: {self.joint}",
-                f"worst direction (in sigmas): {named}: {self.worst_ratio - 1.0:+.2%}",
+                nees if self.fixed is not None else f"{nees}: {self.joint}",
+                f"worst direction (in sigmas): {_weighted(self.worst_direction)}: {self.worst_ratio - 1.0:+.2%}",
             ]
+        if self.fixed is not None:
+            lines.append(
+                f"linear analysis treats {_weighted(self.fixed)} (in sigmas) as exact; it varies by "
+                f"{self.fixed_sigma:.3g} sigma: differs"
+            )
         return "\n".join(lines)
 
     __repr__ = __str__
@@ -141,8 +162,7 @@ class CovarianceVerdict:
 
         ax = ax or plt.subplots(figsize=(7.0, 1.0 + 0.4 * len(self.frame)))[1]
         rows = np.arange(len(self.frame))[::-1]
-        ratio = self.frame["ratio"].to_numpy(float)
-        ends = self.frame[["ratio_from", "ratio_to"]].to_numpy(float)
+        ratio, ends = self.frame[f"ratio_{self._kind}"].to_numpy(float), self._ends
         known = np.isfinite(ends).all(axis=1)
         ax.axvspan(1.0 - self.tolerance, 1.0 + self.tolerance, color="0.9", label=f"within {self.tolerance:.0%}")
         ax.errorbar(
@@ -203,20 +223,19 @@ def compare(
     --------
     >>> import mcnav as mc
     >>> samples = np.random.default_rng(1).normal(size=(20_000, 2)) * [1.0, 1.2]
-    >>> print(mc.compare(np.eye(2), samples).frame[["sigma_linear", "sigma_plain", "verdict"]].round(3))
-        sigma_linear  sigma_plain  verdict
-    y1           1.0        0.989   agrees
-    y2           1.0        1.199  differs
+    >>> verdict = mc.compare(np.eye(2), samples)
+    >>> verdict.frame["sigma_plain"].round(3).to_dict(), verdict.frame["verdict"].to_dict()
+    ({'y1': 0.989, 'y2': 1.199}, {'y1': 'agrees', 'y2': 'differs'})
     """
     if (draws is None) != (partials is None):
         raise ValueError("a paired comparison needs both draws and partials; got one of them")
     _check_share("tolerance", tolerance)
     _check_share("confidence", confidence)
     known, named = _labelled(covariance, outputs)
-    given = known.to_numpy(float)
+    given = _numbers(known, "covariance")
     if not np.isfinite(given).all() or np.linalg.eigvalsh(given)[0] < -1e-9 * max(np.trace(given), 1e-300):
         raise ValueError("covariance must be finite and positive semidefinite")
-    outcomes = named.to_numpy(float)
+    outcomes = _numbers(named, "outputs")
     if np.isfinite(outcomes).all(axis=1).sum() < 2:
         raise ValueError("fewer than two samples succeeded, so that there is nothing to compare")
     sampling = outputs.attrs.get(SAMPLING, {}) if isinstance(outputs, pd.DataFrame) else {}
@@ -240,20 +259,39 @@ def _check_share(name: str, value: float) -> None:
         raise ValueError(f"{name} must be between 0 and 1; got {value!r}")
 
 
+def _array(given: Any, name: str) -> Array:
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a frame or an array of numbers; got {type(given).__name__}") from None
+
+
+def _numbers(table: pd.DataFrame, name: str) -> Array:
+    try:
+        return np.asarray(table.to_numpy(float))
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be numbers; got {table.dtypes.iloc[0]}") from None
+
+
 def _labelled(covariance: pd.DataFrame | Array, outputs: pd.DataFrame | Array) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return covariance and outputs as frames with the same names in the same order; `ValueError` when they differ."""
     if isinstance(outputs, pd.DataFrame):
         samples = outputs.drop(columns=REASON, errors="ignore")
     else:
-        array = np.asarray(outputs, dtype=float)
+        array = _array(outputs, "outputs")
         array = array[:, None] if array.ndim == 1 else array
         names = list(covariance.columns) if isinstance(covariance, pd.DataFrame) else None
         samples = pd.DataFrame(array, columns=names or [f"y{number + 1}" for number in range(array.shape[1])])
     if not isinstance(covariance, pd.DataFrame):
-        matrix = np.atleast_2d(np.asarray(covariance, dtype=float))
+        matrix = np.atleast_2d(_array(covariance, "covariance"))
         if matrix.shape != (samples.shape[1],) * 2:
             raise ValueError(f"covariance of shape {matrix.shape} does not fit outputs of shape {samples.shape}")
         covariance = pd.DataFrame(matrix, index=samples.columns, columns=samples.columns)
+    if covariance.shape[0] != covariance.shape[1]:
+        raise ValueError(
+            f"covariance must be square, outputs by outputs; got shape {covariance.shape} (it comes first, then the "
+            "outputs)"
+        )
     if set(covariance.columns) != set(samples.columns) or list(covariance.index) != list(covariance.columns):
         raise ValueError(
             f"covariance and outputs must list the same outputs; got {', '.join(map(str, covariance.columns))} and "
@@ -303,14 +341,14 @@ def _paired_model(
     return Model(np.eye(len(covariance)), offset, centre, covariance.to_numpy(float)), linear
 
 
-def _row(judgement: Judgement, **sigmas: float) -> Mapping[str, Any]:
+def _row(judgement: Judgement, kind: str, **sigmas: float) -> Mapping[str, Any]:
     low, high = judgement.interval or (np.nan, np.nan)
     bounded = np.isfinite(high)
     return {
         **sigmas,
-        "ratio": np.nan if judgement.ratio is None else judgement.ratio,
-        "ratio_from": low if bounded else np.nan,
-        "ratio_to": high if bounded else np.nan,
+        f"ratio_{kind}": np.nan if judgement.ratio is None else judgement.ratio,
+        f"ratio_{kind}_from": low if bounded else np.nan,
+        f"ratio_{kind}_to": high if bounded else np.nan,
         "verdict": str(judgement.verdict),
         "samples_needed": np.nan if judgement.samples_needed is None else float(judgement.samples_needed),
     }
@@ -320,7 +358,7 @@ def _frame(covariance: pd.DataFrame, rows: list[Mapping[str, Any]]) -> pd.DataFr
     frame = pd.DataFrame(rows, index=list(covariance.columns))
     units = covariance.attrs.get("units", {})
     frame.insert(0, "unit", [units.get(name, "") for name in covariance.columns])
-    frame.index.name = None
+    frame.index.name = "output"
     return frame
 
 
@@ -328,7 +366,7 @@ def _of_plain(
     covariance: pd.DataFrame, plain: CovarianceComparison, tolerance: float, confidence: float
 ) -> CovarianceVerdict:
     sigmas = zip(np.sqrt(np.diag(covariance)), np.sqrt(np.diag(plain.sample)), plain.outputs, strict=True)
-    rows = [_row(judged, sigma_linear=linear, sigma_plain=own) for linear, own, judged in sigmas]
+    rows = [_row(judged, "plain", sigma_linear=linear, sigma_plain=own) for linear, own, judged in sigmas]
     joint = "" if plain.together is None else str(plain.together.verdict)
     return CovarianceVerdict(
         _frame(covariance, rows), _overall(plain.verdict, joint), joint, plain.nees.value, float(plain.dimension),
@@ -341,25 +379,42 @@ def _of_paired(
     covariance: pd.DataFrame, paired: PairedComparison, tolerance: float, confidence: float
 ) -> CovarianceVerdict:
     rows = [
-        _row(output.paired, sigma_linear=output.sigma_linear, sigma_plain=output.sigma_sample,
+        _row(output.paired, "paired", sigma_linear=output.sigma_linear, sigma_plain=output.sigma_sample,
              sigma_paired=output.sigma_paired)
         for output in paired.outputs
     ]  # fmt: skip
     whole = paired.ellipsoid
     joint = "" if whole is None else str(whole.verdict)
     direction = np.zeros(len(covariance)) if whole is None else whole.directions[whole.farthest]
+    fixed, fixed_sigma = _fixed(covariance, paired)
     return CovarianceVerdict(
         _frame(covariance, rows), _overall(paired.verdict, joint), joint,
         np.nan if whole is None else whole.nees_paired.value, 0.0 if whole is None else float(whole.dimension),
         pd.Series(direction, index=covariance.columns),
         1.0 if whole is None else float(whole.direction_ratios[whole.farthest]), paired.samples, paired.failed, True,
-        tuple(covariance.attrs.get(WITHOUT, ())), tolerance, confidence,
+        tuple(covariance.attrs.get(WITHOUT, ())), tolerance, confidence, fixed, fixed_sigma,
     )  # fmt: skip
+
+
+def _fixed(covariance: pd.DataFrame, paired: PairedComparison) -> tuple[pd.Series | None, float]:
+    """Return the most varied combination that linear analysis treats as exact, and its sigma in those of its lead."""
+    for combination in () if paired.ellipsoid is None else paired.ellipsoid.unpredicted:
+        if combination.judgement is not None and combination.judgement.verdict == Verdict.DIFFERS:
+            lead = paired.outputs[combination.lead]
+            sigma = combination.sigma_paired / (lead.sigma_linear or lead.sigma_paired)
+            return pd.Series(combination.shares, index=covariance.columns), float(sigma)
+    return None, 0.0
 
 
 def _overall(verdict: Verdict, joint: str) -> str:
     """Join the verdict on sigmas with that on the whole matrix, as runs do."""
     return "partly" if verdict == Verdict.AGREES and joint == "differs" else str(verdict)
+
+
+def _weighted(weights: pd.Series) -> str:
+    """Write a combination of outputs, without the small terms."""
+    shown = weights[weights.abs() > 0.05 * weights.abs().max()]
+    return " ".join(f"{weight:+.3f} {name}" for name, weight in shown.items())
 
 
 def _interval(low: float, high: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -13,6 +14,7 @@ from mcnav._types import Array
 from mcnav.contract.errors import SimulationFailed
 from mcnav.contract.quantities import Output
 from mcnav.contract.scenario import ScenarioError
+from mcnav.frames.given import remedy_for
 from mcnav.frames.systems import Simulatable, system_of
 from mcnav.linear.covariance import propagated_covariance
 from mcnav.sampler.errors import Errors, as_errors
@@ -20,12 +22,19 @@ from mcnav.sampler.errors import Errors, as_errors
 MEAN: Final = "mean"
 """Key of ``attrs`` of a propagated covariance under which the linear mean of each output is."""
 
+ROUNDING: Final = 1e-9
+"""Share of the sigmas' product by which rounding may move an entry of a covariance."""
+
+DOUBTFUL: Final = 0.01
+"""Error of P, as a share of the largest contribution of one sigma, from which a warning tells of it: a fifth of the
+tolerance of comparisons."""
+
 WITHOUT: Final = "noise left out"
 """Key of its ``attrs`` that lists the processes of noise of the system, which P S P' does not have."""
 
 
 def partials(
-    system: Simulatable, errors: Errors | Mapping[str, Any], outputs: Sequence[str | Output] = ()
+    system: Simulatable, errors: Errors | Mapping[str, Any], outputs: str | Sequence[str | Output] = ()
 ) -> pd.DataFrame:
     """Compute the partial-derivative matrix P about no errors: TN D-1772, eq. (13).
 
@@ -38,7 +47,7 @@ def partials(
         As in `mcnav.simulate`.
     errors : Errors or mapping
         Error sources, the columns of P in this order; their sigmas scale the steps.
-    outputs : sequence of str or Output, optional
+    outputs : str, or sequence of str or Output, optional
         As in `mcnav.simulate`.
 
     Returns
@@ -68,7 +77,7 @@ def partials(
     known = as_errors(errors)
     sizes = np.maximum(known.model.standard_deviations, np.abs(known.model.mean))
     sizes = np.where(sizes > 0.0, sizes, 1.0)
-    prepared = system_of(system, known.names, np.diag(sizes), outputs)
+    prepared = system_of(system, known.units, np.diag(sizes), outputs, known)
     places = [prepared.sources.index(name) for name in known.names]
     placed = np.zeros(len(prepared.sources))
     placed[places] = sizes
@@ -76,7 +85,13 @@ def partials(
         with one_thread():
             linearized = prepared.linearize(placed)
     except (ScenarioError, SimulationFailed) as failure:
-        raise ValueError(str(failure)) from None
+        raise ValueError(f"{failure}{remedy_for(system)}") from None
+    if linearized.error > DOUBTFUL:
+        warnings.warn(
+            f"P is doubtful: its steps differ by {linearized.error:.1%} of the largest contribution of a sigma; the "
+            "system has a kink or a jump about no errors, or is noisy",
+            stacklevel=2,
+        )
     names = [output.name for output in prepared.outputs]
     table = pd.DataFrame(linearized.model.partials[:, places], index=names, columns=known.names)
     table.attrs = {
@@ -92,7 +107,7 @@ def partials(
 
 
 def propagate_covariance(
-    partials: pd.DataFrame | Array, covariance: pd.DataFrame | Array | Errors
+    partials: pd.DataFrame | Array, covariance: pd.DataFrame | Array | Errors | Mapping[str, Any]
 ) -> pd.DataFrame | Array:
     """Propagate the covariance of the errors, P S P': TN D-1772, eq. (17).
 
@@ -100,7 +115,7 @@ def propagate_covariance(
     ----------
     partials : DataFrame or ndarray, shape (outputs, sources)
         P, in which outputs are linear functions of the sources.
-    covariance : DataFrame, ndarray, shape (sources, sources), or Errors
+    covariance : DataFrame, ndarray, shape (sources, sources), Errors or mapping of sizes
         S. A frame is put into the order of the columns of P by its names.
 
     Returns
@@ -111,7 +126,7 @@ def propagate_covariance(
     Raises
     ------
     ValueError
-        When both do not list the same sources, or a value is not finite.
+        When both do not list the same sources, a value is not finite, or S is not a covariance.
 
     Examples
     --------
@@ -123,7 +138,8 @@ def propagate_covariance(
            range
     range   25.0
     """
-    known = covariance.covariance if isinstance(covariance, Errors) else covariance
+    errors = as_errors(covariance) if isinstance(covariance, (Errors, Mapping)) else None
+    known = covariance if errors is None else errors.covariance
     if isinstance(partials, pd.DataFrame) and isinstance(known, pd.DataFrame):
         if set(known.index) != set(known.columns) or set(known.columns) != set(partials.columns):
             raise ValueError(
@@ -131,9 +147,8 @@ def propagate_covariance(
                 f"{', '.join(map(str, partials.columns))} and {', '.join(map(str, known.columns))}"
             )
         known = known.loc[list(partials.columns), list(partials.columns)]
-    first, second = np.asarray(partials, dtype=float), np.asarray(known, dtype=float)
-    if not (np.isfinite(first).all() and np.isfinite(second).all()):
-        raise ValueError("partials and covariance must be finite")
+    first, second = _matrix(partials, "partials"), _matrix(known, "covariance")
+    _check_covariance(second)
     result = propagated_covariance(first, second)
     if not isinstance(partials, pd.DataFrame):
         return result
@@ -141,9 +156,33 @@ def propagate_covariance(
     table.attrs["units"] = partials.attrs.get("units", {})
     if noise := [name for name, added in partials.attrs.get("noise", {}).items() if any(added.values())]:
         table.attrs[WITHOUT] = noise
-    if isinstance(covariance, Errors) and "nominal" in partials.attrs:
-        table.attrs[MEAN] = dict(_mean(partials, covariance))
+    if errors is not None and "nominal" in partials.attrs:
+        table.attrs[MEAN] = dict(_mean(partials, errors))
     return table
+
+
+def _matrix(given: Any, name: str) -> Array:
+    """Return a matrix; `ValueError` when it is none, or not finite."""
+    try:
+        matrix = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a frame or a matrix of numbers; got {type(given).__name__}") from None
+    if matrix.ndim != 2 or not np.isfinite(matrix).all():
+        raise ValueError(f"{name} must be finite, and a matrix; got shape {matrix.shape}")
+    return matrix
+
+
+def _check_covariance(matrix: Array) -> None:
+    """Raise `ValueError` unless a matrix is symmetric and positive semidefinite, but for rounding."""
+    scale = np.sqrt(np.abs(np.diag(matrix))) if matrix.shape[0] == matrix.shape[1] else np.ones(0)
+    scale = np.outer(scale, scale)
+    if not len(scale):
+        return
+    if np.any(np.abs(matrix - matrix.T) > ROUNDING * scale):
+        raise ValueError("covariance must be symmetric")
+    lowest = np.linalg.eigvalsh(matrix / np.where(scale > 0.0, scale, 1.0))[0]
+    if lowest < -ROUNDING * len(matrix):
+        raise ValueError(f"covariance must be positive semidefinite; its correlations have the eigenvalue {lowest:.3g}")
 
 
 def _mean(partials: pd.DataFrame, errors: Errors) -> pd.Series:

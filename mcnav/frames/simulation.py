@@ -11,11 +11,12 @@ import numpy as np
 import pandas as pd
 
 from mcnav._threads import one_thread
+from mcnav._types import Array
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.frames.systems import Simulatable, System, system_of
 from mcnav.runner.worth import worth_from
-from mcnav.sampler.errors import SAMPLING
+from mcnav.sampler.errors import SAMPLING, errors_of
 
 REASON: Final = "reason"
 """Column of results that says why a sample failed; there is one where any did."""
@@ -28,7 +29,7 @@ def simulate(
     system: Simulatable,
     draws: pd.DataFrame,
     jobs: int = 2,
-    outputs: Sequence[str | Output] = (),
+    outputs: str | Sequence[str | Output] = (),
 ) -> pd.DataFrame:
     """Run every draw through a system: the nonlinear truth and indicated trajectories of each sample.
 
@@ -37,13 +38,14 @@ def simulate(
     system : callable, object, class, mapping, str, Path or Campaign
         A function of errors, shape (n, sources) to (n, outputs); an object with ``propagate`` or ``fly``; a class of
         these, or a subclass of `mcnav.ClosedLoop`; the table of a scenario, ``{"type": "reentry", "trajectory": 4}``;
-        or a campaign.
+        or a campaign. Sizes of noise are in campaigns alone: `mcnav.Campaign`. A filter whose campaign has no errors
+        believes those of the draws.
     draws : DataFrame, shape (n, sources)
         Errors, SI, by the names of their sources; of `mcnav.Errors.draw` or one's own. A function gets its columns in
         this order; other systems find them by name, and sources without a column are zero.
     jobs : int
         Workers. They are started where the samples take some seconds; results have the same bits for any number.
-    outputs : sequence of str or Output, optional
+    outputs : str, or sequence of str or Output, optional
         Names of what a function returns; by default its attribute ``outputs``, the columns of the frame that it
         returns, or y1, y2, …
 
@@ -56,7 +58,8 @@ def simulate(
     Raises
     ------
     TypeError, ValueError, CampaignError
-        When it is no system, or has no source of a column.
+        When it is no system, or has no source of a column, or has it in another unit; when an error is not finite, or
+        a function returns another shape than (n, outputs).
 
     Examples
     --------
@@ -67,13 +70,13 @@ def simulate(
     >>> mc.simulate(impact, draws, outputs=["range"]).std().round(1)["range"]
     np.float64(11.7)
     """
-    if not isinstance(draws, pd.DataFrame) or draws.empty:
-        raise TypeError("draws must be a frame with a row a sample and a column an error source, as Errors.draw makes")
+    errors = _checked(draws)
     if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
         raise ValueError(f"jobs must be a whole number of at least 1; got {jobs!r}")
-    errors = draws.to_numpy(float)
     names = tuple(map(str, draws.columns))
-    prepared = system_of(system, names, errors[:64], outputs)
+    known = draws.attrs.get("units", {})
+    sources = {name: known.get(name, "") for name in names}
+    prepared = system_of(system, sources, errors[:64], outputs, errors_of(draws))
     placed = np.zeros((len(errors), len(prepared.sources)))
     placed[:, [prepared.sources.index(name) for name in names]] = errors
     seed = draws.attrs.get(SAMPLING, {}).get("seed", 0)
@@ -87,6 +90,24 @@ def simulate(
         **({SAMPLING: draws.attrs[SAMPLING]} if SAMPLING in draws.attrs else {}),
     }
     return table
+
+
+def _checked(draws: Any) -> Array:
+    """Return the errors of draws, shape (n, sources); `TypeError` or `ValueError` when they are none."""
+    if not isinstance(draws, pd.DataFrame) or draws.empty:
+        got = "an empty frame" if isinstance(draws, pd.DataFrame) else type(draws).__name__
+        raise TypeError(
+            "draws must be a frame with a row a sample and a column an error source, such as errors.draw(20_000); got "
+            f"{got}"
+        )
+    if not draws.columns.is_unique:
+        raise ValueError(f"draws must have a column a source; got {', '.join(map(str, draws.columns))}")
+    for name, column in draws.items():
+        if column.dtype.kind not in "biuf":
+            raise ValueError(f"draws: {name} must be numbers; got dtype {column.dtype}")
+        if not np.isfinite(column).all():
+            raise ValueError(f"draws: {name} is not finite in row {column.index[~np.isfinite(column)][0]}")
+    return np.asarray(draws.to_numpy(float))
 
 
 def _run(system: System, samples: Batch, jobs: int) -> SimulationResult:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,9 @@ from mcnav._types import Array
 from mcnav.identification.fit import AxisFit, Estimate, fit
 from mcnav.identification.goodness import Goodness, check_fit
 from mcnav.identification.spectrum import Record, transform
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 BANDWIDTH: Final = ("line", "shape")
 """Tests of fit of the spectrum, which its lower part alone may pass."""
@@ -23,7 +26,7 @@ FEWEST_ORDINATES: Final = 250
 """Ordinates of the spectrum that a model is fitted to."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class IdentifiedNoise:
     """Noise of one axis, from a static record.
 
@@ -41,6 +44,14 @@ class IdentifiedNoise:
         Test of fit of that model.
     of_all : Goodness, optional
         Test of fit of the best model of the whole spectrum, where only the lower frequencies have one.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> import numpy as np
+    >>> noise = mc.identify(1e-4 * np.random.default_rng(1).standard_normal(36_000), 0.1)
+    >>> noise.frame["identified"].to_dict()
+    {'random_walk': True}
     """
 
     fitted: AxisFit
@@ -77,6 +88,21 @@ class IdentifiedNoise:
         """By how much the criterion of the next model is larger."""
         return self.fitted.margin
 
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The estimates, a row a parameter: ``value`` with ``value_from`` and ``value_to`` at 95 %, ``identified``.
+
+        Units are those of `mcnav.identification.processes`; an end that the record does not show is zero or infinite.
+        """
+        import pandas as pd
+
+        rows = [
+            {"parameter": each.name, "value": each.value, "value_from": each.low, "value_to": each.high,
+             "identified": each.identified}
+            for each in self.estimates
+        ]  # fmt: skip
+        return pd.DataFrame(rows).set_index("parameter")
+
     def __str__(self) -> str:
         """Tabulate the estimates, and say whether the model fits."""
         lines = [_line(each) for each in self.estimates]
@@ -84,6 +110,8 @@ class IdentifiedNoise:
         fits = "the model fits" if not self.goodness.rejected else f"the model does not fit: {worst}"
         lines.append(f"{fits} (p = {self.goodness.p:.2g}); margin over the next model {self.margin:.3g}")
         return "\n".join([*lines, *([self.limits] if self.part else [])])
+
+    __repr__ = __str__
 
     @property
     def limits(self) -> str:
@@ -136,12 +164,16 @@ def identify_noise(readings: ArrayLike, interval: float, below: float | None = N
     >>> noise = identify_noise(rates, 0.1)
     >>> [each.name for each in noise.estimates]
     ['random_walk']
+    >>> noise.frame.columns.tolist()
+    ['value', 'value_from', 'value_to', 'identified']
     """
     values = np.asarray(readings, dtype=float)
     if values.ndim != 1 or len(values) < FEWEST:
         raise ValueError(f"expected at least {FEWEST:,} readings of one axis; got an array of shape {values.shape}")
-    if not (np.isfinite(interval) and interval > 0.0):
-        raise ValueError(f"expected a positive interval between readings, s; got {interval}")
+    for name, number in (("interval", interval), ("below", below)):
+        if number is not None and not (isinstance(number, (int, float)) and np.isfinite(number) and number > 0.0):
+            unit = "s" if name == "interval" else "Hz"
+            raise ValueError(f"{name} must be a positive number, {unit}; got {number!r}")
     known = np.isfinite(values)
     if not known.all():
         raise ValueError(f"reading {int(np.argmin(known))} is not finite; fit a stretch without gaps")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from mcnav.judgement.assessment import FACTORS, LEVEL, SHARE, Assessment, Tell, 
 from mcnav.judgement.likelihood import Factor, estimate_factor
 from mcnav.judgement.simulation import Innovations, beside, recorded, simulate
 from mcnav.judgement.statistics import SensorStatistics, mean_nees, sensor_statistics
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SIMULATED: Final = 1000
 """Simulated records."""
@@ -134,7 +137,7 @@ class Finding:
     left: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Judgement:
     """The verdict on a record.
 
@@ -146,6 +149,14 @@ class Judgement:
         What is wrong, the foremost first; empty where nothing is, or no number of the campaign explains it.
     predicted : ndarray, shape (m, 9)
         Sigmas of the navigation errors less the reference's in simulated records, at the stages with a read-out.
+
+    Examples
+    --------
+    A flight is recorded by ``mcnav replay`` or by a vehicle.
+
+    >>> import mcnav as mc
+    >>> judgement = mc.judge("flight.toml", mc.RecordingFiles("imu.csv", {"gnss": "gnss.csv"}))  # doctest: +SKIP
+    >>> judgement.alarm, judgement.frame.query("named")                                          # doctest: +SKIP
     """
 
     duration: float
@@ -164,6 +175,37 @@ class Judgement:
     def alarm(self) -> bool:
         """Return whether the record is at odds with the campaign, at a probability of a false alarm of 5 %."""
         return self.probability <= LEVEL
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The numbers of the campaign, a row a ``number``.
+
+        ``size`` and its ``unit``, SI; ``factor`` by which it is wrong with ``factor_from`` and ``factor_to`` at 95 %,
+        NaN where it was not estimated; ``noticed``, the least factor that would be noticed in 9 of 10 records;
+        ``named``, whether it is what is wrong.
+        """
+        import pandas as pd
+
+        named = {finding.number.name for finding in self.findings}
+        rows = [
+            {"number": cause.name, "size": cause.size, "unit": cause.unit,
+             "factor": np.nan if cause.factor is None else cause.factor.value,
+             "factor_from": np.nan if cause.factor is None else cause.factor.low,
+             "factor_to": np.nan if cause.factor is None else cause.factor.high,
+             "noticed": np.nan if cause.noticed is None else cause.noticed, "named": cause.name in named}
+            for cause in self.causes
+        ]  # fmt: skip
+        return pd.DataFrame(rows).set_index("number")
+
+    def __repr__(self) -> str:
+        """Write the verdict and the numbers as a table."""
+        at_odds = "is at odds" if self.alarm else "is not at odds"
+        named = ", ".join(finding.number.name for finding in self.findings)
+        words = (
+            f"{named} would explain it" if named else "no single number explains it" if self.alarm else "nothing named"
+        )
+        share = f"{self.probability:.1%} of {self.simulated:,} simulated records are as unusual"
+        return f"The record {at_odds} with the campaign ({share}); {words}.\n\n{self.frame.to_string()}"
 
 
 def judge(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from mcnav.logs.log_table import LogTable
 from mcnav.logs.mapping import Column, cannot_tell, factor_to, numbers
 from mcnav.logs.tables import open_table
 from mcnav.logs.times import Stamps, interval_of, notes_of_steps, refuse_falling, repeated, rows, seconds_of, unwrapped
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 RATES: Final = {"gyro": ("rad/s", "rad"), "accelerometer": ("m/s^2", "m/s")}
 """Units of readings, and those of increments."""
@@ -55,6 +58,13 @@ class ImuLog:
         Specific force, m/s^2.
     notes : tuple of str
         What was noticed, one line each: gaps, repeated stamps, saturation, units taken.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> log = mc.ImuLog(np.array([0.0, 0.1]), 0.0, 0.1, gyro=np.zeros((2, 3)), accelerometer=None, notes=())
+    >>> log.frame.columns.tolist(), log.frame.attrs["units"]["gyro_x"]
+    (['gyro_x', 'gyro_y', 'gyro_z'], 'rad/s')
     """
 
     time: Array
@@ -64,15 +74,29 @@ class ImuLog:
     accelerometer: Array | None
     notes: tuple[str, ...]
 
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The readings, a row a time (s) and a column an axis such as ``gyro_x``, SI; units in ``attrs["units"]``."""
+        import pandas as pd
+
+        known = {"gyro": self.gyro, "accelerometer": self.accelerometer}
+        columns = {
+            f"{name}_{axis}": readings[:, place]
+            for name, readings in known.items() if readings is not None for place, axis in enumerate(AXES)
+        }  # fmt: skip
+        table = pd.DataFrame(columns, index=pd.Index(self.time, name="time"))
+        table.attrs["units"] = {name: RATES[name.rpartition("_")[0]][0] for name in columns} | {"time": "s"}
+        return table
+
 
 def read_imu_log(
-    path: Path, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+    path: str | Path, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
 ) -> ImuLog:
     """Read a record of inertial sensors.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         Of any format that `open_table` reads.
     columns : mapping, optional
         Columns of the file by `time`, `gyro_x`, ..., `accelerometer_z`; a minus sign before a name negates it.
@@ -85,8 +109,17 @@ def read_imu_log(
     LogError
         In one line: where the columns cannot be told, times fall or repeat, readings are missing, or sizes say that
         a unit which is not stated is another one.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> import pandas as pd
+    >>> rates = {f"gyro_{axis} [deg/s]": np.linspace(0.0, 1.0, 5) for axis in "xyz"}
+    >>> pd.DataFrame({"time [s]": np.arange(5) / 10.0, **rates}).to_csv("static.csv", index=False)
+    >>> mc.read_imu_log("static.csv").frame["gyro_x"].max().round(6)  # rad/s
+    np.float64(0.017453)
     """
-    columns, units = columns or {}, units or {}
+    path, columns, units = Path(path), columns or {}, units or {}
     table = open_table(path, columns.get("topic"), (*px4.INERTIAL, *ros_bags.INERTIAL))
     chosen = find_columns(table, columns, units)
     stamps, notes = _stamps(table, chosen)

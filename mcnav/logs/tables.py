@@ -91,12 +91,12 @@ def _why_unreadable(path: Path, failure: OSError) -> str:
     return f"cannot be read: {failure.strerror or failure}"
 
 
-def read_table(path: Path, topic: str | None = None) -> pd.DataFrame:
+def read_table(path: str | Path, topic: str | None = None) -> pd.DataFrame:
     """Read all columns of a recorded file.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         CSV, text separated by blanks, parquet, MATLAB, PX4 (ULog), ROS bags, RTKLIB (.pos), NMEA, GPX. Columns without
         a header are named "1", "2", ...
     topic : str, optional
@@ -106,8 +106,16 @@ def read_table(path: Path, topic: str | None = None) -> pd.DataFrame:
     ------
     LogError
         When it cannot be read.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> import pandas as pd
+    >>> pd.DataFrame({"time": [0.0, 0.1], "rate": [0.1, 0.2]}).to_csv("log.csv", index=False)
+    >>> mc.read_table("log.csv")["rate"].tolist()
+    [0.1, 0.2]
     """
     import pandas as pd
 
-    table = open_table(path, topic)
+    table = open_table(Path(path), topic)
     return pd.DataFrame(dict(table.read(table.names)), copy=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ from mcnav.logs.track_columns import (
     find_columns,
     find_time,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ALTITUDES: Final = (-12_000.0, 1e9)
 """Lowest and highest altitude, m."""
@@ -55,6 +58,14 @@ class Track:
         North, east, down, m/s.
     notes : tuple of str
         What was noticed, one line each.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> here = np.zeros(2)
+    >>> track = mc.Track(np.array([0.0, 1.0]), 0.0, here, here, here, None, None, None, None, ())
+    >>> track.frame.columns.tolist()
+    ['latitude', 'longitude', 'altitude']
     """
 
     time: Array
@@ -68,13 +79,38 @@ class Track:
     velocity_sigma: Array | None
     notes: tuple[str, ...]
 
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The track, a row a time (s) and a column a quantity such as ``velocity_north``, SI and rad.
 
-def read_track(path: Path, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None) -> Track:
+        Columns are named as in files that `read_track` reads; units are in ``attrs["units"]``.
+        """
+        import pandas as pd
+
+        level = ("north", "east", "down")
+        groups = (
+            ("velocity_", level, self.velocity, "m/s"), ("", ("roll", "pitch", "heading"), self.attitude, "rad"),
+            ("sigma_", level, self.position_sigma, "m"), ("velocity_sigma_", level, self.velocity_sigma, "m/s"),
+        )  # fmt: skip
+        columns = {"latitude": self.latitude, "longitude": self.longitude, "altitude": self.altitude}
+        units = {"latitude": "rad", "longitude": "rad", "altitude": "m", "time": "s"}
+        for prefix, names, values, unit in groups:
+            if values is not None:
+                columns |= {f"{prefix}{name}": values[:, place] for place, name in enumerate(names)}
+                units |= {f"{prefix}{name}": unit for name in names}
+        table = pd.DataFrame(columns, index=pd.Index(self.time, name="time"))
+        table.attrs["units"] = units
+        return table
+
+
+def read_track(
+    path: str | Path, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+) -> Track:
     """Read a track.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         Of any format that `open_table` reads.
     columns : mapping, optional
         Columns of the file by `time`, `latitude`, `longitude`, `altitude`, `velocity_north`, ..., `roll`, `pitch`,
@@ -87,8 +123,17 @@ def read_track(path: Path, columns: Mapping[str, str] | None = None, units: Mapp
     LogError
         In one line: where the columns cannot be told, times fall or repeat, or values are missing or beyond their
         range.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> import pandas as pd
+    >>> fixes = {"latitude [deg]": [45.0, 45.001], "longitude [deg]": [7.0, 7.001], "altitude [m]": [300.0, 305.0]}
+    >>> pd.DataFrame({"time [s]": [0.0, 1.0], **fixes}).to_csv("track.csv", index=False)
+    >>> mc.read_track("track.csv").frame["altitude"].tolist()
+    [300.0, 305.0]
     """
-    columns, units = columns or {}, units or {}
+    path, columns, units = Path(path), columns or {}, units or {}
     table = open_table(path, columns.get("topic"), (*px4.POSITIONS, *ros_bags.POSITIONS))
     chosen, notes = find_columns(table, columns, units)
     read = table.read(list(dict.fromkeys(column.name for column in chosen.values())))

@@ -1,100 +1,48 @@
 """Probability of a rare event by lines along the linear model, with two searches for what the linear model misses.
 
-Lines (`mcnav.rare.plan`) are sharp where half-spaces describe the event. What lies before their entries, or away from
+Lines (`mcnav.rare.laid`) are sharp where half-spaces describe the event. What lies before their entries, or away from
 them, is looked for by flights with widened errors (`mcnav.rare.widened`), in any number of dimensions. Where flights
-are cheap, levels (`mcnav.rare.levels`), which know nothing of half-spaces, look for it as well. A failure that nothing
-foresees is followed, and adds a half-space (`mcnav.rare.search`). What still lies on no line of the estimate is
-counted, by the share of the widened flights that fail there, and added. Where levels and lines contradict each other,
-the interval contains both.
+are cheap, levels (`mcnav.rare.levels`), which know nothing of half-spaces, look for it as well. A failure on no line,
+or on few, is followed, and adds a half-space (`mcnav.rare.search`): once after the pilot, and once after the estimate.
+What still lies on none is counted, and the routes are compared (`mcnav.rare.weigh`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import special
 
 from mcnav._types import Array
 from mcnav.rare.curvature import ALL_PAIRS, Curvature
 from mcnav.rare.facets import Facets, Outputs
+from mcnav.rare.fit import Fit
 from mcnav.rare.flights import Flown, Outcomes, Places
+from mcnav.rare.follow import Follower
 from mcnav.rare.informed import inform
 from mcnav.rare.jumps import known_facets
+from mcnav.rare.laid import BEFORE, CHEAP, expected_lines, lay_lines
 from mcnav.rare.levels import Levels, simulate_levels
 from mcnav.rare.limits import AnyEpoch, Limit
-from mcnav.rare.plan import BEFORE, CHEAP, Laid, Plan
-from mcnav.rare.proposal import Proposal
-from mcnav.rare.search import Search, foreseen, search_elsewhere
+from mcnav.rare.pilot import Pilot, fly_pilot
+from mcnav.rare.search import foreseen, search_elsewhere
 from mcnav.rare.unseen import UnseenNoise
+from mcnav.rare.weigh import CHECKED_FEW, CHECKED_MANY, SPREAD, Rare, Routes
 from mcnav.rare.widened import Widened, draw_widened, fly_widened
 
 FEW, MANY, MORE = 400, 4_000, 20_000
 """Flights with widened errors: where flights are dear, where they are cheap, and there where lines do not suffice."""
 
 FOLLOWED_FEW, FOLLOWED_MANY = 5, 12
-"""Unforeseen failures that are followed to the nearest point."""
+"""Failures away from the lines that are followed to the nearest point, each time."""
 
 OF_LEVELS: Final = 100
-"""Points of the event by levels that are followed where nothing foresees them."""
-
-CHECKED_FEW, CHECKED_MANY = 40, 800
-"""Failures with widened errors whose lines are checked, those that stand for most probability first."""
-
-MUCH: Final = 0.25
-"""Share of the estimate by which its interval may be widened for what few failures away from the lines stand for."""
-
-COUNTED: Final = 20.0
-"""Independent failures away from the lines from which they may stand for more."""
-
-SPREAD: Final = 0.05
-"""Share of the flights with widened errors that may fail away from the lines: more is a region of its own."""
+"""Points of the event by levels of which those on no line, or on few, are followed."""
 
 ROUNDS: Final = 2
-"""Times that failures on no line, or on few, are followed: those of the pilot, and those of the estimate."""
-
-AGREE: Final = 0.995
-"""Confidence at which levels and lines must contradict each other."""
-
-ROUGHEST: Final = 0.6
-"""Standard error of the logarithm by levels from which they are no estimate."""
-
-
-@dataclass(frozen=True)
-class Rare:
-    """Probability of a rare event.
-
-    Attributes
-    ----------
-    estimate, low, high : float
-        The probability and its two-sided interval; NaN where it is refused.
-    flights : int
-    refusal : str
-        Why nothing is stated; empty where it is.
-    point : ndarray, shape (d,)
-        The most likely way to fail: the point of the event nearest to zero on the line that matters most.
-    sides : int
-        Separate ways to fail that carry at least a hundredth of the estimate.
-    power : float
-        Probability with which the search finds a second half-space of the allowed probability.
-    by_levels : bool
-        Whether levels decide the interval, since lines contradict them or do not cover the event.
-    """
-
-    estimate: float
-    low: float
-    high: float
-    flights: int
-    refusal: str
-    point: Array
-    sides: int = 0
-    power: float = 0.0
-    by_levels: bool = False
+"""Times that failures away from the lines are followed: from the lines of the pilot, and of the estimate."""
 
 
 def estimate_probability(
@@ -131,159 +79,113 @@ def estimate_probability(
     """
     flown = Flown(fly, limit)
     facets = known_facets(linear, limit, dimensions)
+    reason = ""
     if not len(facets.distances):
-        return _refused(flown, "the linear model has no way to fail", dimensions)
-    if float(np.min(facets.distances)) <= 0.0:
-        return _refused(flown, "the nominal itself lies beyond the limit", dimensions)
-    routes = _Routes(flown, linear, limit, dimensions, seed, noisy, cheap and not noisy)
-    return routes.estimate(facets, precision, confidence, most, allowed)
+        reason = "the linear model has no way to fail"
+    elif float(np.min(facets.distances)) <= 0.0:
+        reason = "the nominal itself lies beyond the limit"
+    if reason:
+        return Rare(math.nan, math.nan, math.nan, flown.flights, reason, np.full(dimensions, math.nan))
+    follower = Follower(flown, _Expected(linear, limit), _generator(seed, 0))
+    facets = replace(facets, shared=isinstance(limit, AnyEpoch))
+    curvature = None
+    if dimensions <= ALL_PAIRS or not facets.shared:
+        curvature = Curvature.measure(flown.outcomes(), dimensions, follower.generator)
+    cheap &= not noisy
+    search = _Estimate(follower, linear, limit, seed, cheap, curvature, CHEAP * most if cheap else most)
+    return search.estimate(facets, noisy, precision, confidence, allowed)
 
 
-def _refused(flown: Flown, reason: str, dimensions: int) -> Rare:
-    return Rare(math.nan, math.nan, math.nan, flown.flights, reason, np.full(dimensions, math.nan))
+@dataclass(frozen=True)
+class _Expected:
+    """Margins by the linear model."""
 
-
-@dataclass
-class _Routes:
-    """Lines, levels and widened errors, each with draws of its own."""
-
-    flown: Flown
     linear: Outputs
     limit: Limit
-    dimensions: int
-    seed: int
-    noisy: bool
-    cheap: bool
 
-    def estimate(self, facets: Facets, precision: float, confidence: float, most: int, allowed: float) -> Rare:
-        """Lay the lines of a pilot, search, lay those of the estimate, and compare."""
-        generator, flown = self._generator(0), self.flown
-        facets = replace(facets, shared=isinstance(self.limit, AnyEpoch))
-        curvature = None
-        if self.dimensions <= ALL_PAIRS or not facets.shared:
-            curvature = Curvature.measure(flown.outcomes(), self.dimensions, generator)
-            facets = curvature.turned(facets, self.limit)
-        unseen = UnseenNoise.measure(flown, facets, self.linear) if self.noisy else None
-        plan = Plan(flown, self.expected, facets, generator, unseen)
-        pilot, proposals = plan.pilot()
-        nearest = plan.nearest(pilot)
-        lost = flown.failed
-        levels = simulate_levels(flown, self.dimensions, self._generator(1)) if self.cheap else None
-        widened = self._widened(facets, proposals, MANY if self.cheap else FEW)
-        failures = pilot.points[(pilot.facet >= facets.foreseen) & np.isfinite(pilot.entry)].and_also(pilot.before)
-        failures = failures.and_also(widened.places[widened.heaviest(self.checked)])
-        if levels is not None:
-            failures = failures.and_also(self._of_levels(levels))
-        surprises = failures[np.logical_or(*plan.left_out(failures, plan.expected_lines(pilot, proposals)))]
+    def __call__(self, points: Array) -> Array:
+        return self.limit.margin(self.linear(points))
+
+
+def _generator(seed: int, route: int) -> np.random.Generator:
+    """Return the draws of one route: lines, levels and widened errors have their own."""
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(route,))))
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """Lines, levels and widened errors with about so many flights for the lines."""
+
+    follower: Follower
+    linear: Outputs
+    limit: Limit
+    seed: int
+    cheap: bool
+    curvature: Curvature | None
+    most: int
+
+    def estimate(self, facets: Facets, noisy: bool, precision: float, confidence: float, allowed: float) -> Rare:
+        """Fly a pilot, search, lay the lines of the estimate, search again, and compare."""
+        flown, dimensions = self.follower.flown, facets.directions.shape[1]
+        facets = self._turned(facets)
+        unseen = UnseenNoise.measure(flown, facets, self.linear) if noisy else None
+        pilot = fly_pilot(self.follower, facets, unseen, None)
+        nearest, lost = pilot.nearest, flown.failed
+        levels = simulate_levels(flown, dimensions, _generator(self.seed, 1)) if self.cheap else None
+        widened = self._widened(pilot.fit, MANY if self.cheap else FEW)
+        surprises, jumps = self._surprises(pilot, widened, levels), False
         for attempt in range(ROUNDS):
             search = search_elsewhere(flown, facets, nearest, surprises, FOLLOWED_MANY if self.cheap else FOLLOWED_FEW)
-            grown, facets = len(search.facets.distances) > len(facets.distances), search.facets
+            grown, jumps = len(search.facets.distances) > len(facets.distances), jumps or search.jumps
             if attempt and not grown:
                 break
+            facets = search.facets
             if grown or levels is not None:
-                if curvature is not None:
-                    facets = curvature.turned(replace(facets, turned=None), self.limit)
-                informed = None
-                if levels is not None and len(levels.points) and not facets.shared:
-                    informed = inform(facets, levels)
-                    facets = informed.facets
-                plan = Plan(flown, self.expected, facets, generator, unseen, informed)
-                pilot, proposals = plan.pilot()
+                pilot = self._pilot_of(facets, unseen, levels)
+                facets = pilot.fit.facets
             flown.failed = lost  # far out flights may have no result
-            affordable = CHEAP * most if self.cheap else most - flown.flights
-            laid = plan.estimate(pilot, proposals, precision, confidence, affordable)
+            affordable = self.most if self.cheap else self.most - flown.flights
+            laid = lay_lines(pilot, precision, confidence, affordable)
+            routes = Routes(self.follower, laid, widened, levels, search)
             if flown.failed:
-                return _refused(flown, laid.doubt, self.dimensions)
+                return routes.refused(laid.doubt)
             if laid.doubt:
                 break
-            missed = np.logical_or(*self._missed(plan, laid, widened))
+            missed = np.logical_or(*routes.missed())
             if not 0.0 < float(np.mean(missed)) <= SPREAD:
                 break
             surprises = widened.places[missed & widened.seen]
-        if not laid.doubt and len(pilot.before):
+        if not laid.doubt and len(pilot.lines.before):
             laid = replace(laid, doubt=BEFORE)
-        rare = self._weighed(plan, laid, widened, levels, search, confidence, allowed)
+        routes = replace(routes, laid=laid, search=replace(search, jumps=jumps))
+        rare = routes.stated(confidence, allowed)
         if self.cheap and (rare.refusal or rare.by_levels):
-            widened = self._widened(plan.facets, laid.proposals, MORE)
-            rare = self._weighed(plan, laid, widened, levels, search, confidence, allowed)
+            rare = replace(routes, widened=self._widened(laid.fit, MORE)).stated(confidence, allowed)
         return rare
 
-    def expected(self, points: Array) -> Array:
-        """Return the margins by the linear model."""
-        return self.limit.margin(self.linear(points))
+    def _turned(self, facets: Facets) -> Facets:
+        return facets if self.curvature is None else self.curvature.turned(replace(facets, turned=None), self.limit)
 
-    def _generator(self, route: int) -> np.random.Generator:
-        return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(route,))))
+    def _pilot_of(self, facets: Facets, unseen: UnseenNoise | None, levels: Levels | None) -> Pilot:
+        """Fly the pilot of half-spaces of a search, informed by levels where there are points of the event."""
+        facets, informed = self._turned(facets), None
+        if levels is not None and len(levels.points) and not facets.shared:
+            informed = inform(facets, levels)
+            facets = informed.facets
+        return fly_pilot(self.follower, facets, unseen, informed)
 
-    def _widened(self, facets: Facets, proposals: Sequence[Proposal], count: int) -> Widened:
-        points = draw_widened(count, self.dimensions, self._generator(count))
-        return fly_widened(self.flown, points, foreseen(points, self.expected, facets, proposals))
+    def _widened(self, fit: Fit, count: int) -> Widened:
+        points = draw_widened(count, fit.facets.directions.shape[1], _generator(self.seed, count))
+        known = foreseen(points, self.follower.expected, fit.facets, fit.proposals)
+        return fly_widened(self.follower.flown, points, known)
 
-    @property
-    def checked(self) -> int:
-        """How many failures with widened errors are put on their lines."""
-        return CHECKED_MANY if self.cheap else CHECKED_FEW
-
-    def _of_levels(self, levels: Levels) -> Places:
-        """Return some points of the event by levels."""
-        points = levels.points[:: max(1, len(levels.points) // OF_LEVELS)]
-        return Places(points, self.flown.new_noise(len(points)))
-
-    def _weighed(
-        self, plan: Plan, laid: Laid, widened: Widened, levels: Levels | None, search: Search,
-        confidence: float, allowed: float,
-    ) -> Rare:  # fmt: skip
-        """Compare the routes, and state what they agree on."""
-        flown, smooth = self.flown, levels
-        if levels is None or levels.scatter > ROUGHEST or search.jumps or search.corner <= search.far:
-            smooth = None
-        stated = partial(
-            Rare, flights=flown.flights, refusal="", point=laid.point, sides=laid.sides, power=widened.power(allowed)
-        )
-        if laid.doubt:
-            everywhere = widened.failed & widened.seen
-            value, low, high = widened.probability(everywhere, confidence)
-            if widened.counted(everywhere) >= COUNTED:
-                return stated(value, low, high, by_levels=True)
-            if smooth is None:
-                return _refused(flown, laid.doubt, self.dimensions)
-            of_levels = smooth.interval(confidence)
-            return stated(smooth.value, min(low, of_levels[0]), max(high, of_levels[1]), by_levels=True)
-        late, heavy = self._missed(plan, laid, widened)
-        counted, known = widened.counted(late | heavy) >= COUNTED, True
-        if counted:
-            value, low, high = _sum(laid.light, widened.probability(late | heavy, confidence))
-        else:
-            value, low, high = _sum((laid.value, laid.low, laid.high), widened.probability(late, confidence))
-            high = max(high, laid.light[0] + widened.probability(late | heavy, confidence)[0])
-            known = high - laid.high <= MUCH * laid.value and search.corner == math.inf
-            known &= float(np.mean(late | heavy)) <= SPREAD
-        if not known and smooth is None:
-            nearest = np.min(np.linalg.norm(widened.places.points[late | heavy], axis=1), initial=search.corner)
-            where = f"{nearest:.2g} sigma from the nominal"
-            reason = f"a flight fails {where} where no failure is expected, by a jump or a gate"
-            return _refused(flown, reason, self.dimensions)
-        if levels is None or levels.scatter > ROUGHEST:
-            return stated(value, low, high)
-        reach = float(special.stdtrit(len(levels.estimates) - 1, 0.5 + 0.5 * AGREE)) * levels.scatter
-        difference, of_levels = math.log(levels.value / value), levels.interval(confidence)
-        if difference > reach or not known:
-            return stated(levels.value, min(low, of_levels[0]), max(high, of_levels[1]), by_levels=True)
-        if difference < -reach and smooth is not None and not counted:
-            low = min(low, of_levels[0])
-        return stated(value, low, high)
-
-    def _missed(self, plan: Plan, laid: Laid, widened: Widened) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which flights with widened errors fail on no line of the estimate, and which on few, shape (n,)."""
-        picked, late = widened.heaviest(self.checked), ~widened.seen & ~widened.foreseen
-        heavy = np.zeros_like(late)
-        if len(picked):
-            late[picked], heavy[picked] = plan.left_out(widened.places[picked], laid)
-        return late, heavy
-
-
-def _sum(lines: tuple[float, float, float], rest: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Return the sum of two independent estimates with the ends of its interval, each of a value and its ends."""
-    value = lines[0] + rest[0]
-    low, high = (math.hypot(lines[k] - lines[0], rest[k] - rest[0]) for k in (1, 2))
-    return value, max(value - low, 0.0), value + high
+    def _surprises(self, pilot: Pilot, widened: Widened, levels: Levels | None) -> Places:
+        """Return failures that lie on no line of the pilot, or on few, by all that has flown so far."""
+        lines, facets = pilot.lines, pilot.fit.facets
+        failures = lines.points[(lines.facet >= facets.foreseen) & np.isfinite(lines.entry)].and_also(lines.before)
+        picked = widened.heaviest(CHECKED_MANY if self.cheap else CHECKED_FEW)
+        failures = failures.and_also(widened.places[picked])
+        if levels is not None:
+            points = levels.points[:: max(1, len(levels.points) // OF_LEVELS)]
+            failures = failures.and_also(Places(points, self.follower.flown.new_noise(len(points))))
+        return failures[np.logical_or(*expected_lines(pilot).left_out(self.follower, failures))]

@@ -23,6 +23,9 @@ NARROW: Final = 0.002
 THERE: Final = 1e-4
 """Margin over the expected slope, times t, at which a line is at its crossing."""
 
+APART: Final = 4.0
+"""Distance of two points from which their secant says nothing, such as of a margin that rises exponentially."""
+
 MOST_STEPS: Final = 24
 SECANTS: Final = 5
 """Steps after which brackets are halved."""
@@ -96,7 +99,8 @@ def crossings(
         at_begin, at_end = beyond & (t <= begins[active]), ~beyond & (t >= ends[active])
         at[active[at_begin]] = begins[active[at_begin]]
         following, shift = _next(state, active, slopes, below, above, step)
-        near = shift * np.maximum(t, 1.0) * np.maximum(np.abs(t - state.before[active]), NEAR) < CLOSE * NEAR
+        gap = np.abs(t - state.before[active])
+        near = (shift * np.maximum(t, 1.0) * np.maximum(gap, NEAR) < CLOSE * NEAR) & (gap < APART)
         width = (state.high - state.low)[active] * np.maximum(t, 1.0)
         closed = below[active] & above[active] & (width < NARROW)
         there = np.abs(margin) * np.maximum(t, 1.0) < THERE * slopes[active]

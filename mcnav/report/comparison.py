@@ -103,8 +103,8 @@ class Row:
 
     @property
     def nominal_cells(self) -> dict[str, float | None]:
-        """The nominal values by heading."""
-        return dict(zip(("nominal before", "nominal after"), self.nominals, strict=True))
+        """The nominal values by name."""
+        return dict(zip(("nominal_before", "nominal_after"), self.nominals, strict=True))
 
     @property
     def known(self) -> Change:
@@ -118,12 +118,13 @@ class Row:
 
     @property
     def cells(self) -> dict[str, float | str | bool]:
-        """The change by heading, in the units shown."""
+        """The change by the names of data files, in the units shown."""
         known, scale = self.known, self.scale
         return {
-            "sigma before": known.before * scale, "sigma after": known.after * scale, "ratio": known.ratio,
-            "from": known.interval[0], "to": known.interval[1], "mean after less before": known.mean.value * scale,
-            "standard error": known.mean.standard_error * scale, "common draws": known.common, "change": self.words,
+            "sigma_before": known.before * scale, "sigma_after": known.after * scale, "change": self.words,
+            "change_ratio": known.ratio, "change_ratio_from": known.interval[0], "change_ratio_to": known.interval[1],
+            "change_mean": known.mean.value * scale,
+            "change_mean_standard_error": known.mean.standard_error * scale, "common_draws": known.common,
             **({"compared": "root mean square"} if known.about_zero else {}),
             **{name: value for name, value in self.nominal_cells.items() if value is not None},
         }  # fmt: skip
@@ -174,9 +175,8 @@ def outputs(rows: Sequence[Row], titles: Sequence[str]) -> pd.DataFrame:
     """Tabulate the change of each output in the units shown: one row per output of a later run."""
     import pandas as pd
 
-    return pd.DataFrame(
-        [{"output": row.output, "unit": row.shown_in, "run": titles[row.run], **row.cells} for row in rows]
-    )
+    cells = [{"run": titles[row.run], "output": row.output, "unit": row.shown_in, **row.cells} for row in rows]
+    return pd.DataFrame(cells, columns=None if cells else ["run", "output"]).set_index(["run", "output"])
 
 
 def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
@@ -196,15 +196,17 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
         step = later.index(row.run) - 0.5 * (len(later) - 1)
         place = names.index(row.output) + 0.7 * step / max(len(later), 2)
         marks += forest(series[row.run], [place], [(change.ratio, *change.interval)], [humanize(row.output)])
-    rows_axis = Axis(names=[humanize(name) for name in names])
+    shown = {row.output: f"{humanize(row.output)}{' (rms)' if row.known.about_zero else ''}" for row, _ in known}
+    rows_axis = Axis(names=[shown[name] for name in names])
+    measure = "σ" if not any(row.known.about_zero for row, _ in known) else "σ or rms"
     return Figure(
         name="changes",
         title="Sigma of each output relative to the first run",
         description="Difference of the Monte Carlo sigma of each output and run from that of the first run, with its "
         "interval.",
-        panels=[Panel("", Axis("difference of σ from the first run", "%"), rows_axis, marks)],
+        panels=[Panel("", Axis(f"difference of {measure} from the first run", "%"), rows_axis, marks)],
         key=tuple(series.values()),
-        columns=dict(outputs([row for row, _ in known], titles).items()),
+        columns=dict(outputs([row for row, _ in known], titles).reset_index().items()),
         size=(HALF[0], 82.0 + 24.0 * len(names) * (1 + len(later))),
     )
 

@@ -25,12 +25,11 @@ from mcnav.units import conversion
 if TYPE_CHECKING:
     from mcnav.report.comparison import Row as RowOfChange
 
-EXPORTED: Final = {
-    "change": "change", "change_ratio": "ratio", "change_ratio_from": "from", "change_ratio_to": "to",
-    "change_mean": "mean after less before", "change_mean_standard_error": "standard error",
-    "common_draws": "common draws",
-}  # fmt: skip
-"""Names of a change's cells in CSV and JSON."""
+EXPORTED: Final = (
+    "change", "change_ratio", "change_ratio_from", "change_ratio_to", "change_mean", "change_mean_standard_error",
+    "common_draws",
+)  # fmt: skip
+"""Cells of a change in CSV and JSON."""
 
 FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 """Beginnings of a text that spreadsheets take for a formula."""
@@ -53,8 +52,8 @@ def with_changes(rows: Sequence[Row], runs: Sequence[str], changes: Sequence[Row
     changed: dict[tuple[str, str], Row] = {}
     for row in changes:
         cells = row.cells
-        kept = EXPORTED if row.change is not None else {"change": EXPORTED["change"]}
-        changed[runs[row.run], row.output] = {name: cells[key] for name, key in kept.items()}
+        kept = EXPORTED if row.change is not None else EXPORTED[:1]
+        changed[runs[row.run], row.output] = {name: cells[name] for name in kept}
     return [{**row, **changed.get((row["run"], row["output"]), {})} for row in rows]
 
 

@@ -115,12 +115,11 @@ def page(
     clock, words = study.clock, end_words(outputs)
     convention = clock.meaning or CONVENTIONS[study.axes].format(clock.aligned)
     compared = clock.compared or (STARTS_TO_AN_EVENT.format(clock.event) if clock.event else ALL_STARTS)
+    kind = OF_KIND.format(clock.weighs.lower()) if clock.weighs else ""
     parts: list[Part] = [
         drawn.dispersion(study, checks, scale, outputs),
         _by_output(study, outputs) if clock.weighs else _best_table(study, outputs),
-        Note(
-            f"{compared} {WEIGHTED.format(_sizes(study), OF_KIND.format(clock.weighs.lower()) if clock.weighs else '')}"
-        ),
+        Note(f"{compared} {WEIGHTED.format(_sizes(study), kind)}"),
     ]
     if checks:
         parts += [Heading("Monte Carlo checks"), _check_table(study, checks, outputs)]

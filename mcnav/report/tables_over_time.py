@@ -79,11 +79,18 @@ def _moments(content: RunAnalysis, known: Envelopes) -> list[TimeColumn[Envelope
     sampling = manifest.sampling_design
     enough = known.samples // sampling.block_length >= sampling.fewest_blocks  # as of the same sigma at the end
     share = independent_share(manifest.design, sampling) if enough else 0.0
+    withheld = list(content.model.withheld)
+
+    def intervals(each: Envelopes) -> Array:
+        known = each.sigma_intervals(share, confidence)
+        known[:, withheld] = each.sigma_intervals(0.0, confidence)[:, withheld]
+        return known
+
     return [
         TimeColumn("mean_linear", lambda each: each.linear_mean, scaled=True),
         TimeColumn("sigma_linear", lambda each: each.linear_sigma, scaled=True),
         TimeColumn("mean_plain", lambda each: each.mean, scaled=True),
-        TimeColumn("sigma_plain", lambda each: each.sigma, lambda each: each.sigma_intervals(share, confidence), True),
+        TimeColumn("sigma_plain", lambda each: each.sigma, intervals, True),
         *(_percentile(level) for level in known.percentiles),
     ]
 

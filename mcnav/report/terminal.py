@@ -16,6 +16,7 @@ from mcnav.analysis.verdict import combine_verdicts
 from mcnav.contract.quantities import Output, Source, end_words
 from mcnav.report import sentences, start_time_words
 from mcnav.report.export import partial_rows
+from mcnav.report.figures.start_times import simulated_rms
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.names import humanize, labels_of, scale_of
 from mcnav.report.output_columns import outputs_of_runs
@@ -92,8 +93,8 @@ def best_starts(
 ) -> RenderableType:
     """State the best start, and tabulate it for each output and for all outputs weighted.
 
-    ``checked`` are Monte Carlo results by start time, s; ``own_rms`` are the linear root mean squares for the campaign's
-    own start, SI, shape (outputs,).
+    ``checked`` are Monte Carlo results by start time, s; ``own_rms`` are the linear root mean squares for the
+    campaign's own start, SI, shape (outputs,).
     """
     what = "rms" if study.means_matter else "σ"
     columns = [*texts("best for"), *numbers("start", f"best {what}", f"campaign's {what}")]
@@ -116,18 +117,11 @@ def best_starts(
         result = next((each for when, each in checked.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
         if result is not None and result.outputs:
             verdicts = [each.paired.verdict for each, weight in zip(result.outputs, weights, strict=True) if weight > 0]
-            sigma = np.array([each.sigma_paired for each in result.outputs])
-            rms = sigma if study.means is None else np.hypot(sigma, study.means[place] + _bias(result))
-            cells += [size(rms), combine_verdicts(verdicts).value]
+            cells += [size(simulated_rms(study, time, result)), combine_verdicts(verdicts).value]
         elif checked:
             cells += ["–", "not checked"]
         table.add(*(Text(cell, style=COLOURS.get(cell, "")) for cell in (label, *cells)))
     return Group(Text(start_time_words.answer(study, checked, outputs), style="bold"), "", table)
-
-
-def _bias(comparison: Comparison) -> Array:
-    """Return by how much simulated mean errors exceed the linear ones, shape (outputs,)."""
-    return np.array([each.bias.value for each in comparison.outputs])
 
 
 def checks(title: str, result: Sequence[tuple[str, bool, str]]) -> RenderableType:

@@ -55,7 +55,7 @@ def tail_weight(distribution: Distribution) -> float:
 
 def _positive(name: str, value: float) -> None:
     if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"{name} must be positive and finite")
+        raise ValueError(f"{name} must be positive and finite; got {value:g}")
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Normal:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.sigma) and self.sigma >= 0.0):
-            raise ValueError("sigma must not be negative")
+            raise ValueError(f"sigma must not be negative; got {self.sigma:g}")
 
     @property
     def standard_deviation(self) -> float:
@@ -160,7 +160,7 @@ class StudentT:
     def __post_init__(self) -> None:
         _positive("sigma", self.sigma)
         if not (math.isfinite(self.degrees_of_freedom) and self.degrees_of_freedom > 2.0):
-            raise ValueError("degrees_of_freedom must exceed 2 for a finite variance")
+            raise ValueError(f"degrees_of_freedom must exceed 2 for a finite variance; got {self.degrees_of_freedom:g}")
 
     @property
     def standard_deviation(self) -> float:

@@ -16,6 +16,9 @@ from mcnav.sampler.sizes import ErrorSize, size_of
 SAMPLING: Final = "sampling"
 """Key of ``attrs`` under which draws carry design, seed and tails, on which intervals depend."""
 
+SECOND_MOMENTS: Final = "second moments"
+"""Key of ``attrs`` of draws under which covariance and mean of the errors are, as one matrix about zero."""
+
 
 class Errors:
     """The sampler's input: error sources with their distributions and correlations.
@@ -57,16 +60,22 @@ class Errors:
     """
 
     def __init__(self, sizes: Mapping[str, Any], correlations: Mapping[tuple[str, str], float] | None = None) -> None:
-        if not sizes:
-            raise ValueError("Errors needs one or more error sources; got none")
+        if not isinstance(sizes, Mapping) or not sizes:
+            got = "none" if isinstance(sizes, Mapping) else type(sizes).__name__
+            raise ValueError(f"Errors needs a mapping of one or more error sources to their sizes; got {got}")
         self.sizes: dict[str, ErrorSize] = {}
         for name, size in sizes.items():
             try:
                 self.sizes[str(name)] = size_of(size)
             except ValueError as wrong:
                 raise ValueError(f"{name}: {wrong}") from None
+        if correlations is not None and not isinstance(correlations, Mapping):
+            expected = "a mapping such as {('altitude', 'tilt'): 0.3}"
+            raise ValueError(f"correlations: expected {expected}; got {type(correlations).__name__}")
         self.correlations = dict(correlations or {})
         pairs = [self._pair(between, value) for between, value in self.correlations.items()]
+        if len({frozenset(pair.between) for pair in pairs}) < len(pairs):
+            raise ValueError("correlations: a pair of sources is given twice, in both orders; leave one out")
         try:
             self.model = ErrorModel(self.names, {name: size.distribution for name, size in self.sizes.items()}, pairs)
         except CorrelationError as wrong:
@@ -79,7 +88,8 @@ class Errors:
         """Check one correlation; `ValueError` when its sources are not known or its coefficient is no such number."""
         if not isinstance(between, tuple) or len(between) != 2 or len(set(between) & self.sizes.keys()) != 2:
             raise ValueError(f"correlations: {between!r} does not name two of {', '.join(self.names)}")
-        if not -1.0 <= coefficient <= 1.0:
+        number = isinstance(coefficient, (int, float, np.integer, np.floating)) and not isinstance(coefficient, bool)
+        if not number or not -1.0 <= coefficient <= 1.0:
             raise ValueError(f"correlation of {' and '.join(between)}: expected -1 to 1; got {coefficient!r}")
         return Correlation(between, float(coefficient))
 
@@ -143,6 +153,7 @@ class Errors:
                 "normal": self.model.normal,
                 "heavy_tailed": bool(self.model.heavy_tailed(design)),
             },
+            SECOND_MOMENTS: (self.model.covariance + np.outer(self.model.mean, self.model.mean)).tolist(),
         }
         return table
 
@@ -167,3 +178,22 @@ def as_errors(errors: Errors | Mapping[str, Any] | Sequence[Any]) -> Errors:
     if isinstance(errors, Mapping):
         return Errors(errors)
     raise TypeError(f"expected mcnav.Errors, or a mapping of sizes by error source; got {type(errors).__name__}")
+
+
+def errors_of(draws: pd.DataFrame) -> Errors | None:
+    """Return normal errors with the second moments of what was drawn; none of a frame that `Errors.draw` did not make.
+
+    A filter believes them where its campaign has no errors.
+    """
+    moments = draws.attrs.get(SECOND_MOMENTS)
+    if moments is None or np.shape(moments) != (draws.shape[1],) * 2:
+        return None
+    matrix, names = np.asarray(moments, dtype=float), list(map(str, draws.columns))
+    sigmas = np.sqrt(np.diag(matrix))
+    scale = np.where(sigmas > 0.0, sigmas, 1.0)
+    correlation = np.clip(matrix / np.outer(scale, scale), -1.0, 1.0)
+    pairs = {
+        (names[i], names[j]): float(correlation[i, j])
+        for i in range(len(names)) for j in range(i) if correlation[i, j] != 0.0
+    }  # fmt: skip
+    return Errors(dict(zip(names, sigmas.tolist(), strict=True)), pairs)

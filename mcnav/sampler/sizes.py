@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 
 from mcnav.sampler.distributions import Distribution, Fixed, Normal, StudentT, Triangular, TruncatedNormal, Uniform
-from mcnav.sampler.scipy_and_tables import EmpiricalDistribution, ScipyDistribution, shape_names
+from mcnav.sampler.scipy_and_tables import (
+    EmpiricalDistribution,
+    ScipyDistribution,
+    continuous_distributions,
+    shape_names,
+)
 from mcnav.units import parted, quantity, si_unit
 
 
@@ -217,7 +222,11 @@ def table(values: Any, column: str = "", unit: str = "") -> ErrorSize:
 def _table_in_file(file: str, column: str, unit: str, scale: float, target: str) -> ErrorSize:
     import pandas as pd
 
-    frame = pd.read_parquet(file) if file.endswith(".parquet") else pd.read_csv(file)
+    try:
+        frame = pd.read_parquet(file) if file.endswith(".parquet") else pd.read_csv(file)
+    except (OSError, ValueError) as failure:  # among the second are those of pandas and of pyarrow
+        reason = failure.strerror if isinstance(failure, OSError) and failure.strerror else str(failure)
+        raise ValueError(f"{file}: cannot be read as a table: {reason}") from None
     if column not in frame:
         raise ValueError(f"{file} has no column {column!r}; it has {', '.join(map(str, frame.columns))}")
     entry = {"distribution": "table", "file": file, "column": column, "unit": unit}
@@ -227,9 +236,15 @@ def _table_in_file(file: str, column: str, unit: str, scale: float, target: str)
 def _frozen(given: Any) -> ErrorSize:
     """Convert a frozen distribution of scipy.stats, whose location and scale are SI."""
     name = given.dist.name
+    if name not in continuous_distributions():
+        raise ValueError(f"got scipy.stats.{name}; expected a continuous distribution")
     names: Sequence[str] = (*shape_names(name), "loc", "scale")
     stated = dict(zip(names, given.args, strict=False)) | dict(given.kwds)
-    values = {key: float(stated.get(key, 1.0 if key == "scale" else 0.0)) for key in names}
+    values = {key: stated.get(key, 1.0 if key == "scale" else 0.0) for key in names}
+    for key, value in values.items():
+        if np.ndim(value) != 0:
+            raise ValueError(f"got scipy.stats.{name} with {np.size(value)} values of {key}; expected one")
+    values = {key: float(value) for key, value in values.items()}
     shapes = tuple((key, values[key]) for key in names[:-2])
     distribution = ScipyDistribution(name, shapes, values["loc"], values["scale"])
     return ErrorSize(distribution, "", {"distribution": f"scipy.{name}", **values})

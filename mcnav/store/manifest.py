@@ -409,5 +409,5 @@ class Manifest(Record):
 
     @property
     def sampling_design(self) -> SamplingDesign:
-        """Dependence between the samples, and what their statistics may rely on."""
-        return SamplingDesign.of(self.design, self.samples, self.normal, bool(self.heavy_tailed))
+        """Dependence between the samples; which outputs have heavy tails is not of the design."""
+        return SamplingDesign.of(self.design, self.samples, self.normal)

@@ -52,6 +52,14 @@ def judge_recording(
     ------
     CampaignError
         When a file cannot be read, or the filter cannot go through the record.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.judge({"scenario": {"type": "reentry", "trajectory": 1}}, mc.RecordingFiles("imu.csv"))  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    mcnav.errors.CampaignError: campaign: scenario.type: its flights cannot be recorded; expected type = "ins" ...
     """
     return _judged(campaign_from(campaign), files, simulated, seed)[1]
 

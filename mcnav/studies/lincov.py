@@ -87,8 +87,10 @@ def linear_covariance(campaign: Description, times: Array | None = None) -> Line
 
     Examples
     --------
-    >>> answer = linear_covariance("campaigns/11_cruise.toml")  # doctest: +SKIP
-    >>> answer.sigma, answer.met  # doctest: +SKIP
+    >>> import mcnav as mc
+    >>> answer = mc.linear_covariance({"scenario": {"type": "reentry", "trajectory": 1}, "errors": {"altitude": 5e3}})
+    >>> round(float(answer.sigma[0]))  # m
+    6126
     """
     described = campaign_from(campaign)
     answer = answer_linearly(described, times)

@@ -58,6 +58,14 @@ class RecordingFiles:
         By the names of the sensors; those of the campaign's logs are read as well.
     columns, units : mapping of str to str
         Of the readings, as `read_imu_log` takes them.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> from pathlib import Path
+    >>> files = mc.RecordingFiles(Path("imu.csv"), {"gnss": Path("fixes.csv")}, units={"gyro": "deg/s"})
+    >>> sorted(files.measurements)
+    ['gnss']
     """
 
     imu: Path

@@ -78,18 +78,23 @@ def call_user(function: Callable[Parameters, Result], *values: Parameters.args, 
     process = os.getpid()
     try:
         result = function(*values, **named)
-    except (Exception, SampleTimeout, Stopped):
+    except BaseException as failure:
+        if _halts(failure):
+            raise Halted from failure
         raise
-    except BaseException as halt:
-        if isinstance(halt, KeyboardInterrupt) and _may_be_interrupted():
-            raise
-        raise Halted from halt
     finally:
         if os.getpid() != process:
             _end_copy()
     if interrupts.received and threading.current_thread() is threading.main_thread() and not interrupts.deferred:
         raise KeyboardInterrupt
     return result
+
+
+def _halts(failure: BaseException) -> bool:
+    """Return whether an exception would end more than a sample, and the user's code has raised it."""
+    if isinstance(failure, (Exception, SampleTimeout, Stopped)):
+        return False
+    return not (isinstance(failure, KeyboardInterrupt) and _may_be_interrupted())
 
 
 def _may_be_interrupted() -> bool:
@@ -233,7 +238,7 @@ def _end_copy() -> NoReturn:
 def in_user_code(file: str, doing: str) -> Iterator[None]:
     """Run code of the user's file; ``doing`` says what it does, such as ``while it was read``.
 
-    Raises `CodeMisbehaved` when it has changed what it must not.
+    Raises `CodeMisbehaved` when it has changed what it must not, and `Halted` as `call_user` does.
     """
     process, thread = os.getpid(), threading.get_ident()
     notes = _supervision.own_notes()
@@ -257,6 +262,10 @@ def in_user_code(file: str, doing: str) -> Iterator[None]:
         with np.errstate():
             yield
         raised = False
+    except BaseException as failure:
+        if _halts(failure):
+            raise Halted from failure
+        raise
     finally:
         if os.getpid() != process:
             _end_copy()

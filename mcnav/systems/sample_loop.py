@@ -134,6 +134,7 @@ def format_exception(failure: BaseException, file: str) -> str:
         words = str(failure)
     except Exception:  # a user's exception may not even be able to say what it is
         words = "(no message)"
-    text = " ".join(f"{type(failure).__name__}: {words}".split())
+    kind = "" if isinstance(failure, SampleTimeout) else f"{type(failure).__name__}: "
+    text = " ".join(f"{kind}{words}".split())
     text = "".join(c if c.isprintable() else "?" for c in text)
     return (text if len(text) <= LONGEST_REASON else text[: LONGEST_REASON - 3] + "...") + place

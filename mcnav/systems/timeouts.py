@@ -26,6 +26,9 @@ Result = TypeVar("Result")
 PATIENCE: Final = 1.5
 """Limits after which, and half a second more, a worker that has not listened is ended."""
 
+READING: Final = 30.0
+"""Seconds that user code may take besides samples: packages that a file imports take longer than a sample."""
+
 _seconds: list[float] = []
 _silent: list[int] = []
 
@@ -60,8 +63,19 @@ def within_limit(call: Callable[[], Result]) -> Result:
     check_stopped()
     if not _seconds or threading.current_thread() is not threading.main_thread():
         return call()
-    seconds = _seconds[-1]
+    return _limited(call, _seconds[-1])
 
+
+def within_reading_limit(call: Callable[[], Result]) -> Result:
+    """Return the result of a call besides samples, which may take `READING` as well; in a call of a sample, its limit.
+
+    Raises `SampleTimeout` when the call exceeds the limit.
+    """
+    alone = threading.current_thread() is threading.main_thread() and not signal.getitimer(signal.ITIMER_REAL)[0]
+    return _limited(call, max(_seconds[-1], READING)) if _seconds and alone else call()
+
+
+def _limited(call: Callable[[], Result], seconds: float) -> Result:
     def stop(number: int, frame: object) -> None:
         raise SampleTimeout(timeout_message(seconds))
 

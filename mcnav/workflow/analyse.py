@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,7 +55,7 @@ from mcnav.store.run_files import SUMMARY as SUMMARY_FILE
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, collect_summary
 from mcnav.store.totals import Totals, read_totals
-from mcnav.workflow.heavy_tails import withheld_outputs
+from mcnav.workflow.heavy_tails import tailed_over_time, withheld_outputs
 from mcnav.workflow.linear_extremes import beyond_range, explain, linear_moments
 from mcnav.workflow.what_if import what_if_of_run
 
@@ -66,6 +67,12 @@ def report_run(path: str | Path) -> dict[str, Any]:
     """Analyse a finished run folder again and write its summary and report.
 
     Raises `RunFolderError` when the folder holds no finished run, or a part of it is damaged.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.report_run("reports/first")["samples"]
+    200
     """
     folder = RunFolder(Path(path))
     folder.existing_manifest()
@@ -81,6 +88,12 @@ def samples_of(path: str | Path) -> pd.DataFrame:
     ``linear NAME [unit]``, with a filter ``filter NAME [unit]`` and ``nees``; SI units.
 
     Raises `RunFolderError` when the run is not finished, or a part of it is damaged.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.samples_of("reports/first").shape[0]
+    200
     """
     import pandas as pd
 
@@ -120,16 +133,16 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     except (KeyError, TypeError, ValueError) as failure:
         raise RunFolderError(f"{folder.path / MANIFEST}: is damaged ({failure}); run with --fresh") from None
     model = replace(model, withheld=withheld_outputs(manifest.model, manifest.heavy_tailed, model, samples))
-    design = SamplingDesign.of(manifest.design, manifest.samples, manifest.normal)
+    design = manifest.sampling_design
     blocks = design.blocks(samples.index)
     with side_threads(1) as beside:
         in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion)
         reduced, failures = _reduce(folder, manifest, model, samples)
         comparison = compare_reduced(model, reduced, criterion, design)
-        filtered = filter_evidence(folder, manifest, comparison.failed, model.floor)
-        smoothed = smoother_evidence(folder, manifest, comparison.failed, model.floor)
+        filtered = filter_evidence(folder, manifest, comparison.failed, model.floor, model.withheld)
+        smoothed = smoother_evidence(folder, manifest, comparison.failed, model.floor, model.withheld)
     histories, smoothed_histories = (
-        error_histories(folder, manifest, manifest.sampling_design, smoothed)
+        error_histories(folder, manifest, design, smoothed)
         if unfinished is None and any(each.epochs and bool(each.of) == smoothed for each in requirements) else None
         for smoothed in (False, True)
     )  # fmt: skip
@@ -147,7 +160,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         comparison=comparison,
         budget=error_budget(model.partials, model.covariance, list(model.processes.values())),
         causes=split_difference(model, reduced.successful.covariance, comparison, predicted),
-        convergence=convergence(reduced.moments, comparison, manifest.sampling_design),
+        convergence=convergence(reduced.moments, comparison, design, model.withheld),
         tails=in_tails.result(),
         left_out=failure_bias(model, reduced),
         requirements=tuple(map(judge.result, requirements)),
@@ -225,9 +238,11 @@ class _Judge:
 
 
 def filter_evidence(
-    folder: RunFolder, manifest: Manifest, failed: int, floor: Array | None = None
+    folder: RunFolder, manifest: Manifest, failed: int, floor: Array | None = None, withheld: Sequence[int] = ()
 ) -> FilterEvidence | None:
     """Collect what is known of the filter of a run, of whose samples so many failed; none without a filter.
+
+    ``withheld`` are the outputs that depend on a source with heavy tails at the end.
 
     Raises `RunFolderError` when a chunk's sums are damaged.
     """
@@ -236,11 +251,12 @@ def filter_evidence(
         return None
     totals = _filter_totals(folder, manifest, record)
     linear = linear_filter(manifest.model, record, manifest.model.development, floor)
-    return _evidence(manifest, record, totals.filter_sums, totals.power_sums, linear, failed, floor)
+    found = _evidence(manifest, record, totals.filter_sums, totals.power_sums, linear, failed, floor)
+    return replace(found, withheld=tailed_over_time(manifest.model, manifest.heavy_tailed, withheld))
 
 
 def smoother_evidence(
-    folder: RunFolder, manifest: Manifest, failed: int, floor: Array | None = None
+    folder: RunFolder, manifest: Manifest, failed: int, floor: Array | None = None, withheld: Sequence[int] = ()
 ) -> FilterEvidence | None:
     """Collect what is known of the smoother of a run, as `filter_evidence` does; none without a smoother."""
     record, filtered = manifest.model.smoother, manifest.model.filter
@@ -249,7 +265,8 @@ def smoother_evidence(
     totals = _filter_totals(folder, manifest, filtered)
     linear = linear_filter(manifest.model, record.claims, record.errors, floor)
     found = _evidence(manifest, record.claims, totals.smoother_sums, totals.smoothed_sums, linear, failed, floor)
-    return replace(found, subject="smoother")
+    tailed = tailed_over_time(manifest.model, manifest.heavy_tailed, withheld)
+    return replace(found, subject="smoother", withheld=tailed)
 
 
 def _filter_totals(folder: RunFolder, manifest: Manifest, record: FilterRecord) -> Totals:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import end_words
 from mcnav.errors import reading_file
-from mcnav.report.comparison import Row, change_table, input_table, inputs, outputs
+from mcnav.report.comparison import Row, change_table, input_table, inputs, outputs, ratios
 from mcnav.report.comparison import page as comparison_page
 from mcnav.report.html import page_html, parts_html
 from mcnav.report.mean_words import large_means_of
@@ -28,9 +28,22 @@ from mcnav.workflow.stored_summary import stored_summary, summary_of
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure as MplFigure
+
+SHOWN: Final = ["unit", "sigma_before", "sigma_after", "change_ratio", "change"]
+"""Columns of a comparison that its text shows."""
 
 
-@dataclass(frozen=True)
+@runtime_checkable
+class Stored(Protocol):
+    """A run that knows its folder, such as `mcnav.RunResult`."""
+
+    @property
+    def path(self) -> Path:
+        """Run folder."""
+
+
+@dataclass(frozen=True, repr=False)
 class RunComparison:
     """Several runs, compared with the first.
 
@@ -44,6 +57,12 @@ class RunComparison:
         Confidence of all intervals together (Bonferroni).
     over_time : tuple of (Envelopes or None)
         Errors over time of each run, where they are known.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> change = mc.compare_runs(["reports/first", "reports/second"])  # doctest: +SKIP
+    >>> change.outputs.xs("altitude", level="output")["change_ratio"]  # doctest: +SKIP
     """
 
     titles: tuple[str, ...]
@@ -60,8 +79,29 @@ class RunComparison:
 
     @property
     def outputs(self) -> pd.DataFrame:
-        """Change of each output, in the units shown: one row an output of a later run."""
+        """Change of each output of a later run, in the unit of the column ``unit``: a row a ``run`` and ``output``.
+
+        ``sigma_before``, ``sigma_after``, ``change`` in a word; ``change_ratio`` of the sigmas, with ``_from`` and
+        ``_to`` at the confidence of all together; ``change_mean`` with ``change_mean_standard_error``;
+        ``common_draws``.
+        """
         return outputs(self.rows, self.titles)
+
+    def plot(self) -> MplFigure:
+        """Draw the change of each output's sigma with its interval; returns matplotlib's figure.
+
+        Raises `ValueError` when no change has an interval.
+        """
+        drawn = ratios(self.rows, self.titles)
+        if drawn is None:
+            raise ValueError("no output of these runs has a change with an interval; run more samples")
+        return drawn.figure()
+
+    def __repr__(self) -> str:
+        """Write the changes as a table."""
+        heading = f"{', '.join(self.titles[1:]) or 'nothing'} compared with {self.titles[0]}"
+        changes = self.outputs
+        return heading if changes.empty else f"{heading}\n\n{changes[SHOWN].to_string()}"
 
     def _repr_html_(self) -> str:
         """Show the tables of the page on inputs and outputs."""
@@ -90,25 +130,37 @@ def compared_summary(path: Path) -> dict[str, Any]:
     return summary
 
 
-def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
+def compare_runs(paths: Sequence[str | Path | Stored]) -> RunComparison:
     """Compare finished run folders with the first of them; nothing is simulated.
 
     Parameters
     ----------
-    paths : sequence of str or Path
+    paths : sequence of str, Path or RunResult
         Run folders, at least one.
 
     Raises
     ------
     RunFolderError
         When one holds no finished run, or is damaged.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> change = mc.compare_runs(["reports/first", "reports/second"])
+    >>> change.inputs.loc["seed"].tolist()
+    ['1', '2']
+    >>> change.outputs.index.names
+    FrozenList(['run', 'output'])
     """
+    if isinstance(paths, (str, Path)) or not paths:
+        raise TypeError(f"compare_runs takes a list of run folders, at least one; got {paths!r:.80}")
+    folders = [path.path if isinstance(path, Stored) else Path(path) for path in paths]
     with one_thread():
-        summaries = tuple(stored_summary(Path(path)) for path in paths)
+        summaries = tuple(stored_summary(folder) for folder in folders)
         runs, sample_sets = [], []
-        for path in paths:
-            with reading_file(Path(path)):
-                runs.append(analyse(RunFolder(Path(path))))
+        for folder in folders:
+            with reading_file(folder):
+                runs.append(analyse(RunFolder(folder)))
                 sample_sets.append(_sample_set(runs[-1]))
     first, confidence = runs[0], runs[0].criterion.confidence
     names = [[(output.name, output.unit) for output in run.manifest.model.outputs] for run in runs]
@@ -130,7 +182,7 @@ def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
         nominal = _nominal(first, at[0]), _nominal(runs[later], at[1])
         rows.append(Row(later, *name, shown_in, comparison, nominal))
     manifests, known = tuple(run.manifest for run in runs), tuple(run.envelopes for run in runs)
-    return RunComparison(titles(paths), summaries, manifests, tuple(rows), confidence, known)
+    return RunComparison(titles(folders), summaries, manifests, tuple(rows), confidence, known)
 
 
 def _nominal(run: RunAnalysis, output: int) -> float | None:

@@ -40,6 +40,12 @@ def export_run(path: str | Path, folder: str | Path, units: Units = "shown") -> 
     """Write the tables of a finished run as CSV, the numbers behind its figures, and its matrices; return the files.
 
     See `write_export`. Raises `RunFolderError` when there is no finished run, or it is damaged.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> "budget.csv" in {path.name for path in mc.export_run("reports/first", "exported")}
+    True
     """
     with one_thread(), reading_file(Path(path)):
         return write_export(analyse(RunFolder(Path(path))), Path(folder), units)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -59,6 +60,16 @@ def moved_outputs(engine: Engine, draws: DrawPlan, columns: list[int], floor: Ar
             change = np.abs(engine.simulate(Batch(batch.index, errors, batch.seed)).values - unmoved)
             moved |= ~np.all(change <= floor, axis=0)
     return moved
+
+
+def tailed_over_time(record: ModelRecord, heavy: Sequence[str], withheld: Sequence[int]) -> tuple[int, ...]:
+    """Return the outputs that depend on a source with heavy tails at the end or, linearly, at any reading."""
+    if not heavy or record.development is None:
+        return tuple(withheld)
+    columns = [[source.name for source in record.sources].index(name) for name in heavy]
+    depends = np.asarray(record.development.partials[:, :, columns].any(axis=(0, 2)))
+    depends[list(withheld)] = True
+    return tuple(np.flatnonzero(depends).tolist())
 
 
 def withheld_outputs(record: ModelRecord, heavy: tuple[str, ...], model: Model, samples: Samples) -> tuple[int, ...]:

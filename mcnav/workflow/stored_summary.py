@@ -14,6 +14,12 @@ def summary_of(path: str | Path) -> dict[str, Any]:
     """Read the summary of a finished run folder as `json.load` does; see `mcnav.analysis.summary.Summary`.
 
     Raises `RunFolderError` when there is none, or it is damaged.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.summary_of("reports/first")["samples"]
+    200
     """
     folder = Path(path)
     check_exists(folder)

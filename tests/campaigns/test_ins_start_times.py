@@ -14,7 +14,8 @@ import tomli_w
 from mcnav._types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
-from mcnav.contract.scenario import has_noisy_start_times
+from mcnav.contract.recorded import MeasurementFile
+from mcnav.contract.scenario import ScenarioError, has_noisy_start_times
 from mcnav.errors import CampaignError
 from mcnav.studies.start_times import check_start_time, start_time_study
 from mcnav.systems.ins.scenario import SHORTEST, Ins
@@ -209,16 +210,38 @@ def test_a_page_of_few_sources(tmp_path: Path, errors: dict[str, Any], imu: dict
 SENSOR = {"type": "position-fix", "position": "3 m", "interval": "1 s"}
 
 
-@pytest.mark.parametrize("table", [{}, {"start_times": {"count": 9}}], ids=["without a table", "with a table"])
-def test_aided_navigation_is_refused(tmp_path: Path, table: dict[str, Any]) -> None:
-    path = written(
-        tmp_path, described(aiding=[SENSOR], filter={"estimates": ["position", "velocity", "attitude"]}, **table)
-    )
-    refused = in_process("sweep", path, "--vary", "start", "--out", tmp_path / "found")
-    assert refused.exit_code == 2, refused.output
-    assert len(refused.output.strip().splitlines()) == 1, refused.output
-    assert "start times are not compared for aided navigation" in refused.output
-    assert not (tmp_path / "found").exists()
+AIDED = {"aiding": [SENSOR], "filter": {"estimates": ["position", "velocity", "attitude", "gyro_bias"]}}
+
+
+@pytest.mark.parametrize("platform", ["strapdown", "inertial"])
+def test_each_start_of_an_aided_navigation_has_a_filter_of_its_own(platform: str) -> None:
+    """It is that of a campaign with this start, whose fixes fall on the same whole seconds."""
+    known = campaign(platform, **AIDED).scenario
+    assert isinstance(known, Ins)
+    starts = np.array([250.0, 30.0, 112.0])
+    partials, noise = known.partials_at(starts), known.noise_at(starts)
+    for row, start in enumerate(starts):
+        own = campaign(platform, f"{float(start)!r} s", **AIDED)
+        assert isinstance(own.scenario, Ins)
+        assert_same((partials[row], noise[row]), own.scenario, own)
+        assert_same((partials[row], noise[row]), known.started_at(float(start), "start"), own)
+
+
+def test_starts_of_an_aided_navigation_by_the_command(tmp_path: Path) -> None:
+    path = written(tmp_path, described(start_times={"count": 9}, **AIDED))
+    finished = in_process("sweep", path, "--vary", "start", "--out", tmp_path / "found")
+    assert finished.exit_code == 0, finished.output
+    frame = pd.read_csv(tmp_path / "found" / "start_times.csv")
+    assert (frame["sigma position_north [m]"].iloc[:-1] < 3.0).all()  # all but the navigation of one second
+
+
+def test_recorded_sensors_are_refused() -> None:
+    known = campaign(**AIDED).scenario
+    assert isinstance(known, Ins)
+    recorded = replace(known.navigation.sensors[0], log=MeasurementFile(Path("fixes.csv")))
+    of = Ins(replace(known.navigation, sensors=(recorded,)))
+    with pytest.raises(ScenarioError, match="got a file of measurements of position_fix; start times need sensors"):
+        of.check_start_axes("start")
 
 
 def test_axes_of_one_instant_need_an_inertial_platform() -> None:

@@ -188,6 +188,51 @@ def test_a_closed_loop_is_simulated_and_linearized() -> None:
     assert "ranging" in mc.compare(mc.propagate_covariance(partials, campaign_errors), out).sentence
 
 
+ISSUE = """
+import sys
+import numpy as np
+import pint
+import mcnav as mc
+
+KILO = pint.UnitRegistry().Quantity(5.0, "km")
+
+
+def function(errors):
+    altitude, bias, tilt = errors.T
+    return np.column_stack([altitude + 2e6 * tilt, 300.0 * bias + 0.02 * altitude * tilt])
+
+
+if __name__ == "__main__":
+    errors = mc.Errors({"altitude": KILO, "bias_x": mc.uniform("100 ug"), "tilt": 2e-4},
+                       correlations={("altitude", "tilt"): 0.3})
+    S = errors.covariance
+    P = mc.partials(function, errors)
+    C = mc.propagate_covariance(P, S)
+    for jobs in (1, 2):
+        draws = errors.draw(20_000, seed=1)
+        out = mc.simulate(function, draws, jobs=jobs)
+        verdict = mc.compare(C, out, draws, P)
+        campaign = mc.Campaign({"type": function, "outputs": ["position", "velocity"]}, errors, samples=2_000)
+        run = mc.run(campaign, f"{sys.argv[1]}/run_{jobs}", jobs=jobs)
+        swept = mc.sweep(campaign, {"errors.altitude": [1e3, "5 km"]}, against="position")
+        changes = mc.compare_runs([mc.open_run(f"{sys.argv[1]}/run_1"), run]).outputs
+        print(jobs, draws.sum().sum().hex(), out.sum().sum().hex(), verdict.verdict,
+              run.samples["output position [1]"].sum().hex(), swept.to_numpy().sum().hex(), set(changes["change"]))
+    print(*S.columns, *C.columns, *run.outputs.columns[:3], verdict.frame.index.name, run.outputs.index.name)
+"""
+
+
+def test_the_lines_of_the_issue_have_the_same_results_with_one_and_two_jobs(tmp_path: Path) -> None:
+    """With SI floats, quantities of pint and text; the function is one of the script."""
+    (tmp_path / "lines.py").write_text(ISSUE)
+    finished = run_to_end([sys.executable, str(tmp_path / "lines.py"), str(tmp_path)])
+    assert finished.returncode == 0, finished.stderr
+    one, two, names = finished.stdout.splitlines()
+    assert one.split()[1:] == two.split()[1:]
+    assert "agrees" in one
+    assert names == "altitude bias_x tilt y1 y2 unit sigma_linear sigma_paired output output"
+
+
 def test_the_notebook_runs_as_it_stands() -> None:
     """Trajectory 4 in twenty lines with the verdict of campaign 01, and a function of the notebook, run and stored."""
     matplotlib.use("Agg")

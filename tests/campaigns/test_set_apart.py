@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from mcnav.config.read import read_campaign
+from mcnav.notebook import RunResult
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import linear_model
+from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.heavy_tails import withheld_outputs
 from tests.commands import invoke
 from tests.runs import simulate
@@ -138,12 +140,29 @@ def test_heavy_tails_withhold_the_verdicts_of_what_has_them(tmp_path: Path, stor
     }  # fmt: skip
     assert summary["withheld"] == summary["not_joint"] == ["itself", "square", "rare"]
     assert summary["nees_dimension"] == 2
+    content = RunResult(tmp_path / "run").content
+    if content.convergence is not None:  # as a summary has none of growing parts
+        assert np.isfinite(content.convergence.paired.ratio[-1]).tolist() == [False, True, True, False, False]
     ratio = summary["sigma_ratio_paired"][2]
     assert ratio == pytest.approx(np.sqrt(1.0 + 2.0 * 0.2**2), rel=0.01)  # var(2-sided square) = 2
     shown = invoke("show", "run", cwd=tmp_path).stdout
     assert "Undecided for itself, square and rare: tails too heavy for an interval." in shown
     assert "The Monte Carlo sigma of plain and bent is within it." in shown
     assert "The joint verdict leaves out itself, square and rare (heavy tails)." in shown
+
+
+def test_a_comparison_of_runs_withholds_what_has_heavy_tails_alone(tmp_path: Path) -> None:
+    """The same draws with twice the second error: no interval of the output of the heavy tail, one of the others."""
+    (tmp_path / "tails.py").write_text(TAILS)
+    for name, sigma in (("before", "1 m"), ("after", "2 m")):
+        text = TAILED.replace("STORE", "samples").replace('one = "1 m"', f'one = "{sigma}"')
+        simulate(read_campaign(_written(tmp_path, text.replace("20_000", "4_000"))), tmp_path / name, None, 1)
+    rows = compare_runs([tmp_path / "before", tmp_path / "after"]).rows
+    intervals = {row.output: row.change.interval for row in rows if row.change is not None}
+    assert intervals["itself"] == (0.0, np.inf)
+    low, high = intervals["plain"]
+    assert low <= 2.0 <= high
+    assert high - low < 1e-6  # linear, by the same draws
 
 
 def test_runs_of_earlier_versions_have_no_verdict_at_all(tmp_path: Path) -> None:

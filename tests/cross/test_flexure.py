@@ -108,9 +108,9 @@ def test_a_matched_filter_knows_its_errors(considered: bool) -> None:
     np.testing.assert_allclose(np.diagonal(together, axis1=1, axis2=2), own[1:], rtol=1e-9)
     of_states = np.einsum("mqs,st,mqt->mq", linear.state_partials, sources, linear.state_partials)
     np.testing.assert_allclose(of_states + sum(linear.state_variances.values()), linear.own_variances, rtol=1e-9)
-    smoothed = of.smoothed_at_epochs
-    true = smoothed.partials @ sources @ smoothed.partials.swapaxes(1, 2) + sum(smoothed.processes.values())
-    if not considered:
+    if not considered:  # else no smoother is defined
+        smoothed = of.smoothed_at_epochs
+        true = smoothed.partials @ sources @ smoothed.partials.swapaxes(1, 2) + sum(smoothed.processes.values())
         scale = np.diagonal(linear.own, axis1=1, axis2=2)
         apart = np.diagonal(true - smoothed.own, axis1=1, axis2=2)
         assert np.abs(apart / scale).max() < 1e-9

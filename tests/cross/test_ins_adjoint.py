@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
+from mcnav.systems.ins.ensemble.adjoint import Adjoint
 from mcnav.systems.ins.ensemble.aided import GivenNoise, simulate_aided
 from mcnav.systems.ins.imu.instruments import CONSTANTS, GYRO
-from mcnav.systems.ins.linear.adjoint import Adjoint
 from tests.cross.test_ins_aided import NEGLECTED, SIGMAS, draw, engine, scenario
 
 ROUNDING = 1e-11

@@ -15,7 +15,8 @@ from mcnav.systems.ins.aided import AidedReferenceEngine, filter_schema
 from mcnav.systems.ins.ensemble.aided import GivenNoise, simulate_aided
 from mcnav.systems.ins.filter.model import FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
-from mcnav.systems.ins.linear.closed_loop import close_loop, propagate_closed_loop
+from mcnav.systems.ins.linear.aided_errors import propagate_closed_loop
+from mcnav.systems.ins.linear.closed_loop import close_loop
 from mcnav.systems.ins.reference.aided import AidedMechanization
 from mcnav.systems.ins.scenario import Ins, Navigation
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants

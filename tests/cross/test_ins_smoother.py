@@ -11,74 +11,12 @@ from scipy import stats
 from mcnav._types import Array
 from mcnav.contract.samples import Batch
 from mcnav.systems.ins.imu.instruments import Imu, Noise
-from mcnav.systems.ins.linear.closed_loop import (
-    ClosedLoop,
-    constant_disturbances,
-    driving_processes,
-    propagate_closed_loop,
-    true_loop,
-)
-from mcnav.systems.ins.linear.covariance import output_map
-from mcnav.systems.ins.linear.smoothed_loop import smooth_closed_loop
-from mcnav.systems.ins.linear.smoother import SmoothedLoop, SmoothedProcesses, run_smoother
+from mcnav.systems.ins.linear.aided_errors import propagate_closed_loop, smooth_closed_loop
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop
+from mcnav.systems.ins.linear.covariance import output_map, transitions
 from mcnav.systems.ins.scenario import Ins, Navigation
 from tests.aided import make_filter, make_sensor, sized
 from tests.flights import flight
-
-STEPS = 160
-TIME, DENSITY, VARIANCE = 1.0, 0.01, 4.0
-OVER = np.array([[1.0, TIME], [0.0, 1.0]])
-NOISE = DENSITY * np.array([[TIME**3 / 3.0, TIME**2 / 2.0], [TIME**2 / 2.0, TIME]])
-
-
-def steady(believed: float) -> tuple[Array, Array]:
-    """Return the steady gain of a filter of a double integrator, and its covariance after the update."""
-    p = np.eye(2)
-    for _ in range(5_000):
-        ahead = OVER @ p @ OVER.T + NOISE
-        gain = ahead[:, :1] / (ahead[0, 0] + believed)
-        p = ahead - gain @ ahead[:1]
-    return gain, p
-
-
-@pytest.mark.parametrize(
-    ("believed", "claimed", "true"),
-    [(4.0, (0.562340084, 0.125744703), (0.562340084, 0.125744703)),
-     (1.0, (0.334367155, 0.105741685), (0.602794028, 0.139872798))],
-)  # fmt: skip
-def test_held_values_of_a_double_integrator(
-    believed: float, claimed: tuple[float, float], true: tuple[float, float]
-) -> None:
-    """Position and velocity in the interior of a long record, matched and with a believed variance of 1 for 4.
-
-    The nine printed digits were computed in two other ways; ends are further away than the filter remembers.
-    """
-    gain, p = steady(believed)
-    response, variance = np.array([[1.0, 0.0]]), (OVER @ p @ OVER.T + NOISE)[0, 0] + believed
-    first = np.concatenate([[0], np.arange(STEPS + 1)])
-    ones = np.ones((STEPS, 1, 1))
-    loop = SmoothedLoop(
-        first, np.ones(STEPS, dtype=np.int64), OVER * ones, response * ones, gain * ones, np.sqrt(variance) * ones,
-        OVER * ones, response * ones, gain * ones, np.zeros((STEPS, 2, 0)), np.zeros((STEPS, 1, 0)),
-    )  # fmt: skip
-    added = np.zeros((STEPS, 3, 3))
-    added[:, :2, :2] = NOISE
-    nothing = (np.zeros((STEPS, 2, 1)), np.ones((STEPS, 1)))
-    seen, measured = np.zeros((STEPS, 1, 2, 1)), np.stack([np.zeros((STEPS, 1)), np.full((STEPS, 1), VARIANCE)], axis=2)
-    processes = SmoothedProcesses(
-        (nothing[0], nothing[0]), (nothing[1], nothing[1]), (added, np.zeros_like(added)), seen, measured
-    )  # fmt: skip
-    middle = np.array([STEPS // 2])
-    back = run_smoother(loop, processes, middle, np.ones(1), np.array([STEPS]))
-    lam, state, noise = back.own[0], back.state[0], back.noise[0].sum(axis=0)
-    assert np.sqrt(np.diag(p - p @ lam @ p)) == pytest.approx(claimed, rel=1e-8)
-    # the true covariance of the filter's errors, with its own gain
-    c, left = np.eye(2), np.eye(2) - gain @ response
-    for _ in range(5_000):
-        c = left @ (OVER @ c @ OVER.T + NOISE) @ left.T + VARIANCE * gain @ gain.T
-    of_error = np.eye(2) - p @ state
-    assert np.sqrt(np.diag(of_error @ c @ of_error.T + p @ noise @ p)) == pytest.approx(true, rel=1e-8)
-
 
 START, END = 300.0, 420.0
 SIGMAS = {
@@ -108,12 +46,12 @@ def aided(noise: float = 3.0, believed: float = 3.0) -> Ins:
 
 def whole(loop: ClosedLoop) -> tuple[list[Array], list[Array]]:
     """Return F and Q of the filter over the steps."""
-    tables, transitions = loop.filter, []
-    for k in range(len(loop.transition)):
+    tables, over = loop.filter, []
+    for k, transition in enumerate(transitions(loop.responses)):
         f = np.diag(np.concatenate([np.ones(9), tables.decay[k]]))
-        f[:9] = np.concatenate([loop.transition[k], tables.coupling[k]], axis=1)
-        transitions.append(f)
-    return transitions, list(tables.noise)
+        f[:9] = np.concatenate([transition, tables.coupling[k]], axis=1)
+        over.append(f)
+    return over, list(tables.noise)
 
 
 def rauch_tung_striebel(loop: ClosedLoop, last: int) -> list[Array]:
@@ -260,63 +198,53 @@ def test_true_errors_of_a_mismatched_smoother_are_those_of_samples() -> None:
 
 def smoothed_samples(of: Ins, loop: ClosedLoop, readings: Array, count: int) -> Array:
     """Run linear samples forward through the closed loop, and smooth their innovations backwards: (n, m, 9)."""
+    generator, timeline = np.random.default_rng(8), loop.timeline
+    assert timeline.filter is not None
+    assert timeline.updates is not None
+    updates, place = timeline.updates, timeline.filter.place
+    errors = generator.standard_normal((count, timeline.sources)) * sized(of.navigation.sensors, SIGMAS | NEGLECTED)
+    constants = np.append(errors, np.ones((count, 1)), axis=1)
 
-    generator = np.random.default_rng(8)
-    true, processes = true_loop(loop), driving_processes(loop)
-    inputs, disturbances = constant_disturbances(loop)
-    errors = generator.standard_normal((count, inputs.shape[2])) * sized(of.navigation.sensors, SIGMAS | NEGLECTED)
-    states = len(loop.filter.constants)
-    x = np.zeros((count, 9 + states))
-    x[:, :9] = errors[:, :9] @ np.linalg.inv(output_map(loop.truth, float(loop.times[0]))).T
-    bias = np.stack([np.sqrt(p.variance[0, 0]) * generator.standard_normal(count) for p in processes.values()])
-    true_state = np.zeros((count, states))
+    def drawn(covariance: Array) -> Array:
+        scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+        return generator.standard_normal((count, len(scale))) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T * scale
 
-    def errors_of_states() -> Array:
-        for place, number in enumerate(loop.filter.constants):
-            true_state[:, place] = errors[:, number] if number >= 0 else 0.0
-            for b, name in enumerate(processes):
-                true_state[:, place] += bias[b] * (name in loop.filter.processes[place])
-        return np.concatenate([x[:, :9], true_state - x[:, 9:]], axis=1)
-
-    transitions, noises = whole(loop)
-    rows = np.concatenate([loop.measurements.rows, loop.filter.rows], axis=2)
-    p, kept, innovations = loop.filter.initial, [], []
-    for k in range(len(loop.times)):
-        for u in range(loop.first_updates[k], loop.first_updates[k + 1]):
-            n = x @ true.updates.rows[u].T + errors @ disturbances[u].T
-            for b, process in enumerate(processes.values()):
-                n += bias[b][:, None] * process.seen[u, :, 0]
-                n += np.sqrt(process.measured[u]) * generator.standard_normal(n.shape)
-            x = x - n @ true.gains[u].T
-            h, r = rows[u], np.diag(loop.filter.variances[u])
-            s = h @ p @ h.T + r
-            left = np.eye(len(p)) - p @ h.T @ np.linalg.inv(s) @ h
-            innovations.append((h.T @ np.linalg.inv(s), n, left))
-            p = left @ p @ left.T + p @ h.T @ np.linalg.inv(s) @ r @ np.linalg.inv(s) @ h @ p
-        kept.append((errors_of_states(), p))
-        if k == len(loop.transition):
-            break
-        driven = errors @ inputs[k].T
-        following = x @ true.steps.rows[k].T + driven
-        for b, process in enumerate(processes.values()):
-            covariance = np.zeros((10, 10))
-            covariance[:9, :9], covariance[9, 9] = process.noise.white[k], process.noise.driven[k, -1]
-            covariance[:9, 9] = covariance[9, :9] = process.noise.cross[k, :, -1]
-            scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-            values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-            noise = generator.standard_normal((count, 10)) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T * scale
-            following += bias[b][:, None] * process.response[k, :, 0] + noise[:, :9]
-            bias[b] = process.decay[k] * bias[b] + noise[:, 9]
-        x = np.concatenate([following, x[:, 9:] * loop.filter.decay[k]], axis=1)
-        p = transitions[k] @ p @ transitions[k].T + noises[k]
-    found, adjoint, u = {}, np.zeros((count, len(p))), len(innovations)
-    for k in range(len(loop.times) - 1, -1, -1):
-        if k < len(loop.transition):
-            adjoint = adjoint @ transitions[k]
-        z, p = kept[k]
-        found[k] = (z - adjoint @ p)[:, :9] @ output_map(loop.truth, float(loop.times[k])).T
-        for _ in range(loop.first_updates[k], loop.first_updates[k + 1]):
-            u -= 1
-            weight, n, left = innovations[u]
-            adjoint = n @ weight.T + adjoint @ left
-    return np.stack([found[int(k)] for k in readings], axis=1)
+    x = constants @ timeline.start.partials.T
+    for covariance in timeline.start.noise.values():
+        x += drawn(covariance)
+    over, noises = whole(loop)
+    p, kept, innovations, u = loop.filter.initial, {}, [], 0
+    for position, is_update in enumerate(timeline.is_update):
+        kept[position] = x, p
+        if is_update:
+            n = x @ updates.responses[u].T + constants @ updates.disturbances[u].T
+            for variances in updates.variances.values():
+                n += np.sqrt(variances[u]) * generator.standard_normal(n.shape)
+            h, r = timeline.filter.responses[u], np.diag(timeline.filter.variances[u])
+            weight = h.T @ np.linalg.inv(h @ p @ h.T + r)
+            left = np.eye(len(p)) - p @ weight @ h
+            innovations.append((weight, n, left))
+            x, p, u = x - n @ (place @ p @ weight).T, left @ p @ left.T + p @ weight @ r @ weight.T @ p, u + 1
+            continue
+        k = position - u
+        steps = timeline.steps(k, k + 1)
+        x = x @ steps.transitions[0].T + constants @ steps.inputs[0].T
+        for noise in steps.noise.values():
+            x[:, noise.rows] += drawn(noise.covariances[0])
+        p = over[k] @ p @ over[k].T + noises[k]
+    kept[timeline.end] = x, p
+    smoothed, adjoint = {}, np.zeros((count, len(p)))
+    for position in range(timeline.end, -1, -1):
+        if position < timeline.end:
+            if timeline.is_update[position]:
+                weight, n, left = innovations[timeline.updates_before[position]]
+                adjoint = n @ weight.T + adjoint @ left
+            else:
+                adjoint = adjoint @ over[timeline.steps_before[position]]
+        x, p = kept[position]
+        of_state, of_constants = timeline.filter.true_errors(position)
+        smoothed[position] = (x @ of_state.T + constants @ of_constants.T - adjoint @ p)[:, :9]
+    positions = loop.positions(readings, np.ones(len(readings)))
+    maps = [output_map(loop.truth, float(time)).T for time in loop.times[readings]]
+    return np.stack([smoothed[position] @ to for position, to in zip(positions.tolist(), maps, strict=True)], axis=1)

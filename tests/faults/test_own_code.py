@@ -10,6 +10,7 @@ import re
 import signal
 import subprocess
 import time
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,11 @@ import pytest
 
 import mcnav
 from mcnav.config.read import read_campaign
+from mcnav.contract.scenario import ScenarioError
+from mcnav.systems import timeouts
+from mcnav.systems.user.stochastic_scenario import is_users_with_noise
 from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, write_campaign
+from tests.forked import run_forked
 from tests.processes import run_to_end, running, wait_for
 
 IMPORTS = "import ctypes, os, signal, sys, threading\n"
@@ -66,6 +71,10 @@ def _write(folder: Path, place: str, act: str) -> None:
 
 
 def _run(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return run_forked(*arguments, cwd=cwd, env={"MCNAV_CACHE_DIR": str(cwd / "cache")})
+
+
+def _run_process(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     return run_to_end(command(*arguments), cwd=cwd, env=environment() | {"MCNAV_CACHE_DIR": str(cwd / "cache")})
 
 
@@ -79,15 +88,23 @@ def _line(done: subprocess.CompletedProcess[str]) -> str:
     return line
 
 
+ASKED = ("os._exit(0)", "os.chdir('/')", "raise KeyboardInterrupt")
+"""What the code does where it is asked for something: one function of ours asks in all these places."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("act", ENDS)
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize(
+    ("place", "act"),
+    [*product(("read", "simulated"), ENDS), *product(("made", "sources"), ASKED)],
+)
 def test_code_that_ends_or_spoils_its_process(place: str, act: str, tmp_path: Path) -> None:
     _write(tmp_path, place, act)
     pattern = ENDS[act].format(PLACES[place][2])
     if place == "simulated" and act == "os.fork() and None":  # a fork of each simulation is noticed at the first
         pattern = "by fork"
-    assert re.search(pattern, _line(_run("run", "mine.toml", "--jobs", "2", cwd=tmp_path)))
+    # a copy of a process that multiprocessing has made may make others
+    run = _run_process if "fork" in act else _run
+    assert re.search(pattern, _line(run("run", "mine.toml", "--jobs", "2", cwd=tmp_path)))
 
 
 @pytest.mark.slow
@@ -156,6 +173,67 @@ def test_a_second_interrupt_ends_code_that_listens_to_none(tmp_path: Path) -> No
         _, said = process.communicate(timeout=60)
     assert process.returncode == 130
     assert said == "error: interrupted; stored samples are kept\n"
+
+
+def _write_member(folder: Path, name: str, act: str) -> Path:
+    """Write a campaign whose class has a property that acts in place of a member."""
+    kind = SINGLE if name == "noise_covariance" else VECTORISED
+    takes = ("self, errors", "self, errors, noise") if name == "noise_covariance" else ("", "")
+    member = f"    @property\n    def {name}(self):\n        {act}\n\n    def "
+    flown = kind.replace("chunk = 25", "").replace("class Mine:", f"{IMPORTS}class Mine:")
+    if name == "fly":
+        flown = flown.replace("def propagate(", "def other(")
+    return write_campaign(folder, "", flown.replace("    def ", member, 1).replace(*takes), samples=60)
+
+
+@pytest.mark.parametrize("name", ["epochs", "fly", "partials", "history", "noise_covariance", "chunk"])
+def test_members_that_are_asked_for(name: str, tmp_path: Path) -> None:
+    """A property that raises, also what would end the command, is one line; it is no traceback."""
+    for act, words in (("sys.exit(0)", r"SystemExit: 0 \(line"), ("raise ValueError('no')", "no")):
+        path = _write_member(tmp_path, name, act)
+        with pytest.raises((mcnav.CampaignError, ScenarioError), match=rf"Mine\.{name}: .*{words}"):
+            _ask_for_all(path)
+
+
+@pytest.mark.slow
+def test_a_member_that_ends_the_program_is_named(tmp_path: Path) -> None:
+    for name in ("partials", "epochs"):
+        _write_member(tmp_path, name, "os._exit(0)")
+        assert f"exit status 0 in mine.py while it gave Mine.{name}" in _line(_run("lincov", "mine.toml", cwd=tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("member", "words"),
+    [
+        ("", "mine.py cannot be executed"),
+        ("__init__", "Mine cannot be made"),
+        ("partials", "partials"),
+        ("history", "history"),
+    ],
+)
+def test_what_is_asked_besides_samples_has_a_time_limit(
+    member: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is longer than that of a sample: packages take their time to be imported."""
+    monkeypatch.setattr(timeouts, "READING", 0.3)
+    defined = (
+        f"    def {member}(self):\n        time.sleep(600)\n\n    def propagate" if member else "    def propagate"
+    )
+    code = VECTORISED.replace("    def propagate", defined, 1)
+    code = code if member else code.replace("class Mine:", "time.sleep(600)\n\nclass Mine:")
+    path = write_campaign(tmp_path, "", code, samples=60, more='sample_timeout = "0.1 s"')
+    with pytest.raises((mcnav.CampaignError, ScenarioError), match=rf"{words}: took longer than 0\.3 s \(line"):
+        _ask_for_all(path)
+
+
+def _ask_for_all(path: Path) -> None:
+    """Read a campaign, and ask its scenario for all that comes before samples."""
+    campaign = read_campaign(path)
+    with timeouts.time_limit(campaign.sample_timeout):
+        campaign.scenario.engine(campaign.scenario.engines[0], np.zeros((1, 1)))
+        campaign.scenario.nominal()
+        if is_users_with_noise(campaign.scenario):
+            assert campaign.scenario.noise
 
 
 def test_from_python_it_is_refused(tmp_path: Path) -> None:

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from mcnav.contract.engine import without_noise
-from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.navigator import simulate_indicated
-from mcnav.systems.reentry.table_i import ALL_ERRORS, ERRORS
+from mcnav.systems.reentry.table_i import ALL_ERRORS
 from mcnav.systems.steady.linearized import linearize
 from mcnav.systems.steady.truth import Error as SteadyError
 from mcnav.systems.steady.truth import SteadyFlight
@@ -60,42 +59,6 @@ def test_longer_trajectories_are_best_started_earlier() -> None:
     best = {row.number: row.best for row in advice(start_times()) if (row.coordinates, row.measure) == (POLAR, "sum")}
     assert best[5] == pytest.approx(-25.0, abs=1.0)
     assert best[7] < best[6] < -30.0
-
-
-def test_an_altitude_error_with_speed_and_angle_kept() -> None:
-    """Trajectory 4 at reentry: 32.6 km with the polar rates kept and 14.2 km otherwise, by the polar equations as well.
-
-    The indicated start has the same speed and angle as the actual one, exactly; a tenth of a metre is linear.
-    """
-    computed = starts(4)
-    assert computed.effects[-1, Error.ALTITUDE] == pytest.approx(32.6, abs=0.05)
-    assert computed.converted[-1, Error.ALTITUDE] == pytest.approx(14.2, abs=0.05)
-    scenario = table_i_scenario(4, start=0.0)
-    navigation = scenario.navigation
-    radius, _, _, rate = navigation.trajectory.state(navigation.start)
-    errors = np.zeros(len(ALL_ERRORS))
-    errors[Error.ALTITUDE] = 0.1
-    errors[Error.RANGE_RATE] = radius * (radius * rate / (radius + 0.1) - rate)
-    final = simulate_indicated(navigation.trajectory, errors, navigation.start, navigation.theta_axes)[0]
-    assert 5e3 * final / 0.1 == pytest.approx(1e3 * computed.converted[-1, Error.ALTITUDE], rel=1e-3)
-
-
-def test_speed_and_angle_of_the_indicated_start() -> None:
-    """Independent speed and angle errors of any start, simulated by their rates: the columns of the change."""
-    scenario = table_i_scenario(2, start=-600.0)
-    navigation = scenario.navigation
-    radius, _, climb, rate = navigation.trajectory.state(navigation.start)
-    speed, angle = np.hypot(climb, radius * rate), np.arctan2(climb, radius * rate)
-    computed = starts(2)
-    place = computed.at(-10.0)
-    step = 1e-3
-    sizes = np.hypot([np.sin(angle), np.cos(angle)] * ERRORS[[2, 2]], [np.cos(angle), np.sin(angle)] * ERRORS[[3, 3]])
-    for column, size, (faster, steeper) in ((2, sizes[0], (step, 0.0)), (3, sizes[1], (0.0, step / speed))):
-        errors = np.zeros(len(ALL_ERRORS))
-        errors[Error.ALTITUDE_RATE] = (speed + faster) * np.sin(angle + steeper) - climb
-        errors[Error.RANGE_RATE] = (speed + faster) * np.cos(angle + steeper) - radius * rate
-        final = simulate_indicated(navigation.trajectory, errors, navigation.start, navigation.theta_axes)[0]
-        assert final / step * size == pytest.approx(1e3 * computed.converted[place, column], rel=1e-3)
 
 
 @pytest.mark.parametrize(("altitude", "mean"), [(90e3, 16.8), (80e3, 387.0)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import pickle
 from pathlib import Path
 
@@ -17,10 +16,7 @@ from tests.conftest import ROOT
 
 @pytest.fixture
 def notes(monkeypatch: pytest.MonkeyPatch) -> Notes:
-    file = os.memfd_create("notes")
-    os.truncate(file, Notes.SIZE)
-    made = Notes(file)
-    os.close(file)
+    made = Notes()
     monkeypatch.setattr(_supervision, "_own", [made])
     return made
 
@@ -55,7 +51,7 @@ def test_examples_with_code_have_a_supervisor() -> None:
     assert all(names_code([str(path)]) for path in with_code)
 
 
-def test_notes_outlast_their_file(notes: Notes) -> None:
+def test_notes_keep_their_lines(notes: Notes) -> None:
     notes.write(LAST_WORDS, "é" * 2_000)
     assert notes.read(LAST_WORDS) == "é" * 512
     notes.write(3, "mine.py\twhile it was read")

@@ -55,10 +55,7 @@ def design(
     gains : ndarray, shape (U, f, M), optional
         Gains that are held, whatever the filter's tuning; else they are computed.
 
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Where the covariance of an innovation is not positive definite.
+    All are NaN from an update on whose innovation has no positive definite covariance.
     """
     wanted = np.asarray(positions, dtype=np.int64)
     filtered = filter_of(timeline)
@@ -96,8 +93,12 @@ def _update(
     response, variances = filtered.responses[u, :m], filtered.variances[u, :m]
     cross = response @ covariance
     innovations = cross @ response.T
-    innovations[np.diag_indices(m)] += variances
-    roots[u, :m, :m] = root = np.linalg.cholesky(innovations)
+    innovations.flat[:: m + 1] += variances
+    try:
+        roots[u, :m, :m] = np.linalg.cholesky(innovations)
+        solved = cross if held else np.linalg.solve(innovations, cross)
+    except np.linalg.LinAlgError:
+        roots[u, :m, :m], solved = np.nan, np.full_like(cross, np.nan)
     if not held:
-        gains[u, :, :m] = np.linalg.solve(root.T, np.linalg.solve(root, cross)).T * filtered.corrected[:, None]
+        gains[u, :, :m] = solved.T * filtered.corrected[:, None]
     return update(covariance, gains[u, :, :m], response, variances)

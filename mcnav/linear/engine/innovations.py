@@ -8,12 +8,12 @@ measurement: it is exact up to the first one that is rejected.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.contract.timeline import Timeline, Updates
+from mcnav.contract.timeline import Start, Steps, Timeline, Updates
 from mcnav.linear.engine.design import filter_of
 from mcnav.linear.engine.products import transform
 from mcnav.linear.engine.propagate import propagate, readout_maps
@@ -82,3 +82,43 @@ def _law(
         m, rows @ state + of_noise @ updates.disturbances[u, :m],
         transform(rows, covariance) + transform(of_noise, np.diag(variances)), responses,
     )  # fmt: skip
+
+
+def measurement_errors(
+    timeline: Timeline, gains: Array, errors: Array, updates: IndexArray, end: int
+) -> tuple[Array, Array]:
+    """Compute what errors of measurements add to innovations, and to the outputs at a position.
+
+    Parameters
+    ----------
+    gains : ndarray, shape (U, f, M)
+        K.
+    errors : ndarray, shape (U, M, r)
+        In r cases.
+    updates : ndarray of int, shape (u,)
+        Numbers of updates, none after the position.
+    end : int
+        Position of the outputs.
+
+    Returns
+    -------
+    innovations, outputs : ndarray, shapes (u, M, r), (o, r)
+    """
+    if timeline.updates is None:
+        raise ValueError("timeline: has no updates")
+    cases, states = errors.shape[2], timeline.states
+
+    def steps(first: int, last: int) -> Steps:
+        transitions = timeline.steps(first, last).transitions
+        return Steps(transitions, np.zeros((len(transitions), states, cases)))
+
+    disturbed = replace(
+        timeline, start=Start(np.zeros((states, cases))), steps=steps, processes=(), biases={},
+        updates=replace(timeline.updates, disturbances=-errors, variances={}),
+    )  # fmt: skip
+    disturbing = np.flatnonzero(errors.any(axis=(1, 2)))
+    begin = int(positions_of(timeline, np.append(disturbing, updates)).min())
+    read_at, whole = np.append(positions_of(timeline, updates), end), np.eye(states)
+    read = propagate(disturbed, gains, read_at, begin=begin, maps=lambda _: whole).partials
+    innovations = timeline.updates.responses[updates] @ read[:-1] - errors[updates]
+    return innovations, readout_maps(timeline)(end) @ read[-1]

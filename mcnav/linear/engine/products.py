@@ -66,7 +66,7 @@ def update(covariance: Array, gain: Array, response: Array, variances: Array) ->
         K, H and the diagonal of R.
     """
     left = -gain @ response
-    left[np.diag_indices_from(left)] += 1.0
+    left.flat[:: len(left) + 1] += 1.0
     product = left @ covariance @ left.T + (gain * variances) @ gain.T
     return np.asarray(0.5 * (product + product.T))
 

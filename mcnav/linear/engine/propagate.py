@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline
-from mcnav.linear.engine.products import sum_of_products, transform
+from mcnav.linear.engine.products import map_covariances, sum_of_products, transform
 from mcnav.linear.engine.transitions import TOGETHER, Block, bounds, expand
 
 Maps = Callable[[int], Array]
@@ -146,14 +146,14 @@ class _State:
         for place, name in enumerate(self.names):
             used = self.kept[place] < len(whole)
             rows_kept = self.kept[place][used]
-            own = later if len(rows_kept) == len(whole) else later[:, rows_kept]
+            own = later if np.array_equal(rows_kept, np.arange(len(whole))) else later[:, rows_kept]
             for noise in block.noise.get(name, ()):
                 within = noise.between(first, last)
                 if len(within.places):
                     self.covariances[place][np.ix_(used, used)] += sum_of_products(own, within)
 
     def mapped(self, maps: Array) -> tuple[Array, Array]:
-        """Return partial derivatives and covariances of what is read."""
+        """Return partial derivatives and covariances of what is read; variances that are rounding are zero."""
         padded = np.pad(maps, ((0, 0), (0, 1)))
         own = padded[:, self.kept].transpose(1, 0, 2)
-        return maps @ self.partials, transform(own, self.covariances)
+        return maps @ self.partials, map_covariances(own, self.covariances)

@@ -195,7 +195,7 @@ class _Stretches:
         m, filtered = int(updates.sizes[u]), self.filtered
         response, gain, root = filtered.responses[u, :m], self.designed.gains[u, :, :m], self.designed.roots[u, :m, :m]
         left = -(gain @ response).T
-        left[np.diag_indices_from(left)] += 1.0
+        left.flat[:: len(left) + 1] += 1.0
         whitened = np.linalg.solve(root, response)
         weight = np.linalg.solve(root.T, whitened).T  # H' S^-1
         innovation[:, :m] = of_innovation = weight - left @ (back.state @ (filtered.place @ gain))

@@ -15,6 +15,7 @@ from mcnav.report.figures.figure import HALF, Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, axis
 from mcnav.report.figures.palette import FILTER, FLOWN, INK, LINEAR, SOURCE_COLOURS
 from mcnav.report.format import number
+from mcnav.report.mean_words import large_means_of
 from mcnav.report.names import humanize, labels_in, shown_units
 
 COLOURS: Final = tuple(SOURCE_COLOURS[place] for place in (0, 4, 2, 6, 5, 11))
@@ -71,6 +72,9 @@ def curves(titles: Sequence[str], summaries: Sequence[Summary], known: Sequence[
         key=key,
         columns=columns,
         size=side_by_side(len(panels)),
+        caption="Sigmas alone: mean errors, which exceed one sigma at the end of a run, are not in them."
+        if any(map(large_means_of, summaries))
+        else "",
     )
 
 

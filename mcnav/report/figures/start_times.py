@@ -58,6 +58,16 @@ def _event(clock: StartClock) -> list[Mark]:
     return [Rule(0.0, kind="dotted", name=clock.event)] if clock.event else []
 
 
+def simulated_rms(study: StartTimeStudy, time: float, comparison: Comparison) -> Array:
+    """Return the root mean squares of a Monte Carlo check of a start time, shape (outputs,): sigmas without means."""
+    sigma = np.array([each.sigma_paired for each in comparison.outputs])
+    if study.means is None:
+        return sigma
+    linear = study.means[int(np.abs(study.times - time).argmin())]
+    means = linear + np.array([each.bias.value for each in comparison.outputs])
+    return np.asarray(np.hypot(sigma, means))
+
+
 def dispersion(
     study: StartTimeStudy, checks: Mapping[float, Comparison], scale: Array, outputs: Sequence[Output]
 ) -> Figure:
@@ -66,42 +76,30 @@ def dispersion(
     ``checks`` are by start time, s; SI values are multiplied by ``scale``, shape (outputs,).
     """
     starts, sigma = study.times / 60.0, study.rms * scale
-    of_means = study.means_matter
+    one, what = ("rms", "Root mean square") if study.means_matter else ("1σ", "Sigma")
     axis, event = start_axis(study.clock.label), _event(study.clock)
-    linear = RMS if of_means else SIGMA if study.noise is None else WITH_NOISE
-
-    def checked(time: float, comparison: Comparison) -> Array:
-        sigma = np.array([each.sigma_paired for each in comparison.outputs])
-        if study.means is None:
-            return sigma
-        linear_means = study.means[int(np.abs(study.times - time).argmin())]
-        return np.hypot(sigma, linear_means + [each.bias.value for each in comparison.outputs])
+    linear = RMS if study.means_matter else SIGMA if study.noise is None else WITH_NOISE
 
     def panel(name: str, i: int) -> Panel:
         marks: list[Mark] = [Line(linear, starts, sigma[:, i], 2.1)]
-        known = [(time / 60.0, checked(time, c)[i] * scale[i]) for time, c in checks.items() if c.outputs]
+        known = [(time / 60.0, simulated_rms(study, time, c)[i] * scale[i]) for time, c in checks.items() if c.outputs]
         if known:
             at, result = np.array(known).T
             marks.append(Points(CHECKED, at, result, 7.5))
         # above the curve, where it hides no Monte Carlo value
         marks.append(Points(BEST, [starts[study.best[i]]], [sigma[study.best[i], i] + 0.02 * sigma[:, i].max()], 9.0))
-        return Panel(
-            f"final {name}", axis, Axis("rms" if of_means else "1σ", outputs[i].shown_in, low=0.0), [*marks, *event]
-        )
+        return Panel(f"final {name}", axis, Axis(one, outputs[i].shown_in, low=0.0), [*marks, *event])
 
     names = [humanize(output.name) for output in outputs]
     drawn = [
         i for i, output in enumerate(outputs) if not study.clock.weighs or (sigma[:, i].any() and not output.size_of)
     ]
-    columns = [
-        f"{name}, {'rms' if of_means else '1σ'} [{output.shown_in}]"
-        for name, output in zip(names, outputs, strict=True)
-    ]
+    columns = [f"{name}, {one} [{output.shown_in}]" for name, output in zip(names, outputs, strict=True)]
     table = {f"start [{study.clock.label}]": starts} | dict(zip(columns, sigma.T, strict=True))
     return Figure(
         name="dispersion",
-        title=f"{'Root mean square' if of_means else 'Dispersion'} by start of navigation",
-        description=f"{'Root mean square' if of_means else 'Sigma'} of each {end_words(outputs).one} against the start time, linear and Monte Carlo; a "
+        title="Root mean square by start of navigation" if study.means_matter else "Dispersion by start of navigation",
+        description=f"{what} of each {end_words(outputs).one} against the start time, linear and Monte Carlo; a "
         f"triangle marks the best start{f' up to {study.clock.event}' if study.clock.event else ''}.",
         panels=[panel(names[i], i) for i in drawn],
         key=(linear, *([CHECKED] if checks else []), BEST),

@@ -23,6 +23,14 @@ class Attitude:
         Axes of errors and dispersions: ``reference`` or ``body``.
     axes : int, str or sequence of str
         Names of these three axes.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> class Turning(mc.ClosedLoop):
+    ...     truth = {"attitude": mc.Attitude(errors="body"), "rate": ("rad/s", "xyz")}
+    >>> Turning.truth["attitude"].axes
+    3
     """
 
     errors: Side = "reference"
@@ -36,7 +44,14 @@ Unit = str | tuple[str, int | str | Sequence[str]] | Attitude
 
 @dataclass(frozen=True)
 class White:
-    """A process of white noise, by the unit of its density, such as ``m/s^2/sqrt(Hz)``."""
+    """A process of white noise, by the unit of its density, such as ``m/s^2/sqrt(Hz)``.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.White("m/s^2/sqrt(Hz)", "xyz").unit
+    'm/s^2/sqrt(Hz)'
+    """
 
     unit: str
     axes: int | str | Sequence[str] = ()
@@ -44,7 +59,14 @@ class White:
 
 @dataclass(frozen=True)
 class GaussMarkov:
-    """A stationary first-order Gauss-Markov process, by its unit."""
+    """A stationary first-order Gauss-Markov process, by its unit.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.GaussMarkov("m/s^2", "xz").axes
+    'xz'
+    """
 
     unit: str
     axes: int | str | Sequence[str] = ()
@@ -70,6 +92,12 @@ class Measurement:
     phases : sequence of str
         Phases in which alone it measures, from their begin on; they and those that follow them begin at times. All
         unless given.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.Measurement("altimeter", "m", truth=lambda truth: truth.altitude, interval=1.0).interval
+    1.0
     """
 
     name: str
@@ -92,6 +120,13 @@ class Trigger:
     latest : float
         Time by which it must have happened, s; a sample that has not met it has failed. One that starts beyond the
         trigger, or that an update carries over it, meets it at once.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> low = mc.Trigger(lambda truth: truth.altitude - 100.0, latest=900.0)
+    >>> low.latest
+    900.0
     """
 
     function: Callable[..., Any]
@@ -108,6 +143,13 @@ class Phase:
     begins : float or Trigger, optional
         Time, s, or where each sample meets a trigger; none of the first. Phases follow each other in their order. A
         sample that has not met the trigger by its latest time has failed.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> phases = mc.Phase("braking"), mc.Phase("approach", begins=300.0)
+    >>> phases[1].begins
+    300.0
     """
 
     name: str
@@ -133,6 +175,13 @@ class Correction:
         Unit of the impulse and of its execution error, whose sigma an axis is sized in ``[processes]``.
     known : str
         Whether the navigator adds the impulse as ``commanded`` or as ``executed``.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> burn = mc.Correction("burn", at=100.0, target=lambda estimate: -estimate.velocity)
+    >>> burn.name, burn.at
+    ('burn', 100.0)
     """
 
     name: str
@@ -155,6 +204,12 @@ class Filter:
         Parameters and Gauss-Markov processes whose uncertainty it knows without estimating them.
     gains : str
         ``own``: each sample's covariance, along its own estimate; ``nominal``: gains planned along the nominal.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.Filter(gains="nominal").gains
+    'nominal'
     """
 
     estimates: Sequence[str] | None = None
@@ -201,6 +256,20 @@ class ClosedLoop:
     A method ``outputs`` returns further outputs with their units, ``{"miss": (values, "m")}``, of the arguments that it
     names: time, truth, estimate, command, parameters, memory. Of truth or estimate alone they are dispersions, of both
     navigation errors; ``(values, "m", of)`` says otherwise.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> class Descent(mc.ClosedLoop):
+    ...     truth = {"altitude": "m", "speed": "m/s"}
+    ...     cycle, end = 1.0, 60.0
+    ...     def rates(self, truth, command):
+    ...         return {"altitude": truth.speed, "speed": command}
+    ...     def guide(self, estimate):
+    ...         return -0.05 * estimate.altitude - 0.4 * estimate.speed
+    >>> draws = mc.Errors({"altitude": "100 m", "speed": 2.0}).draw(50, seed=1)
+    >>> mc.simulate(Descent, draws)[["true_altitude", "true_speed"]].shape
+    (50, 2)
     """
 
     truth: ClassVar[Mapping[str, Unit]] = {}

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -40,9 +39,10 @@ from mcnav.systems.closed_loop.start_times import Starts, check_starts, plan_sta
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.strapdown.shown import instrument_sources, shown_units
 from mcnav.systems.closed_loop.timeline import read_timeline
-from mcnav.systems.guard import LINEARIZING, in_user_code
-from mcnav.systems.sample_loop import format_exception
-from mcnav.systems.user.code import UserScenarioSpec
+from mcnav.systems.guard import LINEARIZING
+from mcnav.systems.user.code import UserScenarioSpec, ask
+
+Read = TypeVar("Read")
 
 REVISION: Final = 1
 """Counts the changes of the samples' last digits: before, products of a library were of all samples at once."""
@@ -111,8 +111,7 @@ class ClosedLoopScenario:
         self._begun = begun
         self._ends: dict[float, tuple[Array, Array]] = {}
         self._object = spec.build_current()
-        with in_user_code(spec.code.file, f"while {spec.name} was read"):
-            self._read(spec, sizes)
+        _read_loop(spec, lambda: self._read(spec, sizes))
 
     def _read(self, spec: UserScenarioSpec, sizes: LoopSizes) -> None:
         """Read what the class declares."""
@@ -124,7 +123,8 @@ class ClosedLoopScenario:
         self._check_navigator(spec.name)
         self.judged = judged_states(self._instance, spec.name, self.maps)
         self.readout = readout_of(self.maps)
-        shown = shown_units(self._instance)
+        self._shown, self._instruments = shown_units(self._instance), instrument_sources(self._instance)
+        shown = self._shown
         self.outputs: tuple[Output, ...] = tuple(
             replace(output, shown_in=shown.get(output.name, output.shown_in)) for output in self.readout.outputs
         )
@@ -143,7 +143,7 @@ class ClosedLoopScenario:
     def sources(self) -> tuple[Source, ...]:
         """Errors at the start, and parameters."""
         sigmas = np.sqrt(np.maximum(np.diag(self.sizes.true.start), 0.0))
-        shown, known = shown_units(self._instance), instrument_sources(self._instance)
+        shown, known = self._shown, self._instruments
         sources = []
         for each, sigma in zip(self.maps.structure.sources, sigmas.tolist(), strict=True):
             usual = known[each.name].nominal if each.name in known else 1e-3 if each.unit.startswith("rad") else 1.0
@@ -187,22 +187,18 @@ class ClosedLoopScenario:
         """The linear system along the nominal; `ScenarioError` when the flight without errors fails."""
         if self._begun is not None:
             return self._begun
-        with self._running():
+
+        def make() -> Plan:
             if self.maps.covariance is not None:
                 stated_covariance(self.maps, np.repeat(self._start[:, None], 3, axis=1), np.zeros(3))
             return make_plan(self.maps, self._start, self.timeline, self.states, self.sizes.true, self.sizes.believed)
 
-    @contextmanager
-    def _running(self) -> Iterator[None]:
-        """Run code of the user's without errors; what fails is a `ScenarioError`."""
+        return self._linearized(make)
+
+    def _linearized(self, run: Callable[[], Read], what: str = "its flight without any error failed") -> Read:
+        """Run code of the user's without errors, or with small ones; what fails is a `ScenarioError`."""
         with self._object.recording(self.spec.code.file, LINEARIZING), np.errstate(all="ignore"):
-            try:
-                yield
-            except ScenarioError:
-                raise
-            except Exception as failure:
-                message = f"its flight without any error failed: {format_exception(failure, self.spec.code.file)}"
-                raise ScenarioError("type", message) from failure
+            return ask(self.spec.code.file, LINEARIZING, what, run)
 
     @cached_property
     def _chosen(self) -> tuple[int, ...]:
@@ -340,16 +336,13 @@ class ClosedLoopScenario:
         """
         self.plan  # noqa: B018  its failure is told first
         instants = {number: epoch for epoch, number in enumerate(self._chosen)}
-        with self._object.recording(self.spec.code.file, LINEARIZING), np.errstate(all="ignore"):
-            try:
-                setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
-                result = check_repeatable(setup)
-                return (*remarks_on(setup, self._sigmas_of_times), *self._departures(setup, result))
-            except ScenarioError:
-                raise
-            except Exception as failure:
-                message = f"flights with small errors failed: {format_exception(failure, self.spec.code.file)}"
-                raise ScenarioError("type", message) from failure
+
+        def try_out() -> tuple[str, ...]:
+            setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
+            result = check_repeatable(setup)
+            return (*remarks_on(setup, self._sigmas_of_times), *self._departures(setup, result))
+
+        return self._linearized(try_out, "flights with small errors failed")
 
     def _departures(self, setup: Setup, result: SimulationResult) -> tuple[str, ...]:
         """Say what linear analysis says of the loop itself, and how a few samples depart from it."""
@@ -394,8 +387,7 @@ class ClosedLoopScenario:
 
     @cached_property
     def _starts(self) -> Starts:
-        with self._running():
-            return plan_starts(self.maps, self._start, self.timeline, self.states, self.sizes)
+        return self._linearized(lambda: plan_starts(self.maps, self._start, self.timeline, self.states, self.sizes))
 
     def start_times(self, count: int) -> Array:
         """Choose evenly spaced instants of the loop up to the first event by trigger, and those of corrections, s."""
@@ -414,8 +406,9 @@ class ClosedLoopScenario:
                 f"got {time:g} s; the navigator starts at instants of the loop, the nearest is {times[number]:g} s"
             )
             raise ScenarioError("start", message)
-        with self._running():
-            return type(self)(self.spec, self.sizes, self._starts.plan_of(self._starts.begins[number]))
+        return self._linearized(
+            lambda: type(self)(self.spec, self.sizes, self._starts.plan_of(self._starts.begins[number]))
+        )
 
     def partials_at(self, times: Array, axes: str = "start") -> Array:
         """Compute the partial derivatives at the end for a navigator started at each time, (n, outputs, sources)."""
@@ -457,6 +450,10 @@ class ClosedLoopScenario:
 def without_errors(spec: UserScenarioSpec) -> LoopSizes:
     """Return the sizes of a loop without errors."""
     loop = spec.build_current().value
-    with in_user_code(spec.code.file, f"while {spec.name} was read"):
-        none = Sizes.none(maps_of(with_navigator(loop), spec.name))
+    none = _read_loop(spec, lambda: Sizes.none(maps_of(with_navigator(loop), spec.name)))
     return LoopSizes(none, replace(none))
+
+
+def _read_loop(spec: UserScenarioSpec, read: Callable[[], Read]) -> Read:
+    """Read what a user's loop declares; `ScenarioError` when its code fails."""
+    return ask(spec.code.file, f"while {spec.name} was read", spec.name, read)

@@ -16,6 +16,9 @@ from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
+from mcnav.linear.engine.propagate import Propagated
+from mcnav.linear.engine.starts import start_times
+from mcnav.systems.ins.ensemble.adjoint import Adjoint, adjoint_of_closed
 from mcnav.systems.ins.ensemble.aided import (
     AidedErrors,
     AidedTables,
@@ -32,12 +35,17 @@ from mcnav.systems.ins.imu.gravity import cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import respond_from_rest
 from mcnav.systems.ins.imu.sample_noise import SampleNoise
-from mcnav.systems.ins.linear.adjoint import Adjoint, adjoint_of_closed
-from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ClosedLoopErrors, close_loop, propagate_closed_loop
-from mcnav.systems.ins.linear.closed_loop_covariance import ClosedLoopCovariance, propagate_covariance
+from mcnav.systems.ins.linear.aided_errors import (
+    ClosedLoopCovariance,
+    ClosedLoopErrors,
+    SmoothedErrors,
+    propagate_closed_loop,
+    propagate_covariance,
+    smooth_closed_loop,
+)
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop, close_loop
 from mcnav.systems.ins.linear.covariance import biased_processes
 from mcnav.systems.ins.linear.recent_responses import recent_responses
-from mcnav.systems.ins.linear.smoothed_loop import SmoothedErrors, smooth_closed_loop
 from mcnav.systems.ins.reference.aided import AidedMechanization
 from mcnav.systems.ins.reference.mechanization import Diverged, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants, aiding_processes
@@ -185,14 +193,23 @@ class AidedNavigation:
             Of another navigation, whose tables are taken over where they hold.
         """
         grid = self.grid(1, np.concatenate([[self.start], times]))
-        readings, loop = np.searchsorted(grid, times - 1e-9), None
-        if shared is not None:
-            loop = shared.loop
-            readings = loop.own_at if np.array_equal(loop.own_at, readings) else readings
         loop = close_loop(
-            self.truth, self.platform, grid, self.imu, self.sensors, self.filter, recent_responses, readings, loop
+            self.truth, self.platform, grid, self.imu, self.sensors, self.filter, recent_responses,
+            None if shared is None else shared.loop,
+        )  # fmt: skip
+        return propagate_covariance(loop, np.searchsorted(grid, times - 1e-9), mean, sources, shared)
+
+    def started(self, starts: Array, end: float) -> Propagated:
+        """Compute the linear system at the end for navigation from each start, s, with a filter that starts there."""
+        first = float(starts.min())
+        later = replace(
+            self, sensors=tuple(sensor.since(first) for sensor in self.sensors), filter=self.filter.since(first)
         )
-        return propagate_covariance(loop, mean, sources, shared)
+        grid = later.grid(1, np.append(np.unique(starts), end))
+        loop = close_loop(self.truth, self.platform, grid, self.imu, later.sensors, later.filter, recent_responses)
+        numbers = np.searchsorted(grid, starts - 1e-9)
+        positions, timeline = loop.positions(numbers, np.ones(len(numbers))), loop.timeline
+        return start_times(timeline, timeline.end, timeline.readout(timeline.end, end), positions)
 
     def tables(self, division: int) -> AidedTables:
         """Prepare the tables of the ensemble."""
@@ -459,7 +476,8 @@ class AidedEngine:
 
     def _adjoint_at(self, epoch: int) -> Adjoint:
         shared = self.tables.ensemble
-        return adjoint_of_closed(self.tables.loop, int(shared.epochs[epoch]), shared.output_maps[epoch])
+        gains = self.tables.shared.gains
+        return adjoint_of_closed(self.tables.loop, gains, int(shared.epochs[epoch]), shared.output_maps[epoch])
 
     def _simulate_given(self, batch: Batch, noise: GivenNoise) -> SimulationResult:
         return self._result(simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own, noise))

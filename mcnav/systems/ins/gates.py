@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.contract.gates import FaultLaw, GateLaw, RejectionLaws, RejectionReading
+from mcnav.linear.engine.innovations import InnovationLaw, innovation_laws, measurement_errors
+from mcnav.linear.engine.products import transform
 from mcnav.systems.ins.aided import AidedNavigation
 from mcnav.systems.ins.filter.model import NAVIGATION
-from mcnav.systems.ins.linear.closed_loop import ClosedLoop, own_covariances
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 from mcnav.systems.ins.linear.covariance import output_map
-from mcnav.systems.ins.linear.gates import UpdateLaw, innovations_by, update_laws
 from mcnav.systems.ins.linear.rejections import WhitenedFilter, next_correlations, rejected_errors
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
 from mcnav.systems.ins.sensors.faults import Fault
@@ -30,6 +31,67 @@ BELIEVED: Final = 0.01
 
 It changes the probability to be rejected, of 0.001, by 6 % of itself.
 """
+
+
+@dataclass(frozen=True)
+class UpdateLaw:
+    """Joint normal law of an innovation of M components and of the outputs' errors after its update.
+
+    Attributes
+    ----------
+    root : ndarray, shape (M, M)
+        Cholesky factor of the innovation's covariance as the filter believes it.
+    mean, covariance : ndarray, shapes (M,), (M, M)
+        Of the innovation.
+    cross : ndarray, shape (M, 9)
+    mean_errors, errors : ndarray, shapes (9,), (9, 9)
+        Mean and covariance of the errors.
+    responses : ndarray, shape (9, M)
+        Of the errors to an error of the measurement.
+    """
+
+    root: Array
+    mean: Array
+    covariance: Array
+    cross: Array
+    mean_errors: Array
+    errors: Array
+    responses: Array
+
+
+def update_laws(loop: ClosedLoop, updates: IndexArray, mean: Array, sources: Array) -> list[UpdateLaw]:
+    """Compute the laws of updates by their numbers, in any order.
+
+    Parameters
+    ----------
+    mean, sources : ndarray, shapes (s,), (s, s)
+        Mean and covariance of the constant sources.
+    """
+    designed = loop.designed()
+    laws = innovation_laws(loop.timeline, designed.gains, updates)
+    return [_law(law, designed.roots[u], mean, sources) for u, law in zip(updates.tolist(), laws, strict=True)]
+
+
+def _law(law: InnovationLaw, root: Array, mean: Array, sources: Array) -> UpdateLaw:
+    """Return the law for constant sources of a mean and a covariance."""
+    m, means = law.size, law.partials @ np.append(mean, 1.0)
+    covariance = law.noise + transform(law.partials[:, :-1], sources)
+    return UpdateLaw(
+        root[:m, :m], means[:m], covariance[:m, :m], covariance[:m, m:], means[m:], covariance[m:, m:], law.responses
+    )
+
+
+def _errors_by(loop: ClosedLoop, errors: Array, updates: IndexArray) -> tuple[Array, Array]:
+    """Compute what errors of the measurements, shape (U, M, r), add to innovations, and to the outputs after the last.
+
+    Returns
+    -------
+    innovations, outputs : ndarray, shapes (u, M, r), (9, r)
+        Of all updates at the time of the last one.
+    """
+    last = loop.times_of(updates[-1:])
+    end = int(loop.positions(last, np.ones(1))[0])
+    return measurement_errors(loop.timeline, loop.designed().gains, errors, updates, end)
 
 
 def gate_laws(
@@ -59,7 +121,7 @@ def gate_laws(
         errors = np.zeros((*loop.measurements.components.shape, size))
         for component in range(size):
             errors[during, component, component] = elapsed
-        ramps, ramp_errors = innovations_by(loop, errors, during)
+        ramps, ramp_errors = _errors_by(loop, errors, during)
         of_update = law.root, law.mean, law.covariance, law.cross, law.mean_errors, law.errors, law.responses
         of_ramps = duration, _whitened(loop, during, ramps[:, :size]), ramp_errors
         names = tuple(map(_described, sensor.components))
@@ -97,7 +159,8 @@ def rejection_laws(
     whitened = WhitenedFilter.of(loop)
     once, later = np.zeros(len(gated), dtype=np.bool_), gated
     places = np.searchsorted(loop.times, times - 1e-9)
-    own = own_covariances(loop, places, np.ones(len(places)))[:, :NAVIGATION, :NAVIGATION]
+    positions = loop.positions(places, np.ones(len(places)))
+    own = loop.designed(positions).covariances[:, :NAVIGATION, :NAVIGATION]
     readings = []
     for place, time, variance in zip(places.tolist(), times.tolist(), own, strict=True):
         to_outputs, so_far = output_map(loop.truth, time), updates[updates < loop.first_updates[place + 1]]
@@ -166,9 +229,7 @@ def _fault_law(
 def _by_faults(loop: ClosedLoop, updates: IndexArray) -> Array:
     """Return what all faults add to the innovations of updates, shape (u, M)."""
     errors = loop.measurements.faults[:, :, None]
-    first = np.flatnonzero(np.any(errors != 0.0, axis=(1, 2)))[:1]
-    innovations, _ = innovations_by(loop, errors, np.unique(np.concatenate([first, updates])))
-    return np.asarray(innovations[-len(updates) :, :, 0])
+    return np.asarray(_errors_by(loop, errors, updates)[0][:, :, 0])
 
 
 def _updates_of(loop: ClosedLoop, number: int) -> IndexArray:
@@ -178,7 +239,7 @@ def _updates_of(loop: ClosedLoop, number: int) -> IndexArray:
 def _whitened(loop: ClosedLoop, updates: IndexArray, innovations: Array) -> Array:
     """Divide innovations, shape (u, M, r), by the Cholesky factors of what the filter believes."""
     size = innovations.shape[1]
-    return np.asarray(np.linalg.solve(loop.roots[updates][:, :size, :size], innovations))
+    return np.asarray(np.linalg.solve(loop.designed().roots[updates][:, :size, :size], innovations))
 
 
 def _described(component: Component) -> tuple[str, str, str]:

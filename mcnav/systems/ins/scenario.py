@@ -38,6 +38,7 @@ from mcnav.systems.ins.aided import (
     believed_shares,
     filter_schema,
 )
+from mcnav.systems.ins.ensemble.adjoint import Adjoint, adjoint_of_free
 from mcnav.systems.ins.ensemble.aided import GivenNoise
 from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
 from mcnav.systems.ins.ensemble.free import EnsembleErrors, EnsembleTables, simulate, simulate_given, tabulate
@@ -48,8 +49,7 @@ from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import NoiseResponse
-from mcnav.systems.ins.linear.adjoint import Adjoint, adjoint_of_free
-from mcnav.systems.ins.linear.closed_loop_covariance import ClosedLoopCovariance
+from mcnav.systems.ins.linear.aided_errors import ClosedLoopCovariance
 from mcnav.systems.ins.linear.covariance import LinearErrors
 from mcnav.systems.ins.linear.free_timeline import free_errors, free_starts, free_timeline
 from mcnav.systems.ins.linear.recent_responses import recent_responses
@@ -713,13 +713,11 @@ class Ins:
         return self.linear()
 
     def check_start_axes(self, axes: str) -> None:
-        """Refuse aided navigation, and axes of another instant where instruments are not on an inertial platform."""
+        """Refuse recorded sensors, and axes of another time where instruments are not on an inertial platform."""
         navigation = self.navigation
-        if navigation.sensors:
+        if self.logs:
             raise ScenarioError(
-                "aiding",
-                "start times are not compared for aided navigation, whose final errors hardly depend on the start; "
-                "leave out [[aiding]] and [filter]",
+                "aiding", f"got a file of measurements of {min(self.logs)}; start times need sensors without a file"
             )
         if axes != "start" and navigation.platform != "inertial":
             raise ScenarioError(
@@ -740,7 +738,9 @@ class Ins:
         if not first <= time <= last:
             raise ScenarioError("start", f"got {time:g} s; navigation starts from {first:g} s to {last:g} s")
         truth = navigation.truth if axes == "start" else navigation.truth.held(navigation.start)
-        return Ins(replace(navigation, truth=truth, start=time), self.remarks)
+        sensors = tuple(sensor.since(time) for sensor in navigation.sensors)
+        model = None if navigation.filter is None else navigation.filter.since(time)
+        return Ins(replace(navigation, truth=truth, start=time, sensors=sensors, filter=model), self.remarks)
 
     def start_times(self, count: int) -> Array:
         """Space start times from the navigation's start to that of the shortest navigation, shape (count,), s."""
@@ -763,12 +763,27 @@ class Ins:
         key = (axes, times.tobytes())
         if self._last_starts is None or self._last_starts[0] != key:
             navigation = self.navigation
-            aligned = None if axes == "start" else navigation.start
-            linear_starts = free_starts(
-                navigation.truth, navigation.platform, times, navigation.end, navigation.imu, aligned
-            )
+            linear_starts = self._propagate_starts(times, None if axes == "start" else navigation.start)
             self._last_starts = (key, linear_starts)
         return self._last_starts[1]
+
+    def _propagate_starts(self, times: Array, aligned: float | None) -> Propagated:
+        """Propagate all starts; an inertial platform may keep the directions of one time, s."""
+        navigation = self.navigation
+        truth = navigation.truth if aligned is None else navigation.truth.held(aligned)
+        # a platform whose directions depend on the start has tables of its own for each
+        turns = navigation.platform == "inertial" and aligned is None
+        groups = [times[[n]] for n in range(len(times))] if turns else [times]
+        aided = replace(navigation, truth=truth).aided
+        read = [
+            free_starts(truth, navigation.platform, group, navigation.end, navigation.imu)
+            if aided is None
+            else aided.started(group, navigation.end)
+            for group in groups
+        ]
+        return Propagated(
+            np.concatenate([each.partials for each in read]), np.concatenate([each.covariances for each in read])
+        )
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""

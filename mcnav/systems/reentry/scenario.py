@@ -284,7 +284,7 @@ class Reentry:
     comes down, or navigation would start outside it.
     """
 
-    sources = SOURCES
+    sources: tuple[Source, ...] = SOURCES
     engines = ("ensemble", "reference")
     revision = REVISION
     start_clock = StartClock("min from reentry", "reentry")
@@ -360,7 +360,7 @@ class Reentry:
 
         Raises `ScenarioError` when the time is not on the trajectory.
         """
-        other = object.__new__(Reentry)
+        other = object.__new__(type(self))
         since = time + self.trajectory.reentry_time
         other.navigation = _navigation(self.trajectory, since, axes, self.navigation.further)
         return other

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from mcnav._recent import Recent
 from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
-from mcnav.contract.quantities import Output
+from mcnav.contract.quantities import Output, Source
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import (
     AreaPerMass,
@@ -28,6 +28,7 @@ from mcnav.systems.reentry.guided.description import TRUE_ALTITUDE, TRUTH_OUTPUT
 from mcnav.systems.reentry.guided.following import Following, Gains, Weights
 from mcnav.systems.reentry.outputs import DEVIATIONS, FURTHER, FurtherOutput
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
+from mcnav.systems.reentry.speed_and_angle import SPEED_AND_ANGLE, SpeedAndAngleReentry
 from mcnav.systems.reentry.table_i import TABLE_I, common_start, start_state
 from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
 
@@ -185,11 +186,16 @@ def _read_flight(table: ReentryTable, context: FileContext) -> Flight | None:
     )
 
 
+def _named(content: Mapping[str, Any], sources: Sequence[Source]) -> list[str]:
+    """List those of some sources that a file has in ``[errors]``."""
+    errors = content.get("errors")
+    return [source.name for source in sources if isinstance(errors, Mapping) and source.name in errors]
+
+
 def _has_own_truths(content: Mapping[str, Any]) -> bool:
     """Return whether each sample of a file has a truth of its own: with guidance, or a source that disperses it."""
-    scenario, errors = content.get("scenario"), content.get("errors")
-    dispersed = isinstance(errors, Mapping) and any(source.name in errors for source in TRUTH_SOURCES)
-    return dispersed or (isinstance(scenario, Mapping) and "guidance" in scenario)
+    scenario = content.get("scenario")
+    return bool(_named(content, TRUTH_SOURCES)) or (isinstance(scenario, Mapping) and "guidance" in scenario)
 
 
 def _read_guidance(table: ReentryTable, context: FileContext) -> Guidance | None:
@@ -235,6 +241,12 @@ def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: File
     if flight is None:
         return None
     guidance, following = _read_guidance(table, context), _read_following(table, context)
+    converted = _named(context.content, SPEED_AND_ANGLE)
+    if converted and guidance is not None:
+        for name in converted:
+            context.problem(f"errors.{name}", "is for samples that share one truth; give altitude_rate and range_rate")
+        return None
+    unguided = SpeedAndAngleReentry if converted else Reentry
     law = flight.vehicle.lift_law
     lift: Mapping[str, object] = (
         {"type": "constant", "lift_to_drag": law.lift_to_drag}
@@ -249,8 +261,8 @@ def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: File
         **entries,
     }
     scenario = _RECENT.get(
-        repr((flight, guidance, following, further)),
-        lambda: Reentry(flight, further) if guidance is None else _guided(flight, guidance, following, further),
+        repr((flight, guidance, following, further, converted != [])),
+        lambda: unguided(flight, further) if guidance is None else _guided(flight, guidance, following, further),
     )
     if table.guidance is not None:
         resolved["guidance"] = table.guidance.model_dump(exclude_none=True) | dict(entries["guidance"])
@@ -266,7 +278,7 @@ def _guided(
     return GuidedReentry(flight, guidance, following, further)
 
 
-ALL_SOURCES: Final = (*SOURCES, *TRUTH_SOURCES)
+ALL_SOURCES: Final = (*SOURCES, *SPEED_AND_ANGLE, *TRUTH_SOURCES)
 ALL_OUTPUTS: Final = (*DEVIATIONS, *(each.output for each in FURTHER), TRUE_ALTITUDE, *TRUTH_OUTPUTS)
 """Keys of reentries with and without guidance."""
 

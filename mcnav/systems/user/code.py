@@ -10,15 +10,17 @@ import linecache
 import sys
 import types
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final, TypeVar
 
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile, OpenedFiles, SourceFile, find_inputs, record_opened_files
-from mcnav.systems.guard import CodeMisbehaved, call_user, in_user_code
+from mcnav.systems.guard import call_user, in_user_code, raised_by
 from mcnav.systems.sample_loop import format_exception
+from mcnav.systems.timeouts import SampleTimeout, within_reading_limit
 from mcnav.systems.user.measured_noise import MeasuredNoise
 from mcnav.systems.user.settings import Value, to_argument
 
@@ -29,6 +31,33 @@ METHODS: Final = ("propagate", "fly", "rates")
 """Methods of which a scenario has one: for many samples, for one, of a closed loop."""
 
 Key = TypeVar("Key")
+Result = TypeVar("Result")
+
+_MISSING: Final = object()
+
+
+def ask(file: str, doing: str, what: str, function: Callable[..., Result], *values: Any) -> Result:
+    """Call a function of the user's besides samples, such as what gives partial derivatives.
+
+    Parameters
+    ----------
+    doing : str
+        What it does, such as ``while it was read``.
+    what : str
+        What cannot be had when it fails, for the message.
+
+    Raises
+    ------
+    ScenarioError
+        When it raises an exception, misbehaves (`in_user_code`), or exceeds its time limit (`within_reading_limit`).
+    """
+    with in_user_code(file, doing):
+        try:
+            return within_reading_limit(lambda: call_user(function, *values))
+        except ScenarioError:
+            raise
+        except (Exception, SampleTimeout) as failure:
+            raise ScenarioError("type", f"{what}: {format_exception(failure, file)}") from failure
 
 
 @dataclass
@@ -91,14 +120,20 @@ class UserScenarioSpec:
             return known
         loaded = _load_class(self.code, self.name)
         built = Loaded(None, dict(loaded.inputs))
-        with built.recording(self.code.file, f"while {self.name} was made"):
-            try:
-                settings = {name: to_argument(value) for name, value in self.settings}
-                instance = call_user(loaded.value, **settings)
-            except Exception as failure:
-                message = f"{self.name} cannot be made: {format_exception(failure, self.code.file)}"
-                raise ScenarioError("type", message) from failure
+        doing = f"while {self.name} was made"
+        with built.recording(self.code.file, doing):
+            make = partial(loaded.value, **{name: to_argument(value) for name, value in self.settings})
+            instance = ask(self.code.file, doing, f"{self.name} cannot be made", make)
         return _cache(_objects, self, replace(built, value=instance))
+
+    def member(self, name: str, default: Any = None) -> Any:
+        """Return what the object gives by a name, or the default; `ScenarioError` when its code fails."""
+        instance, where = self.build().value, f"{self.name}.{name}"
+        return ask(self.code.file, f"while it gave {where}", where, getattr, instance, name, default)
+
+    def gives(self, name: str) -> bool:
+        """Return whether the object has a member; `ScenarioError` when its code fails."""
+        return self.member(name, _MISSING) is not _MISSING
 
     def pinned(self, built: Loaded) -> UserScenarioSpec:
         """Add the contents that an object has read, so that this process takes no other object for it."""
@@ -145,12 +180,13 @@ def classes_in(code: SourceFile) -> list[str]:
     """
     module, _ = _execute(code)
     classes = (value for value in _own_classes(module) if not value.__name__.startswith("_"))
-    return [value.__name__ for value in classes if any(hasattr(value, method) for method in METHODS)]
+    with in_user_code(code.file, "while it was read"):
+        return [value.__name__ for value in classes if any(hasattr(value, method) for method in METHODS)]
 
 
 def file_that_raised(failure: BaseException) -> str | None:
     """Return the user's file in whose code an exception was raised; none for other exceptions."""
-    files, trace = {code.file for code, _ in _classes}, failure.__traceback__
+    files, trace = {code.file for code, _ in _classes}, raised_by(failure).__traceback__
     while trace is not None:
         if (file := trace.tb_frame.f_code.co_filename) in files:
             return file
@@ -177,15 +213,16 @@ def _execute(code: SourceFile) -> tuple[types.ModuleType, OpenedFiles]:
     module.__file__ = code.file
     sys.modules[module.__name__] = module  # dataclasses and pickles look up the module of a class there
     linecache.cache[code.file] = (len(code.text), None, code.text.splitlines(keepends=True), code.file)
+
+    def execute() -> None:
+        exec(compile(code.text, code.file, "exec"), module.__dict__)
+
     try:
-        with in_user_code(code.file, "while it was read"), record_opened_files() as opened, _former_names_shown():
-            call_user(exec, compile(code.text, code.file, "exec"), module.__dict__)
-    except CodeMisbehaved:
-        raise
-    except Exception as failure:
+        with record_opened_files() as opened, _former_names_shown():
+            ask(code.file, "while it was read", f"{code.file} cannot be executed", execute)
+    except ScenarioError:
         sys.modules.pop(module.__name__, None)
-        message = f"{code.file} cannot be executed: {format_exception(failure, code.file)}"
-        raise ScenarioError("type", message) from failure
+        raise
     return module, opened
 
 

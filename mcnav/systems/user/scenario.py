@@ -28,10 +28,9 @@ from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import Capability, Scenario, ScenarioError, is_differenced
 from mcnav.entries.inputs import InputFile, with_unique_names
 from mcnav.systems.finite_differences import DifferencedModel, differentiate
-from mcnav.systems.guard import LINEARIZING, call_user, in_user_code
+from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.histories import check_history
-from mcnav.systems.sample_loop import format_exception
-from mcnav.systems.user.code import UserScenarioSpec
+from mcnav.systems.user.code import UserScenarioSpec, ask
 from mcnav.systems.user.engine import UserEngine
 from mcnav.systems.user.returned import numbers_of
 from mcnav.systems.user.settings import NAME, check_unit
@@ -88,21 +87,17 @@ class UserScenario:
         self._instance = self._object.value
         self.sources: tuple[Source, ...] = self._declared("sources", Source)
         self.outputs: tuple[Output, ...] = self._declared("outputs", Output)
-        if not (hasattr(self._instance, "propagate") or hasattr(self._instance, "fly")):
+        vectorised = spec.gives("propagate")
+        if not vectorised and not spec.gives("fly"):
             raise ScenarioError("type", f"{spec.name} has neither propagate, for many samples, nor fly, for one")
-        self.engines = ("vectorised",) if hasattr(self._instance, "propagate") else ("single",)
+        self.engines = ("vectorised",) if vectorised else ("single",)
         nominal = np.array([source.nominal for source in self.sources])
         self.sizes = nominal if sizes is None else np.where(sizes > 0.0, sizes, nominal)
 
     def _declared(self, attribute: str, kind: type[Entry]) -> tuple[Entry, ...]:
         """Read the sources or outputs of the class; `ScenarioError` when they are not declared as they must be."""
-        where, file = f"{self.spec.name}.{attribute}", self.spec.code.file
-        with in_user_code(file, f"while it gave {where}"):
-            try:
-                entries: Any = call_user(getattr, self._instance, attribute, None)
-            except Exception as failure:
-                raise ScenarioError("type", f"{where}: {format_exception(failure, file)}") from failure
-        _check_entries(where, entries, kind)
+        entries: Any = self.spec.member(attribute)
+        _check_entries(f"{self.spec.name}.{attribute}", entries, kind)
         return tuple(entries)
 
     @property
@@ -124,7 +119,7 @@ class UserScenario:
 
     def chunk(self, default: int) -> int:
         """Return the samples of a chunk that the class declares; `ScenarioError` when it is no such number."""
-        chunk = call_user(getattr, self._instance, "chunk", default)
+        chunk = self.spec.member("chunk", default)
         # index, status, errors, outputs and the linear ones
         most = min(MOST_SAMPLES, MOST_NUMBERS // (2 + len(self.sources) + 2 * len(self.outputs)))
         if not isinstance(chunk, int) or isinstance(chunk, bool) or not 1 <= chunk <= most:
@@ -150,7 +145,7 @@ class UserScenario:
     @property
     def own_partials(self) -> bool:
         """Return whether the class provides its partial derivatives."""
-        return hasattr(self._instance, "partials")
+        return self.spec.gives("partials")
 
     @cached_property
     def differences(self) -> DifferencedModel:
@@ -183,12 +178,9 @@ class UserScenario:
     def given_partials(self) -> Array:
         """Partial derivatives that the class provides, shape (*leading_shape, outputs, sources)."""
         shape = (*self.leading_shape, len(self.outputs), len(self.sources))
-        with self._object.recording(self.spec.code.file, LINEARIZING):
-            try:
-                partials = numbers_of(call_user(self._instance.partials), "partials")
-            except Exception as failure:
-                message = f"partials: {format_exception(failure, self.spec.code.file)}"
-                raise ScenarioError("type", message) from failure
+        file = self.spec.code.file
+        with self._object.recording(file, LINEARIZING):
+            partials = ask(file, LINEARIZING, "partials", lambda: numbers_of(self._instance.partials(), "partials"))
         if partials.shape != shape or not np.isfinite(partials).all():
             message = f"partials must return finite numbers of shape {shape}; got {partials.shape}"
             raise ScenarioError("type", message)
@@ -228,18 +220,18 @@ class UserScenario:
 
         Raises `ScenarioError` when it is not a valid history.
         """
-        return self._history if hasattr(self._instance, "history") else History()
+        return self._history if self.spec.gives("history") else History()
 
     @cached_property
     def _history(self) -> History:
+        def checked() -> History:
+            history = self._instance.history()
+            if not isinstance(history, History):
+                raise TypeError(f"history must return a History of mcnav; got {type(history).__name__}")
+            return check_history(history)
+
         with self._object.recording(self.spec.code.file, LINEARIZING):
-            try:
-                history = call_user(self._instance.history)
-                if not isinstance(history, History):
-                    raise TypeError(f"history must return a History of mcnav; got {type(history).__name__}")
-                return check_history(history)
-            except Exception as failure:
-                raise ScenarioError("type", f"history: {format_exception(failure, self.spec.code.file)}") from failure
+            return ask(self.spec.code.file, LINEARIZING, "history", checked)
 
 
 def is_users(scenario: Scenario) -> TypeGuard[UserScenario]:

@@ -41,6 +41,14 @@ class Innovations:
         Covariance that the filter expects of them.
     accepted : array_like of bool, shape (k,), optional
         Updates that the filter used; all unless given.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> import numpy as np
+    >>> range_ = mc.Innovations(times=[1.0, 2.0], values=[0.3, -0.1], covariance=[0.04, 0.04])
+    >>> np.shape(range_.values)
+    (2,)
     """
 
     times: Any
@@ -62,6 +70,15 @@ class Simulated:
         all navigation errors.
     innovations : mapping of str to Innovations
         By the name of the sensor; always the same sensors.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> import numpy as np
+    >>> errors = np.array([[0.1], [0.2]])  # two epochs, one output
+    >>> flight = mc.Simulated(errors, covariance=np.array([[[0.04]], [[0.05]]]))
+    >>> flight.covariance.shape
+    (2, 1, 1)
     """
 
     errors: Any

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -172,8 +173,7 @@ class StochasticUserEngine:
     def nominal(self) -> Simulated:
         """Simulate without errors and noise; what ``fly`` raises is raised."""
         instance = self.spec.build().value
-        none = np.zeros(len(instance.sources))
-        return self._once(lambda: self._fly(instance, none, ScaledNoise(0, 0, 0.0)))
+        return self._once(lambda: self._fly(instance, np.zeros(len(instance.sources)), ScaledNoise(0, 0, 0.0)))
 
     def flight(self, errors: Array, noise: np.random.Generator) -> Array:
         """Call ``fly`` of the class with the errors of one sample, shape (sources,); return shape (m, outputs)."""
@@ -199,10 +199,10 @@ class StochasticUserEngine:
             except SampleTimeout as late:
                 raise TimeoutError(str(late)) from None
 
-    @property
+    @cached_property
     def own_linear(self) -> bool:
         """Return whether the class has ``fly_linear``."""
-        return hasattr(self.spec.build().value, "fly_linear")
+        return self.spec.gives("fly_linear")
 
     def _linear_outcome(self, instance: Any, errors: Array, key: tuple[int, int]) -> Array:
         """Compute the final errors of one sample by the linear system with the same noise, shape (outputs,)."""

@@ -27,9 +27,9 @@ from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output
 from mcnav.contract.scenario import Capability, Scenario, ScenarioError, can_have_noise, is_differenced
 from mcnav.systems.finite_differences import SHARES
-from mcnav.systems.guard import LINEARIZING, call_user
+from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.sample_loop import SampleFailed, format_exception
-from mcnav.systems.user.code import UserScenarioSpec
+from mcnav.systems.user.code import UserScenarioSpec, ask
 from mcnav.systems.user.kept_differences import simulate_for_differences
 from mcnav.systems.user.kept_noise import noise_of
 from mcnav.systems.user.measured_noise import MeasuredNoise
@@ -54,10 +54,16 @@ def user_scenario(spec: UserScenarioSpec) -> UserScenario:
 
     Raises `ScenarioError` when the class does not follow the protocol.
     """
-    instance = spec.build_current().value
-    if hasattr(instance, "epochs"):
+    spec.build_current()
+    if spec.gives("epochs"):
         return TimedUserScenario(spec)
-    return StochasticUserScenario(spec) if takes_noise(instance) else UserScenario(spec)
+    return StochasticUserScenario(spec) if _takes_noise(spec) else UserScenario(spec)
+
+
+def _takes_noise(spec: UserScenarioSpec) -> bool:
+    """Return whether ``fly`` of a user's object takes noise; `ScenarioError` when its code fails."""
+    where, instance = f"{spec.name}.fly", spec.build().value
+    return ask(spec.code.file, f"while it gave {where}", where, takes_noise, instance)
 
 
 def takes_noise(instance: Any) -> bool:
@@ -80,8 +86,8 @@ class StochasticUserScenario(UserScenario):
 
     def __init__(self, spec: UserScenarioSpec, sizes: Array | None = None) -> None:
         super().__init__(spec, sizes)
-        self.noisy = takes_noise(self._instance)
-        if hasattr(self._instance, "propagate"):
+        self.noisy = _takes_noise(spec)
+        if self.engines == ("vectorised",):
             message = f"{spec.name}.propagate takes errors alone; noise and epochs need fly, without a propagate"
             raise ScenarioError("type", message)
         self.engines = ("single",)
@@ -115,7 +121,7 @@ class StochasticUserScenario(UserScenario):
     @property
     def gives_noise_covariance(self) -> bool:
         """Return whether the class provides the covariance of its noise."""
-        return hasattr(self._instance, "noise_covariance")
+        return self.spec.gives("noise_covariance")
 
     @cached_property
     def noise(self) -> Mapping[str, Array]:
@@ -128,12 +134,9 @@ class StochasticUserScenario(UserScenario):
         if not self.gives_noise_covariance:
             covariance = self.measured_noise.covariance
             return {NOISE: covariance.reshape(*self.leading_shape, *covariance.shape[1:])}
-        with self._object.recording(self.spec.code.file, LINEARIZING):
-            try:
-                covariance = call_user(self._instance.noise_covariance)
-            except Exception as failure:
-                message = f"noise_covariance: {format_exception(failure, self.spec.code.file)}"
-                raise ScenarioError("type", message) from failure
+        file = self.spec.code.file
+        with self._object.recording(file, LINEARIZING):
+            covariance = ask(file, LINEARIZING, "noise_covariance", lambda: self._instance.noise_covariance())
         named = covariance if isinstance(covariance, Mapping) else {NOISE: covariance}
         if not named:
             raise ScenarioError("type", "noise_covariance must name at least one process; got none")
@@ -241,9 +244,9 @@ class TimedUserScenario(StochasticUserScenario):
 
     def _epochs(self) -> Epochs:
         """Read the class's epochs: `Epochs`, or times in seconds."""
+        given, file = self.spec.member("epochs"), self.spec.code.file
+        given = ask(file, f"while it gave {self.spec.name}.epochs", "epochs", given) if callable(given) else given
         try:
-            given = call_user(getattr, self._instance, "epochs")
-            given = call_user(given) if callable(given) else given
             epochs = given if isinstance(given, Epochs) else Epochs("time [s]", given)
             times = numbers_of(epochs.times, "epochs")
             events = {str(name): float(time) for name, time in epochs.events.items()}
@@ -308,7 +311,7 @@ class TimedUserScenario(StochasticUserScenario):
     @property
     def groups(self) -> Mapping[str, tuple[str, ...]]:
         """Return the class's groups of outputs; `ScenarioError` when they are no table."""
-        given = call_user(getattr, self._instance, "groups", {})
+        given = self.spec.member("groups", {})
         try:
             return {name: tuple(members) for name, members in given.items()}
         except (AttributeError, TypeError):
@@ -322,7 +325,7 @@ class TimedUserScenario(StochasticUserScenario):
         Raises `ScenarioError` when they are not outputs of the class.
         """
         names = tuple(output.name for output in self.outputs)
-        given = call_user(getattr, self._instance, "filter_outputs", None)
+        given = self.spec.member("filter_outputs")
         if given is None:
             return tuple(output.name for output in self.outputs if output.of == "navigation")
         listed = () if isinstance(given, str) else tuple(given)
@@ -334,7 +337,7 @@ class TimedUserScenario(StochasticUserScenario):
     @property
     def believed(self) -> Mapping[str, float]:
         """Return the class's shares of variances that its filter believes in; `ScenarioError` when they are wrong."""
-        given = call_user(getattr, self._instance, "believed", {})
+        given = self.spec.member("believed", {})
         known = {source.name for source in self.sources} | self.noise.keys()
         try:
             shares = {name: float(share) for name, share in given.items()}

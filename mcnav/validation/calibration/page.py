@@ -34,6 +34,7 @@ from mcnav.validation.calibration.identification_trials import SHARE as RECORDS_
 from mcnav.validation.calibration.kalman_trials import KALMAN, run_kalman_trials
 from mcnav.validation.calibration.navigation_trials import AIDED, NAVIGATION, SHARE, run_navigation_trials
 from mcnav.validation.calibration.noise_trials import NOISE, run_noise_trials
+from mcnav.validation.calibration.rare_trials import CSV as RARE_CSV
 from mcnav.validation.calibration.rare_trials import RARE, run_rare_trials
 from mcnav.validation.calibration.table import rates
 from mcnav.validation.calibration.tail_trials import TAILS, run_tail_trials
@@ -96,7 +97,7 @@ SYSTEMS: Final = Markup(
     "Systems: <em>linear</em>, the simulation is the linear model; <em>disguised</em>, nonlinear with exactly the"
     " linear mean and covariance; <em>quadratic</em>, y₁ = x₁ + 0.2 x₂², y₂ = x₁/2 + x₃ + 0.2 x₁x₂; "
     "<em>corrupted</em>, the first column of the linear model is 5 % too large; <em>dependent</em>, y₁ = x₁, y₂ ="
-    " 2 x₁, of which y₂ − 2 y₁ has no dispersion; <em>bent</em>, y₂ = 2 x₁ + 0.01 (x₁² − 1), of which it has "
+    " 2 x₁, of which y₂ − 2 y₁ has no dispersion; <em>bent</em>, y₂ = 2 x₁ + 0.001 (x₁² − 1), of which it has "
     "some. For Student's t with five degrees of freedom the program reports no intervals. With ten degrees of "
     "freedom it reports none for antithetic pairs and Sobol nets, and approximate ones with a warning for the "
     "other designs."
@@ -146,11 +147,12 @@ OTHERS: Final[Mapping[str, tuple[Markup, ...]]] = {
     ),
     "rare": (
         Markup(
-            "Rare events: functions of standard normals whose probabilities, from 2e-7 to 1e-4, are known exactly. "
-            "The linear model is the first normal alone. Each is estimated by lines, levels and widened errors; with "
-            "<em>noise</em>, normals that no flight chooses, by some thousand flights of lines and widened errors. "
-            "The linear model knows nothing of jumps, second ways to fail and the outsides of balls: a refusal is "
-            "right there as well. Whether few flights find a second half-space is a rate of its own."
+            "Rare events: functions of standard normals whose probabilities, from 1e-7 to 1e-4, are known exactly. "
+            "The linear model is one normal alone: it knows nothing of curvature, jumps, second ways to fail and the "
+            "outsides of balls. <em>Random</em> events have directions, limits and probabilities of their own for each "
+            "seed. Each is estimated by lines, levels and widened errors. With <em>noise</em>, normals that no "
+            "simulation chooses, and with <em>few flights</em>, some thousand samples of lines and widened errors are "
+            "all there is. Refused estimates count as not called met. The file rare_events.csv has every run."
         ),
     ),
     "identify": (
@@ -210,14 +212,16 @@ def write_calibration(folder: Path, trials: int, jobs: int, rare: bool = False) 
     if rare:
         earlier = pd.read_csv(folder / CSV, keep_default_na=False, na_values={"nominal": [""]})
         others = earlier[earlier["system"].map(_group) != GROUPS[RARE]]
-        table = pd.concat([others, rates(run_rare_trials(trials, jobs))]).sort_values(list(earlier)[:6], kind="stable")
+        counted = run_rare_trials(trials, jobs, folder / RARE_CSV)
+        table = pd.concat([others, rates(counted)]).sort_values(list(earlier)[:6], kind="stable")
     else:
         counted = run_trials(trials, jobs, DESIGNS)
         for more in (
             run_noise_trials(trials, jobs), run_tail_trials(trials, jobs),
             run_filter_trials(trials, jobs), run_kalman_trials(trials, jobs),
             run_navigation_trials(max(trials // SHARE, 2), jobs),
-            run_identification_trials(max(trials // RECORDS_SHARE, 2), jobs), run_rare_trials(trials, jobs),
+            run_identification_trials(max(trials // RECORDS_SHARE, 2), jobs),
+            run_rare_trials(trials, jobs, folder / RARE_CSV),
         ):  # fmt: skip
             counted += more
         table = rates(counted)

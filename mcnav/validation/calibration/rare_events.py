@@ -19,8 +19,9 @@ import numpy as np
 from scipy import integrate, special, stats
 
 from mcnav._types import Array, IndexArray
-from mcnav.rare.estimate import Rare, estimate_probability
+from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.limits import AnyEpoch, Distance, Limit, Sides
+from mcnav.rare.weigh import Rare
 
 SEED: Final = 50_000
 """First seed of `Coverage`."""

@@ -10,9 +10,9 @@ from __future__ import annotations
 import csv
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Final
 
@@ -86,6 +86,7 @@ class Run:
         return self.high < self.exact and self.power >= POWER
 
 
+@cache
 def rows() -> dict[str, partial[RareEvent]]:
     """Return how the event of a row is made from a seed, by the names of the rows."""
     fixed = {event.name: partial(_always, event) for event in EVENTS}
@@ -97,13 +98,13 @@ def _always(event: RareEvent, seed: int) -> RareEvent:
     return event
 
 
-def measure(record: Path, seeds: int, jobs: int) -> list[Run]:
-    """Make the runs of so many seeds of each row that a file lacks, and return all of them."""
+def measure(record: Path, seeds: int, jobs: int, names: Sequence[str] = ()) -> list[Run]:
+    """Make the runs of so many seeds of each row, or of some, that a file lacks, and return all that it has."""
     known = {(run.row, run.seed) for run in read_runs(record)}
     chunks = [
         (name, chunk)
         for begin in range(SEED, SEED + seeds, CHUNK)
-        for name in rows()
+        for name in names or rows()
         if (chunk := [seed for seed in range(begin, min(begin + CHUNK, SEED + seeds)) if (name, seed) not in known])
     ]
     with interrupts_blocked():
@@ -144,10 +145,10 @@ def _runs(name: str, seeds: Sequence[int]) -> list[Run]:
     return runs
 
 
-def run_rare_trials(trials: int, jobs: int, record: Path) -> Tally:
-    """Count the statements of so many seeds of each row."""
+def run_rare_trials(trials: int, jobs: int, record: Path, names: Sequence[str] = ()) -> Tally:
+    """Count the statements of so many seeds of each row, or of some."""
     result = Tally()
-    for run in measure(record, trials, jobs):
+    for run in measure(record, trials, jobs, names):
         system = f"{RARE}, {run.row}"
         if not run.refusal:
             result.add(Cell("coverage", system, HOLDS, "normal", "random", FLIGHTS), run.holds)
@@ -158,29 +159,62 @@ def run_rare_trials(trials: int, jobs: int, record: Path) -> Tally:
     return result
 
 
-def table(runs: Sequence[Run]) -> Iterator[str]:
-    """Tabulate runs, one row each, with those that are worse than `HELD` and `WRONG` at the level `LEVEL` marked."""
-    yield "| event | exact | runs | refused | intervals that hold | wrongly met | error, rms | samples, mean |"
-    yield "| --- | --- | --- | --- | --- | --- | --- | --- |"
-    by_row: dict[str, list[Run]] = {}
-    for run in runs:
-        by_row.setdefault(run.row, []).append(run)
-    for name in rows():
-        mine = by_row.get(name, [])
-        stated = [run for run in mine if not run.refusal]
-        held, wrong = sum(run.holds for run in stated), sum(run.met_wrongly for run in mine)
-        exact = sorted({run.exact for run in mine})
-        span = f"{exact[0]:.3g}" if len(exact) == 1 else f"{exact[0]:.1e} to {exact[-1]:.1e}"
-        error = float(np.sqrt(np.mean([(run.estimate / run.exact - 1.0) ** 2 for run in stated]))) if stated else 0.0
-        share = f" ({100.0 * held / len(stated):.1f} %)" if stated else ""
-        marks = (
-            "*" * (stats.binom.cdf(held, len(stated), HELD) < LEVEL),
-            "*" * (stats.binom.sf(wrong - 1, len(mine), WRONG) < LEVEL),
-        )
-        yield (
-            f"| {name} | {span} | {len(mine)} | {len(mine) - len(stated)} | {held} of {len(stated)}{share}{marks[0]} | "
-            f"{wrong}{marks[1]} | {100.0 * error:.1f} % | {np.mean([run.flights for run in mine]):,.0f} |"
-        )
+@dataclass(frozen=True)
+class Row:
+    """The runs of one row, counted: those stated, their intervals that hold, and runs that call a limit met wrongly."""
+
+    runs: list[Run]
+
+    @property
+    def stated(self) -> list[Run]:
+        """Runs that are not refused."""
+        return [run for run in self.runs if not run.refusal]
+
+    @property
+    def held(self) -> int:
+        """Intervals that hold."""
+        return sum(run.holds for run in self.stated)
+
+    @property
+    def wrong(self) -> int:
+        """Runs with a limit that would be called met wrongly."""
+        return sum(run.met_wrongly for run in self.runs)
+
+    @property
+    def holds_less(self) -> bool:
+        """Whether so few intervals hold with a probability below `LEVEL` where `HELD` of them do."""
+        return bool(stats.binom.cdf(self.held, len(self.stated), HELD) < LEVEL)
+
+    @property
+    def errs_more(self) -> bool:
+        """Whether so many runs are wrong with a probability below `LEVEL` where `WRONG` of them are."""
+        return bool(stats.binom.sf(self.wrong - 1, len(self.runs), WRONG) < LEVEL)
+
+    def cells(self) -> list[str]:
+        """Return the cells of the table but for the name; what is worse than promised has a star."""
+        stated, exact = self.stated, sorted({run.exact for run in self.runs})
+        errors = np.array([run.estimate / run.exact - 1.0 for run in stated])
+        return [
+            f"{exact[0]:.3g}" if len(exact) == 1 else f"{exact[0]:.0e} to {exact[-1]:.0e}",
+            f"{len(self.runs)}",
+            f"{len(self.runs) - len(stated)}",
+            f"{self.held} of {len(stated)}" + " *" * self.holds_less,
+            f"{self.wrong}" + " *" * self.errs_more,
+            f"{100.0 * np.sqrt(np.mean(errors**2)):.1f} %" if stated else "–",
+            f"{np.mean([run.flights for run in self.runs]):,.0f}",
+        ]
+
+
+def counted(runs: Sequence[Run]) -> dict[str, Row]:
+    """Return the rows of runs, by name."""
+    return {name: Row(mine) for name in rows() if (mine := [run for run in runs if run.row == name])}
+
+
+def table(runs: Sequence[Run]) -> list[str]:
+    """Tabulate runs, one row each."""
+    head = ["event", "exact", "runs", "refused", "intervals that hold", "wrong", "error, rms", "samples, mean"]
+    lines = [head, ["---"] * len(head), *([name, *row.cells()] for name, row in counted(runs).items())]
+    return [f"| {' | '.join(line)} |" for line in lines]
 
 
 def main(file: str, seeds: str, jobs: str = "1") -> None:

@@ -31,7 +31,7 @@ CURVATURE: Final = 0.2
 CORRUPTION: Final = 1.05
 PARTIALS: Final = np.array([[1.0, 0.0, 0.0], [0.5, 0.0, 1.0]])
 BEND: Final = 0.2
-FAINT: Final = 1e-2
+FAINT: Final = 1e-3
 
 
 @dataclass(frozen=True)

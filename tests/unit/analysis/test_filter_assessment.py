@@ -23,7 +23,7 @@ from mcnav.numerics.power_sums import sum_powers_about_zero
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.statistics.mean_square import mean_square_intervals
-from mcnav.validation.calibration.filter_trials import OUTPUTS, SCHEMA, evidence
+from mcnav.validation.calibration.filter_trials import OUTPUTS, PLACES, SCHEMA, evidence
 
 CRITERION = Criterion(tolerance=0.05, confidence=0.95)
 RATES = Rates(0.95, 0.95)
@@ -214,6 +214,22 @@ def test_too_few_failed_and_dependent_samples_leave_it_undecided_in_words() -> N
     failed = assessed(replace(drawn(10_000), failed=100))
     assert failed.verdict == Honesty.UNDECIDED
     assert "Too many samples failed." in failed.remarks
+
+
+def test_heavy_tails_of_one_output_withhold_what_has_it_and_no_other() -> None:
+    """A filter that is right, and then one whose third position is wrong: an output that has no tail is judged."""
+    given = replace(drawn(10_000), withheld=(8,))
+    found = assessed(given)
+    verdicts = [output.finding.verdict for output in found.outputs]
+    assert verdicts == [Honesty.CONSISTENT] * 8 + [Honesty.UNDECIDED]
+    holding = [group.name for group in found.groups if group.finding.verdict == Honesty.UNDECIDED]
+    assert holding == [name for name in SCHEMA.groups if 8 in range(9)[PLACES.get(name, slice(None))]]
+    assert "heavy tails" in found.sensors[0].finding.remark
+    assert found.verdict == Honesty.UNDECIDED
+    wrong = np.ones(9)
+    wrong[2] = 1.3
+    assert assessed(replace(drawn(10_000, wrong), withheld=(8,))).verdict == Honesty.OPTIMISTIC
+    assert assessed(replace(drawn(10_000, wrong), withheld=tuple(range(9)))).verdict == Honesty.UNDECIDED
 
 
 def test_sensors_that_never_update_and_those_that_reject_everything() -> None:

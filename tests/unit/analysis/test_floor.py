@@ -7,7 +7,7 @@ import pytest
 
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.analysis.filter_consistency import Honesty
-from mcnav.analysis.floor import COMBINED, INTEGRATED, REQUIRED, SECOND_ORDER, STORED, agreement_floor, filter_floor
+from mcnav.analysis.floor import INTEGRATED, OWN_SIZE, REQUIRED, STORED, agreement_floor, filter_floor
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.analysis.linear_filter import judge_filter
 from mcnav.analysis.verdict import Verdict
@@ -29,7 +29,7 @@ MODELS = {
     "limit": (lambda s: Model(np.ones((1, 1)), np.zeros(1), np.zeros(1), np.diag([s**2]), limits=np.array([10.0])),
               REQUIRED * 10.0),
     "fixed": (lambda s: Model(np.ones((1, 2)), np.zeros(1), np.array([0.0, 94.0]), np.diag([s**2, 0.0])),
-              SECOND_ORDER * 94.0),
+              OWN_SIZE * 94.0),
 }  # fmt: skip
 
 
@@ -63,7 +63,7 @@ def test_the_floor_is_the_largest_of_its_parts() -> None:
 def test_what_is_judged_together_leaves_out_what_is_hardly_dispersed() -> None:
     """The second output has a fixed error of 1 and a sigma of 1e-4: a nonlinear mean there is no surprise."""
     model = Model(np.array([[1.0, 0.0], [1e-4, 1.0]]), np.zeros(2), np.array([0.0, 1.0]), np.diag([1.0, 0.0]))
-    assert model.judged.tolist() == [True, COMBINED < 1e-4]
+    assert model.judged.tolist() == [True, False]
     errors = np.random.default_rng(8).standard_normal((SAMPLES, 1))
     outcomes = np.hstack([errors, 1.0 + 1e-4 * errors + 0.002])
     found = compare(model, np.hstack([errors, np.ones((SAMPLES, 1))]), outcomes, Criterion())

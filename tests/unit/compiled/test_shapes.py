@@ -11,22 +11,15 @@ import pytest
 from mcnav._types import Array
 from mcnav.compiled.jit import allocation_free
 from mcnav.compiled.vectors import LANES, load, parts_of, room, store
+from mcnav.systems.ins.ensemble.adjoint import run_backwards
 from mcnav.systems.ins.ensemble.free import simulate, simulate_given
-from mcnav.systems.ins.linear.recursions import (
-    ReadingTimes,
-    StepNoise,
-    Steps,
-    Updates,
-    design_gains,
-    run_backwards,
-    run_covariance,
-    run_responses,
-)
+from mcnav.systems.ins.ensemble.gains import ReadingTimes, design_gains
+from mcnav.systems.ins.linear.filter_system import StepNoise, Steps, Updates
 from mcnav.systems.reentry.ensemble.history_kernel import simulate_histories as reentry_histories
 from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble as reentry_ensemble
 from mcnav.systems.steady.ensemble import simulate_histories as steady_histories
 
-K, U, M, N, R = 3, 2, 2, 11, 5
+K, U, M, N = 3, 2, 2, 11
 STEPS = Steps(np.zeros((K, 9, N)), np.ones((K, N - 9)))
 NOISE = StepNoise(np.zeros((K, 9, 9)), np.zeros((K, 9, N - 9)), np.zeros((K, N - 9)), np.zeros((K, N - 9)))
 UPDATES = Updates(np.array([0, 0, 1, 2, 2]), np.array([2, 1]), np.ones((U, M, N)))
@@ -42,28 +35,12 @@ def design(**of: object) -> object:
     return design_gains(**(given | of))
 
 
-def covariance(**of: object) -> object:
-    given = {
-        "steps": STEPS, "noise": NOISE, "updates": UPDATES, "variances": np.ones((U, M)),
-        "gains": np.zeros((U, N, M)), "start": UNIT, "readings": READINGS, "size": N,
-    }  # fmt: skip
-    return run_covariance(**(given | of))
-
-
-def responses(**of: object) -> object:
-    given = {
-        "steps": STEPS, "inputs": np.zeros((K, 9, R)), "updates": UPDATES, "disturbances": np.zeros((U, M, R)),
-        "gains": np.zeros((U, N, M)), "start": np.zeros((N, R)), "readings": READINGS,
-    }  # fmt: skip
-    return run_responses(**(given | of))
-
-
 def backwards(**of: object) -> object:
     given = {"steps": STEPS, "updates": UPDATES, "gains": np.zeros((U, N, M)), "last": K, "end": np.zeros((9, N))}
     return run_backwards(**(given | of))
 
 
-@pytest.mark.parametrize("run", [design, covariance, responses, backwards])
+@pytest.mark.parametrize("run", [design, backwards])
 def test_tables_that_fit_are_taken(run: Callable[..., object]) -> None:
     assert run() is not None
 
@@ -77,13 +54,10 @@ def test_tables_that_fit_are_taken(run: Callable[..., object]) -> None:
         (design, {"noise": NOISE._replace(cross=np.zeros((K, 9, 1)))}, "noise.cross"),
         (design, {"corrected": np.ones(N - 1)}, "corrected"),
         (design, {"readings": READINGS._replace(after=np.array([True]))}, "readings.after"),
-        (covariance, {"readings": READINGS._replace(numbers=np.array([1, K + 1]))}, "readings.numbers"),
-        (covariance, {"variances": np.ones((U, M + 1))}, "variances"),
-        (covariance, {"gains": np.zeros((U, N + 1, M))}, "gains"),
-        (covariance, {"size": N + 1}, "size"),
-        (covariance, {"start": np.eye(N - 1)}, "start"),
-        (responses, {"inputs": np.zeros((K, 9, R - 1))}, "inputs"),
-        (responses, {"disturbances": np.zeros((U, M, R + 1))}, "disturbances"),
+        (design, {"readings": READINGS._replace(numbers=np.array([1, K + 1]))}, "readings.numbers"),
+        (design, {"variances": np.ones((U, M + 1))}, "variances"),
+        (backwards, {"gains": np.zeros((U, N + 1, M))}, "gains"),
+        (design, {"start": np.eye(N - 1)}, "start"),
         (backwards, {"end": np.zeros((9, 9))}, "end"),
         (backwards, {"last": K + 1}, "last"),
     ],

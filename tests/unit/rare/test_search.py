@@ -11,6 +11,7 @@ from mcnav.rare.flights import Flown, Places
 from mcnav.rare.jumps import jump_planes, known_facets
 from mcnav.rare.levels import simulate_levels
 from mcnav.rare.limits import Sides
+from mcnav.rare.lines import crossings
 from mcnav.rare.widened import Widened, draw_widened, ratio
 from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
 from mcnav.validation.calibration.rare_events import (
@@ -20,10 +21,10 @@ from mcnav.validation.calibration.rare_events import (
     bowl,
     first,
     jump_of_another,
-    oblique,
     second_region,
     upper,
 )
+from mcnav.validation.calibration.rare_random import ball, oblique_cosh, second_half_space
 
 OUTLIER = EmpiricalDistribution(np.append(np.zeros(9_999), 20.0))
 """A table with one value of 20 in 10,000."""
@@ -71,10 +72,10 @@ def test_flights_that_fail_as_foreseen_or_have_no_result_show_nothing():
 
 @pytest.mark.parametrize("dimensions", [5, 10, 40])
 def test_widened_errors_have_the_probability_of_a_ball_s_outside(dimensions):
-    """At 1e-6, by a hundred thousand flights, within six standard errors."""
-    points = draw_widened(100_000, dimensions, np.random.default_rng(3))
+    """At 1e-6, by twenty thousand flights, within six standard errors."""
+    points = draw_widened(20_000, dimensions, np.random.default_rng(3))
     weights = ratio(points) * (np.sum(points**2, axis=1) > stats.chi2.isf(1e-6, dimensions))
-    assert np.mean(weights) == pytest.approx(1e-6, rel=0.0, abs=6.0 * np.std(weights) / np.sqrt(1e5))
+    assert np.mean(weights) == pytest.approx(1e-6, rel=0.0, abs=6.0 * np.std(weights) / np.sqrt(2e4))
 
 
 def test_levels_hold_without_a_model():
@@ -92,13 +93,47 @@ def test_a_plain_margin_has_no_levels():
     assert simulate_levels(flown, 3, np.random.default_rng(1)).scatter == np.inf
 
 
-@pytest.mark.parametrize("event", [*OBLIQUE[1:], oblique(10, 0.2, 5.0)], ids=lambda event: event.name)
+@pytest.mark.parametrize("event", OBLIQUE[1::2], ids=lambda event: event.name)
 def test_both_mirror_ways_of_an_oblique_curvature_are_found(event):
     """Of twelve intervals at 94 %, so few hold with a probability of 1e-4; a way missed halves the estimate."""
     result = Coverage.of(event, 12)
     assert 12 * result.refused <= 2
     assert 12 * result.wrong <= stats.binom.isf(1e-4, 12, 0.06)
     assert result.error < 0.25
+
+
+def test_few_flights_find_ways_to_fail_that_fitted_lines_seem_to_expect():
+    """No interval ends below 0.8 of the exact value; where failures had to be unforeseen, six of 25 did, at a tenth."""
+    for seed in range(1, 26):
+        event = oblique_cosh(10, seed)
+        rare = dear(event, seed)
+        assert rare.refusal or rare.high > 0.8 * event.exact, seed
+
+
+def test_a_way_to_fail_of_a_hundredth_belongs_to_the_estimate():
+    """The lines are exact for half-spaces, so that all of eight intervals hold but for the tolerance of the entries."""
+    for seed in range(11, 19):
+        event = second_half_space(20, seed)
+        rare = dear(event, seed)
+        assert rare.low <= event.exact <= rare.high, seed
+
+
+def test_a_small_ball_s_outside_is_added_to_a_half_space():
+    """It carries some per cent of the estimate; it was refused in seven of 20 runs, or missing from the interval."""
+    rare = [(event := ball(5, seed), event.estimate(seed)) for seed in range(1, 16)]
+    assert not any(estimate.refusal for _, estimate in rare)
+    held = sum(estimate.low <= event.exact <= estimate.high for event, estimate in rare)
+    assert held >= stats.binom.ppf(1e-4, 15, 0.94)
+
+
+def test_lines_enter_a_steep_margin_where_it_is_zero():
+    """From a far end the first secant moves by a thousandth: that is no crossing. Within the tolerance, 0.002 / t."""
+    ends = np.array([8.0, 13.0, 20.0])
+    entered = crossings(
+        lambda points, noise: 0.2 * np.cosh(points[:, 0]) - 6.7, np.zeros(3, dtype=int), np.zeros((3, 1)),
+        np.ones((3, 1)), ends, np.zeros(3), np.zeros(3), ends,
+    )  # fmt: skip
+    np.testing.assert_allclose(entered.at, np.arccosh(33.5), rtol=0.0, atol=2e-3)
 
 
 @pytest.mark.parametrize("dimensions", [5, 10, 20, 40])

@@ -10,9 +10,9 @@ import pytest
 from mcnav._types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.systems.ins.gates import rejection_laws
-from mcnav.systems.ins.linear.closed_loop import ClosedLoop, filter_system
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 from mcnav.systems.ins.linear.covariance import output_map
-from mcnav.systems.ins.linear.gates import time_numbers
+from mcnav.systems.ins.linear.filter_system import filter_system
 from mcnav.systems.ins.scenario import Ins
 from mcnav.systems.ins.sensors.aiding import gate_limits
 
@@ -144,7 +144,7 @@ def test_correlations_with_the_next_measurement_of_the_sensor() -> None:
         if not later:
             assert np.isnan(laws.correlations[place]).all()
             continue
-        _, _, innovations = run(loop, {first}, int(time_numbers(loop, np.array(later[:1]))[0]))
+        _, _, innovations = run(loop, {first}, int(loop.times_of(np.array(later[:1]))[0]))
         believed, response = innovations[later[0]]
         whitened = np.linalg.solve(np.linalg.cholesky(believed), response)
         np.testing.assert_allclose(laws.correlations[place], np.linalg.svd(whitened, compute_uv=False), atol=DIGITS)

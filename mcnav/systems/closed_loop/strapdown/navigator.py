@@ -74,6 +74,12 @@ class Strapdown:
     estimates : sequence of str
         Errors of the instruments that the filter estimates besides position, velocity and attitude, such as
         ``gyro_bias`` (the constant one) and ``gyro_bias_instability``; what is estimated is compensated.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.Strapdown("moon", estimates=("gyro_bias",)).axes
+    'fixed'
     """
 
     planet: str | Earth = "earth"

@@ -1,10 +1,10 @@
 """Many samples of an aided navigator, each with its own filter, and the linear closed loop of the same draws.
 
 A sample is a deviation from the shared truth (`mcnav.systems.ins.ensemble.free`). Its twin in the linear closed loop
-has the gains along the truth and the same noise; the twin's errors are a sum (`mcnav.systems.ins.linear.adjoint`). What
-a filter has estimated is subtracted from the errors of the instruments; of a constant that a state models exactly, only
-the difference is propagated. The filter's covariance is propagated with the step's tables turned to the sample's own
-indicated attitude and force; its gains are its own, or with shared gains those along the truth.
+has the gains along the truth and the same noise; the twin's errors are a sum (`mcnav.systems.ins.ensemble.adjoint`).
+What a filter has estimated is subtracted from the errors of the instruments; of a constant that a state models exactly,
+only the difference is propagated. The filter's covariance is propagated with the step's tables turned to the sample's
+own indicated attitude and force; its gains are its own, or with shared gains those along the truth.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from mcnav.compiled.blocks import blocks_of
 from mcnav.compiled.jit import allocation_free_loop, allocation_free_part, allocation_free_subroutine, inlined
 from mcnav.compiled.shapes import check_shapes
 from mcnav.compiled.vectors import LANES, Store, load, parts_of, room, store
+from mcnav.systems.ins.ensemble.adjoint import Adjoint, add_linear, adjoint_of_closed
 from mcnav.systems.ins.ensemble.deviations import deviate
 from mcnav.systems.ins.ensemble.filters import (
     BEYOND,
@@ -40,6 +41,7 @@ from mcnav.systems.ins.ensemble.filters import (
 )
 from mcnav.systems.ins.ensemble.flexures import SensorFlexure, draw_flexures, sensor_flexures
 from mcnav.systems.ins.ensemble.free import EnsembleTables
+from mcnav.systems.ins.ensemble.gains import SharedGains
 from mcnav.systems.ins.ensemble.normalization import share_covariances
 from mcnav.systems.ins.ensemble.propagation import propagate_covariances
 from mcnav.systems.ins.ensemble.records import (
@@ -87,8 +89,7 @@ from mcnav.systems.ins.filter.consistency import COUNTS
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import CONSTANTS
 from mcnav.systems.ins.imu.variates import IMU_STREAM, draw_normals
-from mcnav.systems.ins.linear.adjoint import Adjoint, add_linear, adjoint_of_closed
-from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs, own_covariances
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs
 from mcnav.systems.ins.sensors.aiding import gate_limits
 from mcnav.systems.ins.sensors.measurements import rate_error, white_sigmas
 
@@ -155,8 +156,8 @@ class AidedTables:
         Standard deviation of the white noise.
     limits : ndarray, shape (U,)
         Largest normalized innovation squared that is accepted.
-    covariances : ndarray, shape (m, 9 + q, 9 + q)
-        Of the filter along the truth, at the epochs.
+    shared : SharedGains
+        Of the filter along the truth, with its covariances at the epochs.
     rate_errors : ndarray of int, shape (b,)
         Number of the gyros' constant error as which a bias of a process enters a navigator's rate, -1 for none.
     """
@@ -172,7 +173,7 @@ class AidedTables:
     faded: Array
     white: Array
     limits: Array
-    covariances: Array
+    shared: SharedGains
     rate_errors: IndexArray
 
     @cached_property
@@ -188,7 +189,9 @@ class AidedTables:
     @cached_property
     def adjoint(self) -> Adjoint:
         """Responses of the linear errors at the last epoch, with the gains along the truth."""
-        return adjoint_of_closed(self.loop, int(self.ensemble.epochs[-1]), self.ensemble.output_maps[-1])
+        return adjoint_of_closed(
+            self.loop, self.shared.gains, int(self.ensemble.epochs[-1]), self.ensemble.output_maps[-1]
+        )
 
     @cached_property
     def exact(self) -> IndexArray:
@@ -218,7 +221,7 @@ class AidedTables:
     @cached_property
     def _sigmas(self) -> Array:
         """Sigmas of the filter along the truth at the start and at the epochs, shape (m + 1, 9 + q)."""
-        covariances = np.concatenate([self.loop.filter.initial[None], self.covariances])
+        covariances = np.concatenate([self.loop.filter.initial[None], self.shared.covariances])
         return np.asarray(np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 0.0)))
 
     @property
@@ -283,7 +286,7 @@ class AidedTables:
         )  # fmt: skip
 
     def _updates(self, active: IndexArray) -> UpdateTables:
-        measured, model, roots = self.loop.measurements, self.loop.filter, self.loop.roots
+        measured, model, roots = self.loop.measurements, self.loop.filter, self.shared.roots
         of_sensors = np.where(model.rate_errors >= 0, 0.0, model.rows)
         with np.errstate(divide="ignore", invalid="ignore"):
             known = np.diagonal(roots, axis1=1, axis2=2) ** 2 / model.variances
@@ -294,7 +297,7 @@ class AidedTables:
         return UpdateTables(
             measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions,
             measured.parameters, np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.places,
-            self.bounds, self.correlated, self.memory, self.white, self.limits, of_sensors, self.loop.gains, roots,
+            self.bounds, self.correlated, self.memory, self.white, self.limits, of_sensors, self.shared.gains, roots,
             self.adjoint.updates, lags, np.flatnonzero(np.any(of_sensors, axis=(0, 1))),
             filter_updates(
                 measured.rows, model.rows, self.bounds, model.variances, along_truth(measured), careful
@@ -307,9 +310,9 @@ class AidedTables:
         """Tables of the epochs and of the start, for compiled code."""
         shared, model = self.ensemble, self.loop.filter
         chosen = np.flatnonzero(model.corrected)
-        covariances = share_covariances(self.covariances, chosen, shared.output_maps)
+        covariances = share_covariances(self.shared.covariances, chosen, shared.output_maps)
         if (pairs := ShownPairs.of(self.loop, shared.epochs)) is not None:
-            covariances = covariances._replace(variances=pairs.of_covariances(self.covariances[:, 9:, 9:]))
+            covariances = covariances._replace(variances=pairs.of_covariances(self.shared.covariances[:, 9:, 9:]))
         return EpochTables(
             shared.epochs, shared.truth, shared.output_maps, covariances, self.loop.first_updates, shared.sizes,
             blocks_of(model.initial), self.biases, self.drifts, self.drift_sigmas, self.faded, chosen,
@@ -369,7 +372,7 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
         faded,
         white_sigmas(sensors, measurements),
         limits[measurements.sensors],
-        own_covariances(loop, ensemble.epochs, np.ones(len(ensemble.epochs))),
+        SharedGains.along(loop, ensemble.epochs),
         np.array([rate_error(name) for name in biases], dtype=np.int64),
     )
 

@@ -16,10 +16,10 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.conditions import Conditions
+from mcnav.systems.ins.ensemble.adjoint import Adjoint
 from mcnav.systems.ins.ensemble.aided import AidedTables, GivenNoise
 from mcnav.systems.ins.ensemble.flexures import SensorFlexure
 from mcnav.systems.ins.ensemble.free import EnsembleTables
-from mcnav.systems.ins.linear.adjoint import Adjoint
 from mcnav.systems.sample_loop import join_results
 
 STREAM: Final = 1 << 20

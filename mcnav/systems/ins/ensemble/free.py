@@ -7,7 +7,7 @@ The truth is shared, so that a sample is a deviation from it (`mcnav.systems.ins
 Of a step, what is linear in the sample is computed by the tables, exactly. What is left is of second order, and changes
 slowly: over a step the rotation R at its beginning is applied to the truth's force and to the step's own linear
 response, the products of errors within the step are taken from their means, and the remainder of gravity by Simpson's
-rule. The linear errors of the same draws are a sum over the steps (`mcnav.systems.ins.linear.adjoint`).
+rule. The linear errors of the same draws are a sum over the steps (`mcnav.systems.ins.ensemble.adjoint`).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free, compiled
 from mcnav.compiled.shapes import check_shapes
 from mcnav.compiled.vectors import LANES, Store, load, room, store
+from mcnav.systems.ins.ensemble.adjoint import Adjoint, add_linear, adjoint_of_free
 from mcnav.systems.ins.ensemble.deviations import StartingPoint, deviate, starting_point
 from mcnav.systems.ins.ensemble.readout import LOCAL, TrueStates, copy_linear, copy_rows, read_errors, true_states
 from mcnav.systems.ins.ensemble.sample_groups import STEPS_OF_BLOCK, SampleGroups, put_aside, sample_groups, take_back
@@ -38,7 +39,6 @@ from mcnav.systems.ins.ensemble.steps import (
 )
 from mcnav.systems.ins.imu.instruments import CONSTANTS, GYRO, Imu
 from mcnav.systems.ins.imu.variates import IMU_STREAM, draw_normals
-from mcnav.systems.ins.linear.adjoint import Adjoint, add_linear, adjoint_of_free
 from mcnav.systems.ins.linear.covariance import output_map, process_systems
 from mcnav.systems.ins.linear.response import StepResponses
 from mcnav.systems.ins.truth.trajectory import Platform, Truth

@@ -13,8 +13,8 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_subroutine, inlined
 from mcnav.compiled.vectors import Vector, load, room, store, where
+from mcnav.linear.engine.products import ROUNDED, map_covariances
 from mcnav.systems.ins.filter.model import NAVIGATION
-from mcnav.systems.ins.linear.covariance import ROUNDED, map_covariances
 
 GROUPS: Final = 6
 """All estimated states, navigation, position, velocity, attitude, and the other estimated states."""

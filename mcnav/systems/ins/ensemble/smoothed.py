@@ -23,13 +23,13 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_loop, allocation_free_part
 from mcnav.compiled.vectors import LANES, load, room
+from mcnav.linear.engine.smoother import SAME_INSTANT
 from mcnav.systems.ins.ensemble.aided import AidedErrors, AidedTables
+from mcnav.systems.ins.ensemble.gains import SharedGains
 from mcnav.systems.ins.ensemble.readout import LOCAL, TrueStates, copy_rows, read_errors
 from mcnav.systems.ins.ensemble.updates import turn_back
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
-from mcnav.systems.ins.linear.smoothed_loop import square_transitions
-from mcnav.systems.ins.linear.smoother import last_times
 from mcnav.systems.ins.sensors.attitude import rotation_vectors
 
 GROUPS: Final = {"navigation": slice(0, 9), "position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9)}
@@ -88,10 +88,10 @@ class SmootherTables:
         loop, shared = tables.loop, tables.ensemble
         ends = last_times(loop.times, shared.epochs, lag)
         stops = np.union1d(shared.epochs, ends)
-        gathered, across = _gather(loop, stops)
+        gathered, across = _gather(loop, tables.shared, stops)
         epochs, ends = np.searchsorted(stops, shared.epochs), np.searchsorted(stops, ends)
         return cls(
-            epochs, ends, gathered, across, loop.first_updates[stops + 1], tables.covariances, claimed,
+            epochs, ends, gathered, across, loop.first_updates[stops + 1], tables.shared.covariances, claimed,
             _from_ends(across, epochs, ends), shared.output_maps, shared.truth, loop.truth.earth.constants,
         )  # fmt: skip
 
@@ -107,9 +107,17 @@ class SmootherTables:
         return np.asarray((known @ self.covariances).swapaxes(0, 1))
 
 
-def _gather(loop: ClosedLoop, stops: IndexArray) -> tuple[Array, Array]:
+def last_times(times: Array, readings: IndexArray, lag: float) -> IndexArray:
+    """Return the numbers of the last times whose measurements count at readings, shape (m,)."""
+    until = np.searchsorted(times, times[readings] + lag + SAME_INSTANT, side="right") - 1
+    return np.asarray(np.maximum(until, readings), dtype=np.int64)
+
+
+def _gather(loop: ClosedLoop, shared: SharedGains, stops: IndexArray) -> tuple[Array, Array]:
     """Return `SmootherTables.gathered` and `SmootherTables.across`."""
-    rows, transitions = np.concatenate([loop.measurements.rows, loop.filter.rows], axis=2), square_transitions(loop)
+    rows = np.concatenate([loop.measurements.rows, loop.filter.rows], axis=2)
+    assert loop.timeline.filter is not None
+    transitions = loop.timeline.filter.steps(0, len(loop.times) - 1).transitions
     states = rows.shape[2]
     gathered, across = np.zeros_like(rows), np.zeros((len(stops) - 1, states, states))
     for stop, (first, last) in enumerate(pairwise(stops.tolist())):
@@ -118,9 +126,9 @@ def _gather(loop: ClosedLoop, stops: IndexArray) -> tuple[Array, Array]:
             back = transitions[k] @ back
             for u in range(loop.first_updates[k + 1], loop.first_updates[k + 2]):
                 m = loop.measurements.sizes[u]
-                root, row = loop.roots[u, :m, :m], rows[u, :m]
+                root, row = shared.roots[u, :m, :m], rows[u, :m]
                 gathered[u, :m] = np.linalg.solve(root.T, np.linalg.solve(root, row)) @ back
-                back = back - loop.gains[u, :, :m] @ (row @ back)
+                back = back - shared.gains[u, :, :m] @ (row @ back)
         across[stop] = back
     return gathered, across
 

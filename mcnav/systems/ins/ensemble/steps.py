@@ -38,7 +38,7 @@ class StepTables(NamedTuple):
         Number of these.
     factors : ndarray, shape (K, 9 + b, 9 + b) or (K, 9 + b, 6 + b)
     adjoint : ndarray, shape (K, 9, 9)
-        As `mcnav.systems.ins.linear.adjoint.Adjoint` has it.
+        As `mcnav.systems.ins.ensemble.adjoint.Adjoint` has it.
     """
 
     constants: Array

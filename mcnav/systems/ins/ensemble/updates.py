@@ -34,7 +34,7 @@ class UpdateTables(NamedTuple):
     constant_rows : ndarray, shape (U, M, a)
         Responses to the constant errors of the sensors that are not zero.
     adjoint : ndarray, shape (U, 9, M)
-        As `mcnav.systems.ins.linear.adjoint.Adjoint` has it.
+        As `mcnav.systems.ins.ensemble.adjoint.Adjoint` has it.
     lags : ndarray of bool, shape (U,)
         Whether an update's sensor has had one before.
     state_rows : ndarray, shape (U, M, q)

@@ -8,7 +8,7 @@ navigator; of a considered error (Schmidt) the filter has a covariance and no es
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -107,6 +107,11 @@ class FilterModel:
     lag: float | None = None
     question: GateQuestion = USUAL
     kind: str = EKF
+
+    def since(self, start: float) -> FilterModel:
+        """Return the same that believes in the sensors' measurements after a time alone, s."""
+        sensors = tuple(sensor.since(start) for sensor in self.beliefs.sensors)
+        return replace(self, beliefs=replace(self.beliefs, sensors=sensors))
 
     @property
     def smoothed(self) -> bool:

@@ -83,7 +83,8 @@ def tabulate_filter(
     )
     tables = FilterTables(
         np.zeros((steps, NAVIGATION, count)), np.ones((steps, count)),
-        np.zeros((steps, NAVIGATION + count, NAVIGATION + count)), _initial_covariance(truth, responses, model),
+        np.zeros((steps, NAVIGATION + count, NAVIGATION + count)),
+        initial_covariance(truth, model, float(responses.times[0]), 0.0),
         np.zeros((*measurements.components.shape, count)), sigmas**2,
         np.array([1.0] * NAVIGATION + [0.0 if state.considered else 1.0 for state in states]),
         np.array([sources.get(state.name, -1) for state in states], dtype=np.int64),
@@ -129,7 +130,6 @@ def _fill_flexures(
         within = slice(NAVIGATION + place, NAVIGATION + place + 2)
         tables.rows[:, :, pair] = flexure_rows(measurements, numbers[of.sensor], of.flexure, of.axis, float(times[0]))
         tables.noise[:, within, within] = variance * of.flexure.noise(since)
-        tables.initial[within, within] = variance * of.flexure.covariance(since[:1])[0]
         natural = of.flexure.natural(since)
         tables.natural[:, place], tables.natural[:, place + 1] = natural[:, 0], natural[:, 1, ::-1]
         tables.partners[pair] = place + 1, place
@@ -140,10 +140,22 @@ def _process_of(name: str, sources: Mapping[str, int]) -> str:
     return name.replace("_bias_", "_rate_random_walk_") if name in sources else name
 
 
-def _initial_covariance(truth: Truth, responses: StepResponses, model: FilterModel) -> Array:
-    """Return the covariance of psi, v, x and of the other states, which are independent, at the start."""
-    start_map = np.linalg.inv(output_map(truth, float(responses.times[0])))
+def initial_covariance(truth: Truth, model: FilterModel, start: float, since: float) -> Array:
+    """Return the covariance of psi, v, x and of the other states, which are independent, where navigation starts.
+
+    Parameters
+    ----------
+    start : float
+        Time, s.
+    since : float
+        Duration since the time from which the states of flexures are counted, s.
+    """
+    start_map = np.linalg.inv(output_map(truth, start))
     initial = np.diag([0.0] * NAVIGATION + [state.sigma**2 for state in model.states])
+    for place, state in enumerate(model.states, NAVIGATION):
+        if (of := state.flexure) is not None and not of.rate:
+            variance, pair = of.flexure.sigma[of.axis] ** 2, slice(place, place + 2)
+            initial[pair, pair] = variance * of.flexure.covariance(np.array([since]))[0]
     initial[:NAVIGATION, :NAVIGATION] = start_map @ model.beliefs.covariance @ start_map.T
     return initial
 

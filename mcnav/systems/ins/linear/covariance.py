@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -13,13 +12,6 @@ from mcnav.systems.ins.imu.gravity import DISTURBANCES
 from mcnav.systems.ins.imu.instruments import PROCESSES, Imu, Noise, process_sizes
 from mcnav.systems.ins.linear.response import StepResponses
 from mcnav.systems.ins.truth.trajectory import Truth
-
-ROUNDED: Final = 1e-14
-"""Share of the variance that a sum would have without cancellation, up to which its own is rounding.
-
-Each of its two products of nine terms has nine units of rounding, 2e-15 together; the covariance's entries, which add
-up steps and updates, have some more.
-"""
 
 
 @dataclass(frozen=True)
@@ -69,32 +61,6 @@ def output_map(truth: Truth, time: float) -> Array:
     result[6:9, 0:3] = axes
     result[6:9, 6:9] = -turn @ axes
     return result
-
-
-def map_covariances(maps: Array, covariances: Array) -> Array:
-    """Compute ``M P M^T``; rows and columns of variances that are rounding are zero.
-
-    Parameters
-    ----------
-    maps, covariances : ndarray, shapes (..., r, n), (..., n, n)
-
-    Returns
-    -------
-    ndarray, shape (..., r, r)
-
-    Examples
-    --------
-    Two errors that are one, and their difference:
-
-    >>> map_covariances(np.array([[1.0, 0.0], [3.0, -0.3]]), np.array([[0.01, 0.1], [0.1, 1.0]]))
-    array([[0.01, 0.  ],
-           [0.  , 0.  ]])
-    """
-    mapped = maps @ covariances @ maps.swapaxes(-1, -2)
-    variances = np.maximum(np.diagonal(covariances, axis1=-2, axis2=-1), 0.0)
-    sizes = (np.abs(maps) @ np.sqrt(variances)[..., None])[..., 0]
-    kept = np.diagonal(mapped, axis1=-2, axis2=-1) > ROUNDED * sizes**2
-    return np.asarray(np.where(kept[..., :, None] & kept[..., None, :], mapped, 0.0))
 
 
 def transitions(responses: StepResponses) -> Array:

@@ -31,9 +31,8 @@ from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_subroutine, compiled
 from mcnav.contract.gates import RejectedErrors
 from mcnav.systems.ins.filter.model import NAVIGATION
-from mcnav.systems.ins.linear.closed_loop import ClosedLoop, filter_system
-from mcnav.systems.ins.linear.gates import time_numbers
-from mcnav.systems.ins.linear.recursions import Steps
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop
+from mcnav.systems.ins.linear.filter_system import Steps, filter_system
 
 
 @dataclass(frozen=True)
@@ -59,12 +58,12 @@ class WhitenedFilter:
     def of(cls, loop: ClosedLoop) -> WhitenedFilter:
         """Whiten a loop's filter."""
         (steps, _), updates = filter_system(loop)
-        most = updates.rows.shape[1]
+        most, designed = updates.rows.shape[1], loop.designed()
         unused = np.arange(most) >= updates.sizes[:, None]
         # a root of one where there is no component, whose rows and gains are zero
-        roots = np.where(unused[:, :, None] | unused[:, None, :], np.eye(most), loop.roots)
+        roots = np.where(unused[:, :, None] | unused[:, None, :], np.eye(most), designed.roots)
         rows = np.where(unused[:, :, None], 0.0, updates.rows)
-        return cls(steps, updates.first, np.linalg.solve(roots, rows), loop.gains @ roots)
+        return cls(steps, updates.first, np.linalg.solve(roots, rows), designed.gains @ roots)
 
 
 def rejected_errors(
@@ -115,7 +114,7 @@ def next_correlations(loop: ClosedLoop, whitened: WhitenedFilter, updates: Index
         following[rows[:-1]] = rows[1:]
     known = updates[following[updates] >= 0]
     seen, told = np.zeros((len(known), most, most)), np.zeros((len(known), most, most))
-    _run_to_next(whitened.steps, whitened.first, time_numbers(loop, np.arange(len(sensors))), whitened.rows,
+    _run_to_next(whitened.steps, whitened.first, loop.times_of(np.arange(len(sensors))), whitened.rows,
                  whitened.gains, known, following, seen, told)  # fmt: skip
     one = np.eye(most)
     left = np.linalg.solve(one + told, seen.swapaxes(1, 2)).swapaxes(1, 2)

@@ -25,9 +25,9 @@ from mcnav.contract.recorded import (
     RecordingError,
     Stage,
 )
+from mcnav.linear.engine.products import map_covariances
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
-from mcnav.systems.ins.linear.covariance import map_covariances
 from mcnav.systems.ins.recorded.causes import Campaign, CauseTable, list_offsets, tabulate_causes
 from mcnav.systems.ins.recorded.measurements import true_state
 from mcnav.systems.ins.recorded.readings import gauss_readings

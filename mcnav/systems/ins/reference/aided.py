@@ -26,11 +26,11 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from mcnav._types import Array, IndexArray
+from mcnav.linear.engine.products import map_covariances
 from mcnav.systems.ins.filter.consistency import SensorCounts, normalized_errors, record_row
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
 from mcnav.systems.ins.imu.sample_noise import SampleNoise, draw_sample_noise
-from mcnav.systems.ins.linear.covariance import map_covariances
 from mcnav.systems.ins.reference.compensation import measure as measure_readings
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps
 from mcnav.systems.ins.reference.earth_fixed_sensors import SensorModel, SensorTruth

@@ -11,7 +11,7 @@ predicts for it less what is measured is the innovation. `mcnav.systems.ins.sens
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -159,6 +159,19 @@ class Sensor:
             yield from (f"{self.name}_lever_arm_{axis}" for axis in AXES)
         for offset in self.offsets:
             yield from (f"{self.name}_{offset}_{axis}" for axis in OFFSETS[offset][0])
+
+    def since(self, start: float) -> Sensor:
+        """Return the same with its measurements after a time alone, s."""
+        kept = self.times > start
+        if kept.all():
+            return self
+        components = tuple(
+            component
+            if component.noise_at is None
+            else replace(component, noise_at=tuple(np.array(component.noise_at)[kept].tolist()))
+            for component in self.components
+        )
+        return replace(self, times=self.times[kept], components=components)
 
     def processes(self) -> dict[str, float]:
         """Return the sizes of its processes that are not zero, by name."""

@@ -47,6 +47,20 @@ def test_partials_and_covariance_of_each_process(system):
             close(read.covariances[place, number], whole.covariance(rows, name))
 
 
+def test_a_bias_may_be_any_of_the_states(system):
+    """All states of the one process that has a bias are kept, but in another order."""
+    timeline, gains, whole = system
+    noise = {"one": timeline.start.noise["one"]}
+    updates = replace(timeline.updates, variances={"one": timeline.updates.variances["one"]})
+    of = replace(
+        timeline, start=replace(timeline.start, noise=noise), updates=updates, processes=("one",),
+        biases={"one": np.array([0])},
+    )  # fmt: skip
+    read = propagate(of, gains, [7, 300])
+    for covariance, position in zip(read.covariances[:, 0], (7, 300), strict=True):
+        close(covariance, whole.covariance(timeline.readout(0, 0.0) @ whole.states[position], "one"))
+
+
 def test_rows_at_every_position_are_products_of_the_transitions_behind_it(system):
     timeline, gains, _ = system
     outputs, end = timeline.readout(0, 0.0), 262

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from filterpy.kalman import KalmanFilter
 from scipy.linalg import solve_discrete_are
 
@@ -116,3 +117,27 @@ def test_the_innovations_of_a_filter_that_knows_the_truth_are_as_it_computes_the
         np.testing.assert_allclose(law.noise[0, 1:], 0.0, atol=1e-12)  # what is known is used
         np.testing.assert_allclose(law.noise[1:, 1:], designed.covariances[2 * u + 2], rtol=ROUNDING)
         np.testing.assert_allclose(law.responses, designed.gains[u], rtol=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("believed", "claimed", "true"),
+    [(2.0, (0.562340084, 0.125744703), (0.562340084, 0.125744703)),
+     (1.0, (0.334367155, 0.105741685), (0.602794028, 0.139872798))],
+)  # fmt: skip
+def test_held_values_of_a_smoothed_double_integrator(believed, claimed, true):
+    """Position and velocity in the interior of a long record, matched and with a believed variance of 1 for 4.
+
+    The nine printed digits were computed in two other ways; ends are further away than the filter remembers.
+    """
+    fixes, middle = constant_velocity(400, 1.0, 0.01, 2.0, np.eye(2), believed), [400]
+    smoothed = smooth(fixes, design(fixes, middle), middle)
+    np.testing.assert_allclose(np.sqrt(np.diag(smoothed.claimed[0])), claimed, rtol=1e-8)
+    np.testing.assert_allclose(np.sqrt(np.diag(smoothed.covariances[0].sum(axis=0))), true, rtol=1e-8)
+
+
+def test_an_innovation_without_a_variance_leaves_no_numbers():
+    fixes = constant_velocity(2, 1.0, 0.0, 0.0, np.zeros((2, 2)))
+    designed = design(fixes, [1, 4])
+    assert np.isfinite(designed.covariances[0]).all()
+    assert np.isnan(designed.covariances[1]).all()
+    assert np.isnan(designed.gains).all()

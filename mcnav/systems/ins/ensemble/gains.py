@@ -1,29 +1,18 @@
-"""The three recursions of a linear system of psi, v, x and other states, in compiled code.
+"""Gains of a filter along the truth, which samples share, in compiled code: the same bits on every processor.
 
-Over a step and in an update, states s with covariance P obey, with F of a step, H of a measurement and any gain K::
+Over a step and in an update the filter's covariance P obeys, with F of a step and H of a measurement::
 
-    s' = F s + inputs                    P' = F P F^T + Q
-    n  = H s + disturbances              S  = H P H^T + R
-    s+ = s - K n                         P+ = (I - K H) P (I - K H)^T + K R K^T        (Joseph's form)
+    P' = F P F^T + Q         S = H P H^T + R        K = P H^T S^-1
+    P+ = (I - K H) P (I - K H)^T + K R K^T          (Joseph's form)
 
-Responses A of a later state are run backwards, to ``A F`` and to ``A - A K H``.
-
-`design_gains` has the filter's states as it believes them: its gains ``K = P H^T S^-1`` and its own covariance. It is
-compared with steady states of textbooks, the filters of samples, that of the reference engine, and a dense covariance.
-
-`run_covariance` has the true deviations y, the filter's estimates e^ and biases b, with the gains of the design: of one
-process, or of all causes at once. A filter that believes the truth has the same covariance as `design_gains` gives it,
-although its states are others; a dense covariance is compared with both.
-
-`run_responses` has y and e^: what each constant error makes of them, and their mean. `run_backwards` has them too: the
-linear errors of samples are sums of what it gives. The two are compared with each other, and with samples.
+The linear engine (`mcnav.linear.engine.design`) has the same to rounding, and answers what no sample depends on.
 
 A row of n states is in parts of eight, which the processor's vectors hold; what fills the last one up is zero.
-Responses that are zero are skipped.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -33,59 +22,8 @@ from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_part, compiled
 from mcnav.compiled.shapes import check_numbers, check_shapes
 from mcnav.compiled.vectors import PART, Vector, load_part, room_of_parts, store_part
-
-
-class Steps(NamedTuple):
-    """F over K steps, of psi, v, x and q other states, which decay and respond to nothing.
-
-    Attributes
-    ----------
-    rows : ndarray, shape (K, 9, 9 + q)
-        Of psi, v, x.
-    decay : ndarray, shape (K, q)
-        What is left of the other states.
-    """
-
-    rows: Array
-    decay: Array
-
-
-class StepNoise(NamedTuple):
-    """Q over K steps; different ones of the other states are independent, but for pairs of neighbours.
-
-    Attributes
-    ----------
-    white : ndarray, shape (K, 9, 9)
-        Of psi, v, x.
-    cross : ndarray, shape (K, 9, q)
-        Of these with the other states.
-    driven : ndarray, shape (K, q)
-        Variances of the other states.
-    paired : ndarray, shape (K, q)
-        Covariance of each with the one before it.
-    """
-
-    white: Array
-    cross: Array
-    driven: Array
-    paired: Array
-
-
-class Updates(NamedTuple):
-    """H of U updates with at most M components.
-
-    Attributes
-    ----------
-    first : ndarray of int, shape (K + 2,)
-        Number of the first update at each time.
-    sizes : ndarray of int, shape (U,)
-        Components of each.
-    rows : ndarray, shape (U, M, 9 + q)
-    """
-
-    first: IndexArray
-    sizes: IndexArray
-    rows: Array
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop
+from mcnav.systems.ins.linear.filter_system import StepNoise, Steps, Updates, filter_system
 
 
 class ReadingTimes(NamedTuple):
@@ -148,7 +86,7 @@ def _rooms(start: Array, most: int) -> _Rooms:
     return _Rooms(p, _rows_of(most, n), _rows_of(most, n), _rows_of(most, n), _rows_of(n, n), root, _rows_of(9, n))
 
 
-def _check(steps: Steps, updates: Updates, readings: ReadingTimes) -> tuple[int, int, int, int]:
+def check_tables(steps: Steps, updates: Updates, readings: ReadingTimes) -> tuple[int, int, int, int]:
     """Return the numbers of steps, states, updates and their components; ValueError where tables do not fit."""
     (count, others), (number, most) = steps.decay.shape, updates.rows.shape[:2]
     check_shapes((
@@ -198,7 +136,7 @@ def design_gains(
     covariances : ndarray, shape (m, 9 + q, 9 + q)
         P at the readings.
     """
-    of = _check(steps, updates, readings)
+    of = check_tables(steps, updates, readings)
     _check_noise(noise, variances, start, of)
     _, states, number, most = of
     check_shapes((("corrected", corrected, (states,)),))
@@ -208,96 +146,27 @@ def design_gains(
     return gains, roots, covariances
 
 
-def run_covariance(
-    steps: Steps, noise: StepNoise, updates: Updates, variances: Array, gains: Array, start: Array,
-    readings: ReadingTimes, size: int,
-) -> Array:  # fmt: skip
-    """Run a covariance through a loop whose gains are given.
+@dataclass(frozen=True)
+class SharedGains:
+    """Gains of a filter along the truth, and its covariance at m times after their updates.
 
-    Parameters
+    Attributes
     ----------
-    variances, start : ndarray
-        As for `design_gains`.
-    gains : ndarray, shape (U, g, M)
-        K of the first g states; that of the others is zero.
-    size : int
-        States whose covariance is read out, the first of all.
-
-    Returns
-    -------
-    ndarray, shape (m, size, size)
+    gains, roots : ndarray, shapes (U, 9 + q, M), (U, M, M)
+        K, and the Cholesky factors of S.
+    covariances : ndarray, shape (m, 9 + q, 9 + q)
     """
-    of = _check(steps, updates, readings)
-    _check_noise(noise, variances, start, of)
-    _, states, number, most = of
-    check_shapes((("gains", gains, (number, gains.shape[1], most)),))
-    check_numbers("gains, number of states", np.array(gains.shape[1]), states + 1)
-    check_numbers("size", np.array(size), states + 1)
-    covariances = np.zeros((len(readings.numbers), size, size))
-    _run_covariance(steps, noise, updates, variances, gains, _rooms(start, most), readings, covariances)
-    return covariances
 
+    gains: Array
+    roots: Array
+    covariances: Array
 
-def run_responses(
-    steps: Steps, inputs: Array, updates: Updates, disturbances: Array, gains: Array, start: Array,
-    readings: ReadingTimes,
-) -> Array:  # fmt: skip
-    """Run the responses to r errors through a loop whose gains are given.
-
-    Parameters
-    ----------
-    inputs : ndarray, shape (K, 9, r)
-        What the errors add to psi, v, x in each step.
-    disturbances : ndarray, shape (U, M, r)
-        What they add to innovations.
-    gains : ndarray, shape (U, 9 + q, M)
-    start : ndarray, shape (9 + q, r)
-
-    Returns
-    -------
-    ndarray, shape (m, 9 + q, r)
-    """
-    count, states, number, most = _check(steps, updates, readings)
-    errors = start.shape[1]
-    check_shapes((
-        ("inputs", inputs, (count, 9, errors)),
-        ("disturbances", disturbances, (number, most, errors)),
-        ("gains", gains, (number, states, most)),
-        ("start", start, (states, errors)),
-    ))  # fmt: skip
-    responses = np.zeros((len(readings.numbers), states, errors))
-    _run_responses(
-        steps, inputs, updates, disturbances, gains, start.copy(), np.zeros((9, errors)), np.zeros((most, errors)),
-        readings, responses,
-    )  # fmt: skip
-    return responses
-
-
-def run_backwards(steps: Steps, updates: Updates, gains: Array, last: int, end: Array) -> tuple[Array, Array, Array]:
-    """Run responses backwards, from after the updates at a time to the start.
-
-    Parameters
-    ----------
-    gains : ndarray, shape (U, 9 + q, M)
-    last : int
-        Number of the time.
-    end : ndarray, shape (9, 9 + q)
-        Responses to the states there.
-
-    Returns
-    -------
-    start : ndarray, shape (9, 9 + q)
-        To the states at the start.
-    of_steps, of_updates : ndarray, shapes (K, 9, 9), (U, 9, M)
-        To what each step adds to psi, v, x, and to what each measurement's error is.
-    """
-    nothing = ReadingTimes(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_))
-    count, states, number, most = _check(steps, updates, nothing)
-    check_shapes((("gains", gains, (number, states, most)), ("end", end, (9, states))))
-    check_numbers("last", np.array(last), count + 1)
-    start, of_steps, of_updates = end.copy(), np.zeros((count, 9, 9)), np.zeros((number, 9, most))
-    _run_backwards(steps, updates, gains, last, np.zeros(9), start, of_steps, of_updates)
-    return start, of_steps, of_updates
+    @classmethod
+    def along(cls, loop: ClosedLoop, readings: IndexArray) -> SharedGains:
+        """Design the filter of a loop; readings are numbers of times."""
+        tables, (steps, updates) = loop.filter, filter_system(loop)
+        after = ReadingTimes(readings, np.ones(len(readings), dtype=np.bool_))
+        return cls(*design_gains(*steps, updates, tables.variances, tables.corrected, tables.initial, after))
 
 
 @compiled
@@ -313,25 +182,6 @@ def _design_gains(
             _factor(u, updates, variances, rooms)
             _solve(updates.sizes[u], rooms)
             _keep(updates.sizes[u], corrected, rooms, gains[u], roots[u])
-            _join(u, updates, variances, rooms)
-        reached = _read(k, True, reached, readings, rooms.p.numbers, covariances)
-        if k < len(steps.decay):
-            _advance(k, steps, noise, rooms)
-
-
-@compiled
-def _run_covariance(
-    steps: Steps, noise: StepNoise, updates: Updates, variances: Array, gains: Array, rooms: _Rooms,
-    readings: ReadingTimes, covariances: Array,
-) -> None:  # fmt: skip
-    reached = 0
-    for k in range(len(updates.first) - 1):
-        reached = _read(k, False, reached, readings, rooms.p.numbers, covariances)
-        for u in range(updates.first[k], updates.first[k + 1]):
-            _project(u, updates, rooms)
-            for i in range(gains.shape[1]):
-                for c in range(updates.sizes[u]):
-                    rooms.gain.numbers[c, i] = gains[u, i, c]
             _join(u, updates, variances, rooms)
         reached = _read(k, True, reached, readings, rooms.p.numbers, covariances)
         if k < len(steps.decay):
@@ -469,91 +319,3 @@ def _advance(k: int, steps: Steps, noise: StepNoise, rooms: _Rooms) -> None:
         if c > 0 and noise.paired[k, c] != 0.0:
             p[9 + c, 8 + c] = p[8 + c, 9 + c] = p[9 + c, 8 + c] + noise.paired[k, c]
         p[9 + c, 9 + c] = p[9 + c, 9 + c] * decay[k, c] * decay[k, c] + noise.driven[k, c]
-
-
-@compiled
-def _run_responses(
-    steps: Steps, inputs: Array, updates: Updates, disturbances: Array, gains: Array, state: Array, following: Array,
-    innovation: Array, readings: ReadingTimes, responses: Array,
-) -> None:  # fmt: skip
-    states, errors = state.shape
-    reached = 0
-    for k in range(len(updates.first) - 1):
-        reached = _read(k, False, reached, readings, state, responses)
-        for u in range(updates.first[k], updates.first[k + 1]):
-            # n = H s + disturbances
-            for c in range(updates.sizes[u]):
-                for j in range(errors):
-                    innovation[c, j] = 0.0
-                for i in range(states):
-                    _add_row(innovation, c, updates.rows[u, c, i], state, i)
-                for j in range(errors):
-                    innovation[c, j] += disturbances[u, c, j]
-            # s+ = s - K n
-            for c in range(updates.sizes[u]):
-                for i in range(states):
-                    _add_row(state, i, -gains[u, i, c], innovation, c)
-        reached = _read(k, True, reached, readings, state, responses)
-        if k == len(steps.decay):
-            break
-        # s' = F s + inputs
-        for i in range(9):
-            for j in range(errors):
-                following[i, j] = 0.0
-            for c in range(states):
-                _add_row(following, i, steps.rows[k, i, c], state, c)
-            for j in range(errors):
-                following[i, j] += inputs[k, i, j]
-        for i in range(9):
-            for j in range(errors):
-                state[i, j] = following[i, j]
-        for i in range(9, states):
-            for j in range(errors):
-                state[i, j] *= steps.decay[k, i - 9]
-
-
-@allocation_free_part
-def _add_row(rows: Array, i: int, weight: float, others: Array, j: int) -> None:
-    """Add to row i a multiple of another matrix's row j."""
-    if weight != 0.0:
-        for e in range(rows.shape[1]):
-            rows[i, e] += weight * others[j, e]
-
-
-@compiled
-def _run_backwards(
-    steps: Steps, updates: Updates, gains: Array, last: int, before: Array, a: Array, of_steps: Array,
-    of_updates: Array,
-) -> None:  # fmt: skip
-    states, most = a.shape[1], gains.shape[2]
-    for k in range(last, -1, -1):
-        if k < last:
-            for o in range(9):
-                for i in range(9):
-                    of_steps[k, o, i] = a[o, i]
-                # A F, columns of the other states, then of psi, v, x
-                for s in range(9, states):
-                    value = steps.decay[k, s - 9] * a[o, s]
-                    for i in range(9):
-                        value += a[o, i] * steps.rows[k, i, s]
-                    a[o, s] = value
-                for j in range(9):
-                    before[j] = 0.0
-                    for i in range(9):
-                        before[j] += a[o, i] * steps.rows[k, i, j]
-                for j in range(9):
-                    a[o, j] = before[j]
-        for u in range(updates.first[k + 1] - 1, updates.first[k] - 1, -1):
-            for o in range(9):
-                # A K: an error of the measurement takes as much from the innovation
-                for c in range(most):
-                    value = 0.0
-                    for s in range(9, states):
-                        value += a[o, s] * gains[u, s, c]
-                    for i in range(9):
-                        value += a[o, i] * gains[u, i, c]
-                    of_updates[u, o, c] = value
-                # A - A K H
-                for c in range(most):
-                    for i in range(states):
-                        a[o, i] -= of_updates[u, o, c] * updates.rows[u, c, i]

@@ -1,0 +1,179 @@
+"""Linear errors of an aided navigator: by cause, from all causes at once, and behind a smoother."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.linear.engine.products import map_covariances, transform
+from mcnav.linear.engine.propagate import propagate
+from mcnav.linear.engine.smoother import smooth
+from mcnav.systems.ins.filter.model import NAVIGATION
+from mcnav.systems.ins.imu.gravity import add_by_cause
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs
+from mcnav.systems.ins.linear.covariance import output_map
+
+
+@dataclass(frozen=True)
+class ClosedLoopErrors:
+    """Errors of an aided navigator at m readings.
+
+    Attributes
+    ----------
+    times : ndarray, shape (m,)
+    partials : ndarray, shape (m, 9, sources)
+        Of the outputs to the constant sources: those of the instruments, then those of aiding.
+    processes : mapping of str to ndarray, shape (m, 9, 9)
+        Covariance of the outputs from each process, by name.
+    own : ndarray, shape (m, 9, 9)
+        Covariance of the outputs that the filter computes.
+    nominal : ndarray, shape (m, 9)
+        Errors of the outputs by faults of the sensors.
+    state_partials, state_variances, own_variances : ndarray, shapes (m, q, sources), name to (m, q), (m, q)
+        The same of the true errors of the other states' estimates.
+    """
+
+    times: Array
+    partials: Array
+    processes: dict[str, Array]
+    own: Array
+    nominal: Array
+    state_partials: Array
+    state_variances: Mapping[str, Array]
+    own_variances: Array
+
+
+@dataclass(frozen=True)
+class SmoothedErrors:
+    """Errors behind the smoother at m readings, as `ClosedLoopErrors` has those of the filter."""
+
+    times: Array
+    partials: Array
+    processes: dict[str, Array]
+    own: Array
+    nominal: Array
+
+
+@dataclass(frozen=True)
+class ClosedLoopCovariance:
+    """Errors of an aided navigator from all causes at once, after the updates at m times.
+
+    Attributes
+    ----------
+    loop : ClosedLoop
+    readings : ndarray of int, shape (m,)
+        Numbers of the times.
+    maps : ndarray, shape (m, 9, 9)
+        From psi, v, x to the outputs.
+    mean : ndarray, shape (m, 9)
+        Of the outputs.
+    true, own : ndarray, shape (m, 9, 9)
+        Covariance of the outputs, and as the filter computes it.
+    """
+
+    loop: ClosedLoop
+    readings: IndexArray
+    maps: Array
+    mean: Array
+    true: Array
+    own: Array
+
+
+def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) -> ClosedLoopErrors:
+    """Propagate the true errors and the filter's covariance.
+
+    Parameters
+    ----------
+    readings : ndarray of int, shape (m,)
+        Numbers of the times at which errors are read out, in order.
+    after : ndarray of bool, shape (m,)
+        Whether after the updates at that time, or before.
+    """
+    timeline, positions = loop.timeline, loop.positions(readings, after)
+    if timeline.filter is None:
+        raise ValueError("loop: has no filter")
+    designed, pairs = loop.designed(positions), ShownPairs.of(loop, readings)
+    number_at = dict(zip(positions.tolist(), range(len(positions)), strict=True))
+    maps, true_errors = _output_maps(loop, readings), timeline.filter.true_errors
+    states = [true_errors(position) for position in positions.tolist()]
+    of_state, of_constants = (np.stack(tables)[:, NAVIGATION:] for tables in zip(*states, strict=True))
+    if pairs is not None:
+        of_state, of_constants = pairs.of_values(of_state), pairs.of_values(of_constants)
+    outputs = np.pad(maps, ((0, 0), (0, 0), (0, timeline.states - NAVIGATION)))
+    rows = np.concatenate([outputs, of_state], axis=1)
+    read = propagate(timeline, designed.gains, positions, maps=lambda position: rows[number_at[position]])
+    named = {name: read.covariances[:, number] for number, name in enumerate(timeline.processes)}
+    of_others = np.diagonal(read.covariances, axis1=2, axis2=3)[:, :, NAVIGATION:]
+    own = designed.covariances
+    return ClosedLoopErrors(
+        loop.times[readings],
+        read.partials[:, :NAVIGATION, :-1],
+        add_by_cause({name: covariance[:, :NAVIGATION, :NAVIGATION] for name, covariance in named.items()}),
+        map_covariances(maps, own[:, :NAVIGATION, :NAVIGATION]),
+        read.partials[:, :NAVIGATION, -1],
+        (read.partials[:, NAVIGATION:] + of_constants)[:, :, :-1],
+        add_by_cause({name: of_others[:, number] for number, name in enumerate(timeline.processes)}),
+        (
+            np.diagonal(own, axis1=1, axis2=2)[:, NAVIGATION:].copy()
+            if pairs is None
+            else pairs.of_covariances(own[:, NAVIGATION:, NAVIGATION:])
+        ),
+    )
+
+
+def propagate_covariance(
+    loop: ClosedLoop, readings: IndexArray, mean: Array, sources: Array, shared: ClosedLoopCovariance | None = None
+) -> ClosedLoopCovariance:
+    """Propagate mean and covariance of the true errors to times, by their numbers, after the updates there.
+
+    Parameters
+    ----------
+    mean, sources : ndarray, shapes (s,), (s, s)
+        Mean and covariance of the constant sources: those of the instruments, then those of aiding.
+    shared : ClosedLoopCovariance, optional
+        Covariance of another loop, whose maps are taken over where they hold.
+    """
+    timeline, positions = loop.timeline, loop.positions(readings, np.ones(len(readings)))
+    designed, states = loop.designed(positions), np.eye(NAVIGATION, timeline.states)
+    read = propagate(timeline, designed.gains, positions, by_cause=False, maps=lambda _: states)
+    same_flight = shared is not None and shared.loop.responses is loop.responses
+    if shared is not None and same_flight and np.array_equal(shared.readings, readings):
+        maps = shared.maps
+    else:
+        maps = _output_maps(loop, readings)
+    covariance = transform(read.partials[:, :, :-1], sources) + read.covariances.sum(axis=1)
+    means = np.einsum("mij,mjs,s->mi", maps, read.partials, np.append(mean, 1.0))
+    own = designed.covariances[:, :NAVIGATION, :NAVIGATION]
+    return ClosedLoopCovariance(
+        loop, readings, maps, means, map_covariances(maps, covariance), map_covariances(maps, own)
+    )
+
+
+def smooth_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array, lag: float = np.inf) -> SmoothedErrors:
+    """Compute what is left of the errors at readings, given the measurements up to a lag after each.
+
+    Parameters
+    ----------
+    readings, after : ndarray, shape (m,)
+        As for `propagate_closed_loop`; before and after updates the smoothed errors are the same.
+    lag : float
+        s; with an infinite one all measurements of the navigation are given: a fixed interval.
+    """
+    timeline, positions = loop.timeline, loop.positions(readings, after)
+    smoothed = smooth(timeline, loop.designed(positions), positions, lag)
+    maps = _output_maps(loop, readings)
+    partials = maps @ smoothed.partials[:, :NAVIGATION]
+    covariances = transform(maps[:, None], smoothed.covariances[:, :, :NAVIGATION, :NAVIGATION])
+    return SmoothedErrors(
+        loop.times[readings], partials[:, :, :-1],
+        add_by_cause({name: covariances[:, number] for number, name in enumerate(timeline.processes)}),
+        map_covariances(maps, smoothed.claimed[:, :NAVIGATION, :NAVIGATION]), partials[:, :, -1],
+    )  # fmt: skip
+
+
+def _output_maps(loop: ClosedLoop, readings: IndexArray) -> Array:
+    """Return the matrices from psi, v, x to the outputs at readings, shape (m, 9, 9)."""
+    return np.stack([output_map(loop.truth, float(time)) for time in loop.times[readings]])
