@@ -32,6 +32,8 @@ WORDS: Final = {
 }
 
 
+OWN_SIGMA: Final = "(each in its sigma)"
+
 PAIRED: Final = """\
 Monte Carlo is the sigma of the samples. Paired takes out the scatter of the draws, which both sides share; the
 difference is its own."""
@@ -157,18 +159,16 @@ class CovarianceVerdict:
         if self.paired:
             lines.append(PAIRED)
         if self.joint:
-            nees = (
-                f"full matrix: mean normalised error squared (NEES) {self.nees:.4g}, expected {self.nees_expected:.4g}"
-            )
+            nees = f"full matrix: mean NEES {self.nees:.4g} where {self.nees_expected:.4g} is expected"
             lines += [
                 "",
                 nees if self.fixed is not None else f"{nees}: {self.joint}",
-                f"worst direction: sigma {self.worst_ratio - 1.0:+.2%} along {_weighted(self.worst_direction)} (each in its "
-                "sigma)",
+                f"worst direction: sigma {self.worst_ratio - 1.0:+.2%}, along {_weighted(self.worst_direction)} "
+                + OWN_SIGMA,
             ]
         if self.fixed is not None:
             lines.append(
-                f"linear analysis treats {_weighted(self.fixed)} (each in its sigma) as exact; it varies by "
+                f"linear analysis treats {_weighted(self.fixed)} {OWN_SIGMA} as exact; it varies by "
                 f"{self.fixed_sigma:.3g} sigma: differs"
             )
         return "\n".join(lines)
@@ -192,11 +192,11 @@ class CovarianceVerdict:
             label=f"simulated over linear sigma, {self.confidence:.0%}",
         )  # fmt: skip
         ax.plot(ratio[~known], rows[~known], "o", fillstyle="none")
+        names = list(self.frame.index)
         if self.joint:
-            ax.plot([self.worst_ratio], [0], "D", color="C1", label="the worst direction of the full matrix")
-        ax.set_yticks(
-            [*rows, *([0] if self.joint else [])], [*self.frame.index, *(["worst direction"] * bool(self.joint))]
-        )
+            ax.plot([self.worst_ratio], [0], "D", color="C1", label="worst direction of the full matrix")
+            rows, names = np.append(rows, 0), [*names, "worst direction"]
+        ax.set_yticks(rows, names)
         ax.set_xlabel("simulated sigma / linear sigma")
         ax.legend(loc="best", fontsize="small")
         return ax
@@ -401,8 +401,8 @@ def _of_plain(
     joint = "" if plain.together is None else str(plain.together.verdict)
     return CovarianceVerdict(
         _frame(covariance, rows), _overall(plain.verdict, joint), joint, plain.nees.value, float(plain.dimension),
-        _matrix(covariance, plain.sample), pd.Series(plain.direction, index=covariance.columns), plain.direction_ratio, plain.samples, plain.failed,
-        False, tuple(covariance.attrs.get(WITHOUT, ())), tolerance, confidence,
+        _matrix(covariance, plain.sample), pd.Series(plain.direction, index=covariance.columns), plain.direction_ratio,
+        plain.samples, plain.failed, False, tuple(covariance.attrs.get(WITHOUT, ())), tolerance, confidence,
     )  # fmt: skip
 
 

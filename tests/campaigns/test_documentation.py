@@ -11,9 +11,11 @@ import shutil
 import socket
 import subprocess
 import sys
+import textwrap
 import tomllib
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -319,6 +321,19 @@ def test_the_example_of_the_readme_is_what_linear_analysis_says() -> None:
         half_a_digit = 0.5 * 10.0 ** -len(row[2].partition(".")[2])
         assert float(row[2]) == pytest.approx(expected, abs=half_a_digit)
         assert float(row[3]) == pytest.approx(expected, abs=float(row[4]) / 100.0 * expected + half_a_digit)
+
+
+def test_the_python_of_the_readme_answers_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
+    """Sigmas agree within 0.1 %, and the worst direction is off by 21 %."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    code = text[text.index("    import mcnav as mc") :]
+    names: dict[str, Any] = {}
+    exec(textwrap.dedent(code[: code.index("\nIt answers")]), names)
+    verdict = names["mc"].compare(names["C"], names["outputs"], names["draws"], names["P"])
+    assert str(verdict) in capsys.readouterr().out
+    assert (verdict.frame["ratio_paired"] - 1.0).abs().max() < 1e-3
+    assert f"{100.0 * (verdict.worst_ratio - 1.0):.0f} %" == "21 %"
+    assert verdict.sample_covariance.to_numpy() == pytest.approx(names["outputs"].cov().to_numpy(), rel=1e-9)
 
 
 def test_the_example_of_the_readme_can_be_renewed() -> None:

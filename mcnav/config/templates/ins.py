@@ -244,7 +244,7 @@ def _campaign(stem: str, unit: CatalogueUnit, wanted: NewIns, flight: Flight) ->
         f"{TEMPLATES}/ins.toml",
         {
             "NAME": stem,
-            "SAMPLES": "200" if wanted.aids else "2_000",
+            "SAMPLES": "1_000" if wanted.aids else "2_000",
             "TOLERANCE": "20 %" if wanted.aids else "5 %",
             "PLATFORM": wanted.platform,
             "TRAJECTORY": flight.text,
