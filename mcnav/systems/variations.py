@@ -3,6 +3,11 @@
 With ``X(t) = S(t) X_0 + U(t) c`` from the start on, the transition between two times a and b is
 
     A = S(b) S(a)^-1,      B = U(b) - A U(a).
+
+Where errors grow by many powers of ten, S becomes singular. There integration starts again, with S = I and U = 0.
+
+States that each step writes, such as a largest value so far, depend on the others before it and not on themselves: they
+have rows of S, and no columns.
 """
 
 from __future__ import annotations
@@ -12,6 +17,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.contract.errors import ScenarioError
@@ -29,22 +35,32 @@ class Variations:
     ----------
     times : ndarray, shape (K + 1,)
         s.
-    by_state : ndarray, shape (K + 1, n, n)
-        S.
-    by_constant : ndarray, shape (K + 1, n, s + 1)
+    by_state : ndarray, shape (K + 1, n + w, n)
+        S; the last w states are written by each step. What is zero at all times is zero in each transition.
+    by_constant : ndarray, shape (K + 1, n + w, s + 1)
         U.
+    starts_again : ndarray of bool, shape (K + 1,), optional
+        Whether the solution starts again at a time, where it is that from the start before.
     """
 
     times: Array
     by_state: Array
     by_constant: Array
+    starts_again: NDArray[np.bool_] | None = None
 
     def steps(self, first: int, last: int) -> Steps:
         """Return the transitions between times, by the numbers of the first and past the last."""
         before, after = slice(first, last), slice(first + 1, last + 1)
-        turned = np.linalg.solve(self.by_state[before].swapaxes(1, 2), self.by_state[after].swapaxes(1, 2))
-        transitions = np.asarray(turned.swapaxes(1, 2), dtype=float)
-        return Steps(transitions, self.by_constant[after] - transitions @ self.by_constant[before])
+        rows, size = self.by_state.shape[1:]
+        states, constants = self.by_state[before, :size], self.by_constant[before, :size]
+        if self.starts_again is not None:
+            again = self.starts_again[before, None, None]
+            states, constants = np.where(again, np.eye(size), states), np.where(again, 0.0, constants)
+        turned = np.linalg.solve(states.swapaxes(1, 2), self.by_state[after].swapaxes(1, 2))
+        transitions = np.zeros((last - first, rows, rows))
+        transitions[:, :, :size] = turned.swapaxes(1, 2) * self.by_state.any(axis=0)
+        inputs = self.by_constant[after] - transitions[:, :, :size] @ constants
+        return Steps(transitions, inputs * self.by_constant.any(axis=0))
 
     def timeline(
         self,

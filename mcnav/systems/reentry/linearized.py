@@ -161,7 +161,7 @@ class LinearNavigator:
             partials = np.zeros((4, SOURCES + 1))
             partials[:, :4] = np.diag(arcs[position])
             turn = actual[position, 1] - self.theta_axes if axes == "start" else 0.0
-            return Start(partials, constants=_constants(turn, instants[position] - self.start))
+            return Start(partials, constants=constants_of_start(turn, instants[position] - self.start))
 
         return Variations(instants, by_source[:, :, :4] / arcs[0], by_constant).timeline(
             begin(0),
@@ -195,7 +195,7 @@ class LinearNavigator:
         return start_times(timeline, timeline.end, readout, timeline.positions(starts)).partials[:, :, :-1]
 
 
-def _constants(turn: float, elapsed: float) -> Array:
+def constants_of_start(turn: float, elapsed: float) -> Array:
     """Return what a start makes of the sources, with axes turned by an angle, rad, and a time, s, after the first one.
 
     Shape (sources + 1, sources + 1), from errors of this start to those that act alike from the first one on.
