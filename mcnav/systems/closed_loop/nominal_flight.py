@@ -8,7 +8,7 @@ other instants, as those of a method that takes all its times for the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from typing import Final, Protocol
 
@@ -18,25 +18,28 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.differences import (
-    COLUMNS,
-    Derivatives,
     TimedMap,
-    columns_of,
     differentiate_map,
-    differentiate_maps,
 )
 from mcnav.systems.closed_loop.event import Saltation, event_map, find_crossings
-from mcnav.systems.closed_loop.maps import Event, Maps
+from mcnav.systems.closed_loop.flown import (
+    Apart,
+    FlownEvent,
+    FlownInstant,
+    FlownMap,
+    FlownStep,
+    FlownUpdate,
+    check_finite,
+    differentiate_flown,
+)
+from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.own_update import updated
 from mcnav.systems.closed_loop.passage import meet, set_signs
 from mcnav.systems.closed_loop.schedule import Instant
 from mcnav.systems.closed_loop.sizes import SMALL, LoopSizes, difference_steps
 from mcnav.systems.closed_loop.transitions import (
-    Composed,
     Innovation,
-    LinearInstant,
     Linearization,
-    Moment,
     Transition,
 )
 
@@ -55,10 +58,6 @@ class Follower(Protocol):
 
     def correction(self, innovation: Innovation) -> Array:
         """Update its covariance, and return what the update adds to X, shape (size,)."""
-
-
-class _Apart(Exception):
-    """Maps must be differentiated one after the other."""
 
 
 def filled(sizes: Array) -> Array:
@@ -136,115 +135,6 @@ def _step_inputs(sizes: LoopSizes) -> Array:
     return np.tile(filled(np.maximum(sizes.true.inputs, sizes.believed.inputs)), 2)
 
 
-@dataclass(eq=False)
-class _Map:
-    """A map of the flight about one state, and its derivatives once they are known.
-
-    Attributes
-    ----------
-    group : Hashable
-        Maps of a group are one function.
-    at : tuple of float
-        Time, s, and what else tells it from others of its group.
-    where : str
-        Its name, for people.
-    to_x : bool
-        Whether its values are X.
-    value : ndarray, shape (m,)
-        About the nominal, by itself.
-    """
-
-    group: Hashable
-    function: TimedMap
-    x: Array
-    at: tuple[float, ...]
-    inputs: Array
-    where: str
-    to_x: bool = True
-    value: Array = field(default_factory=lambda: np.zeros(0))
-    derivatives: Derivatives | None = None
-
-    @property
-    def known(self) -> Derivatives:
-        """The derivatives."""
-        assert self.derivatives is not None
-        return self.derivatives
-
-
-@dataclass
-class _Happened:
-    """An event within a step: its time and fraction, X before and after it."""
-
-    event: Event
-    time: float
-    fraction: float
-    saltation: Saltation
-    before: Array
-
-
-@dataclass
-class _Step:
-    """A step of the flight: its parts, and events between them."""
-
-    parts: list[_Map | _Happened] = field(default_factory=list)
-
-    def linear(self) -> Transition:
-        """Return its transition."""
-        first, *others = self.parts
-        assert isinstance(first, _Map)
-        composed = Composed.of(Transition(first.known.state, first.known.inputs, "step"))
-        moments: list[Moment] = []
-        for part in others:
-            if isinstance(part, _Map):
-                composed.add(part.known.state, part.known.inputs)
-                continue
-            event, saltation = part.event, part.saltation
-            moments.append(Moment(part.time, part.fraction, "before", part.before, composed.transition))
-            composed.jump(saltation, event.number if event.kind == "correction" else None)
-            moments.append(Moment(part.time, part.fraction, "after", saltation.value, composed.transition))
-        whole = composed.transition
-        straight = None if others else first.known.straight
-        return Transition(
-            whole.state, whole.inputs, "step", straight=straight, corrections=whole.corrections, fixed=whole.fixed,
-            moments=tuple(moments),
-        )  # fmt: skip
-
-
-@dataclass
-class _Update:
-    """A map at an instant."""
-
-    map: _Map
-    kind: str
-    number: int = 0
-
-    def linear(self) -> Transition | Innovation:
-        """Return its transition, or innovation."""
-        known = self.map.known
-        if not self.map.to_x:
-            return Innovation(self.number, known.state, known.value, known.straight)
-        straight = known.straight if self.kind == "correct" else None
-        return Transition(known.state, known.inputs, self.kind, self.number, straight=straight)
-
-
-@dataclass
-class _Instant:
-    """What is flown until an instant, and at it; ``ended`` is the effect of an end within the last step."""
-
-    instant: Instant
-    before: list[Array]
-    steps: list[_Step] = field(default_factory=list)
-    updates: list[_Update] = field(default_factory=list)
-    nominal: Array = field(default_factory=lambda: np.zeros(0))
-    ended: Transition | None = None
-
-    def linear(self) -> LinearInstant:
-        """Return its linear maps."""
-        updates = (self.ended,) if self.ended is not None else tuple(update.linear() for update in self.updates)
-        steps = tuple(step.linear() for step in self.steps)
-        return LinearInstant(self.instant, steps, updates, self.nominal, np.array(self.before))
-
-
 @dataclass
 class _Flight:
     """The nominal flight.
@@ -270,7 +160,7 @@ class _Flight:
     steps: Array
     signs: Array
     pending: NDArray[np.bool_]
-    flown: list[_Map] = field(default_factory=list)
+    flown: list[FlownMap] = field(default_factory=list)
     kinks: set[str] = field(default_factory=set)
     event_times: dict[str, float] = field(default_factory=dict)
     innovations: dict[int, Array] = field(default_factory=dict)
@@ -287,7 +177,7 @@ class _Flight:
 
     def fly(self, schedule: tuple[Instant, ...]) -> Linearization:
         """Fly to the end, and linearize."""
-        flown, end_time = list[_Instant](), schedule[-1].time
+        flown, end_time = list[FlownInstant](), schedule[-1].time
         for number, instant in enumerate(schedule):
             ended = self._approach(instant, flown)
             if ended is not None:
@@ -298,18 +188,18 @@ class _Flight:
                 self._check_pending(instant.time, over=True)
             self._update(flown[-1])
         self._check_pending(end_time, over=True)
-        self._differentiate(self.flown)
+        self.kinks |= differentiate_flown(self.flown, self.steps, self.maps.structure.space, self.apart)
         return Linearization(
             [each.linear() for each in flown], len(flown) - 1, end_time, self.event_times, self.signs, self.steps,
             frozenset(self.kinks), self.innovations,
         )  # fmt: skip
 
-    def _approach(self, instant: Instant, flown: list[_Instant]) -> float | None:
+    def _approach(self, instant: Instant, flown: list[FlownInstant]) -> float | None:
         """Fly the steps that lead to an instant; return the time of an end within them."""
-        approached = _Instant(instant, [self.x])
+        approached = FlownInstant(instant, [self.x])
         flown.append(approached)
         for time in instant.step_times().tolist():
-            step = _Step()
+            step = FlownStep()
             approached.steps.append(step)
             end = self._step(step, time, instant.length)
             if self.follower is not None:
@@ -320,7 +210,7 @@ class _Flight:
             approached.before.append(self.x)
         return None
 
-    def _step(self, step: _Step, time: float, length: float) -> tuple[float, Transition] | None:
+    def _step(self, step: FlownStep, time: float, length: float) -> tuple[float, Transition] | None:
         """Fly a step and the events within it; of an end return the time, and what it does."""
         since = 0.0
         while True:
@@ -338,10 +228,10 @@ class _Flight:
             step.parts.append(part)
             if event.kind == "end":
                 return moment, Transition(saltation.state, saltation.inputs, "event")
-            step.parts.append(_Happened(event, moment, fraction, saltation, before))
+            step.parts.append(FlownEvent(event, moment, fraction, saltation, before))
             since = fraction
 
-    def _part(self, time: float, length: float, since: float, fraction: float) -> _Map:
+    def _part(self, time: float, length: float, since: float, fraction: float) -> FlownMap:
         """Fly the part of a step from one fraction of it to another."""
         maps, inputs = self.maps, self.maps.structure.white.size + self.maps.structure.markov.size
 
@@ -353,19 +243,19 @@ class _Flight:
 
     def _flown(
         self, group: Hashable, function: TimedMap, at: tuple[float, ...], inputs: Array, where: str, to_x: bool = True
-    ) -> _Map:
+    ) -> FlownMap:
         """Return a map about the nominal with its value."""
         space, none = self.maps.structure.space, np.zeros((len(self.x), 1))
         x, entering, ats = space.plus(self.x[:, None], none), np.zeros((len(inputs), 1)), np.array(at)[:, None]
         value = function(*(np.repeat(each, BESIDE, axis=1) for each in (x, entering, ats)))[:, 0]
-        return _Map(group, function, self.x, at, inputs, where, to_x, value)
+        return FlownMap(group, function, self.x, at, inputs, where, to_x, value)
 
-    def _take(self, map_: _Map) -> Array:
+    def _take(self, map_: FlownMap) -> Array:
         """Note a map, which is to be differentiated, and return its value."""
         if self.apart:
-            self._differentiate([map_])
+            self.kinks |= differentiate_flown([map_], self.steps, self.maps.structure.space, apart=True)
             return map_.known.value
-        _check_finite(map_.where, map_.value)
+        check_finite(map_.where, map_.value)
         self.flown.append(map_)
         return map_.value
 
@@ -413,7 +303,7 @@ class _Flight:
                 told = f"its flight without any error meets no trigger by {min(event.latest, time):g} s"
                 raise ScenarioError("type", f"{event.name}: {told}")
 
-    def _update(self, reached: _Instant) -> None:
+    def _update(self, reached: FlownInstant) -> None:
         """Measure, correct and guide at an instant."""
         instant = reached.instant
         if instant.phase is not None:
@@ -428,7 +318,7 @@ class _Flight:
             reached.updates.append(self._guide(instant.time))
         reached.nominal = self.x
 
-    def _measure(self, number: int, time: float) -> _Update:
+    def _measure(self, number: int, time: float) -> FlownUpdate:
         """Update by a sensor: without an innovation X is what it was."""
         maps, name = self.maps, self.maps.sensors[number].declared.name
 
@@ -437,7 +327,7 @@ class _Flight:
 
         inputs = filled(self.sizes.believed.measurements[number])
         map_ = self._flown(("measure", number), function, (time,), inputs, f"measurement {name} at {time:g} s", False)
-        value, update = self._take(map_), _Update(map_, "measure", number)
+        value, update = self._take(map_), FlownUpdate(map_, "measure", number)
         self._note_innovation(number, value)
         change = np.zeros_like(self.x)
         if self.follower is not None:
@@ -445,7 +335,7 @@ class _Flight:
             assert isinstance(innovation, Innovation)
             change = self.follower.correction(innovation)
         elif value.any():
-            raise _Apart
+            raise Apart
         self.x = maps.structure.space.plus(self.x[:, None], change[:, None])[:, 0]
         return update
 
@@ -453,7 +343,7 @@ class _Flight:
         known = self.innovations.get(number, np.zeros(len(value)))
         self.innovations[number] = np.maximum(known, np.abs(value))
 
-    def _update_own(self, number: int, time: float) -> _Update:
+    def _update_own(self, number: int, time: float) -> FlownUpdate:
         """Update by a sensor as the user does."""
         maps = self.maps
 
@@ -464,9 +354,9 @@ class _Flight:
         inputs = filled(self.sizes.true.measurements[number])
         map_ = self._flown(("update", number), function, (time,), inputs, f"update at {time:g} s")
         self.x = self._take(map_)
-        return _Update(map_, "measure", number)
+        return FlownUpdate(map_, "measure", number)
 
-    def _correct(self, number: int, time: float) -> _Update:
+    def _correct(self, number: int, time: float) -> FlownUpdate:
         """Apply a correction."""
         maps = self.maps
 
@@ -475,7 +365,7 @@ class _Flight:
 
         where = f"correction {maps.impulses[number].declared.name} at {time:g} s"
         map_ = self._flown(object(), function, (time,), self._correction_sizes(number), where)
-        update = _Update(map_, "correct", number)
+        update = FlownUpdate(map_, "correct", number)
         self.x = self._without_rounding(number, self._take(map_))
         if self.follower is not None:
             transition = update.linear()
@@ -493,7 +383,7 @@ class _Flight:
             x[place] = 0.0
         return x
 
-    def _guide(self, time: float) -> _Update:
+    def _guide(self, time: float) -> FlownUpdate:
         """Command."""
         maps = self.maps
 
@@ -502,50 +392,4 @@ class _Flight:
 
         map_ = self._flown("guide", function, (time,), np.zeros(0), f"guide at {time:g} s")
         self.x = self._take(map_)
-        return _Update(map_, "guide")
-
-    def _differentiate(self, flown: Iterable[_Map]) -> None:
-        """Differentiate maps, those of a group together; their kinks are noted."""
-        groups: dict[Hashable, list[_Map]] = {}
-        for map_ in flown:
-            groups.setdefault(map_.group, []).append(map_)
-        for members in groups.values():
-            most = max(COLUMNS // columns_of(len(self.x) + len(members[0].inputs)), 1)
-            for begin in range(0, len(members), most):
-                some = members[begin : begin + most]
-                values = self._evaluate(some)
-                if begin == 0 and len(some) > 1:
-                    self._check_apart(some, values)
-        for map_ in flown:
-            known = map_.known
-            _check_finite(map_.where, known.value, known.state)
-            if known.kinked.any():
-                self.kinks.add(map_.where.split(" at ")[0])
-
-    def _evaluate(self, maps: Sequence[_Map]) -> Array:
-        """Differentiate maps of a group together, and return their values, shape (m, maps, columns)."""
-        first, space = maps[0], self.maps.structure.space
-        derivatives, values = differentiate_maps(
-            first.function, np.array([map_.x for map_ in maps]), np.array([map_.at for map_ in maps]), self.steps,
-            first.inputs, space, space if first.to_x else None,
-        )  # fmt: skip
-        for map_, known in zip(maps, derivatives, strict=True):
-            if not self.apart and not np.array_equal(known.value, map_.value, equal_nan=True):
-                raise _Apart
-            map_.derivatives = known
-        return values
-
-    def _check_apart(self, together: Sequence[_Map], values: Array) -> None:
-        """Raise `_Apart` where the first or the last of some maps has other values by itself."""
-        for place in (0, -1):
-            kept = together[place].derivatives
-            alone = self._evaluate([together[place]])[:, 0]
-            together[place].derivatives = kept
-            if not np.array_equal(alone, values[:, place], equal_nan=True):
-                raise _Apart
-
-
-def _check_finite(where: str, *arrays: Array) -> None:
-    """Raise `ScenarioError` where the flight is not finite."""
-    if not all(np.isfinite(array).all() for array in arrays):
-        raise ScenarioError("type", f"its flight without any error is not finite: {where}")
+        return FlownUpdate(map_, "guide")

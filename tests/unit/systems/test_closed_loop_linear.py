@@ -19,7 +19,7 @@ from tests.closed_loops import campaign
 
 def sigmas(described: Any, system: Any) -> Array:
     """Linear sigmas at the readings of a system, shape (r, outputs)."""
-    return np.sqrt(np.diagonal(system.covariance(described.errors.covariance), axis1=1, axis2=2))
+    return np.asarray(np.sqrt(np.diagonal(system.covariance(described.errors.covariance), axis1=1, axis2=2)))
 
 
 def step_by_step(described: Any) -> Array:
