@@ -16,7 +16,7 @@ from mcnav.contract.linear import SharedTables
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import has_gates
 from mcnav.errors import CampaignError
-from mcnav.notebook import FlownRun
+from mcnav.notebook import RunResult
 from mcnav.report.html import page_html
 from mcnav.report.lincov import statements
 from mcnav.report.lincov_page import page
@@ -257,7 +257,7 @@ def test_what_if_of_a_run_judges_no_requirement_where_gates_can_break_it(tmp_pat
     run_campaign(parse_campaign({**once_measured("6 m"), "samples": 200}, "mine.toml", "mine"), tmp_path, "ensemble", 1)
     told = "a single rejection already multiplies the rms of position down by 1.24"
     assert f"{told}. So what you change here" in (tmp_path / "report.html").read_text()
-    content = FlownRun(tmp_path).content
+    content = RunResult(tmp_path).content
     for note, words in ((content.manifest.model.gates, told), (None, "An earlier version made this run")):
         model = content.manifest.model.model_copy(update={"gates": note})
         what_if = what_if_of_run(replace(content, manifest=content.manifest.model_copy(update={"model": model})))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mcnav.config.read import read_campaign
-from mcnav.notebook import FlownRun
+from mcnav.notebook import RunResult
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import linear_model
@@ -140,7 +140,7 @@ def test_heavy_tails_withhold_the_verdicts_of_what_has_them(tmp_path: Path, stor
     }  # fmt: skip
     assert summary["withheld"] == summary["not_joint"] == ["itself", "square", "rare"]
     assert summary["nees_dimension"] == 2
-    content = FlownRun(tmp_path / "run").content
+    content = RunResult(tmp_path / "run").content
     if content.convergence is not None:  # as a summary has none of growing parts
         assert np.isfinite(content.convergence.paired.ratio[-1]).tolist() == [False, True, True, False, False]
     ratio = summary["sigma_ratio_paired"][2]
