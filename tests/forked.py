@@ -18,7 +18,11 @@ from tests.processes import LONG
 
 
 def run_forked(*arguments: object, cwd: Path, env: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
-    """Run a command in a folder with the environment of the tests and more variables, and wait for its end."""
+    """Run a command in a folder with the environment of the tests and more variables, and wait for its end.
+
+    Output and errors are in the encoding of ``PYTHONIOENCODING``.
+    """
+    encoding = dict(env or {}).get("PYTHONIOENCODING", "utf-8")
     words = [str(argument) for argument in arguments]
     with TemporaryDirectory() as folder:
         files = Path(folder, "output"), Path(folder, "errors")
@@ -27,7 +31,7 @@ def run_forked(*arguments: object, cwd: Path, env: Mapping[str, str] | None = No
         process.start()
         process.join(LONG)
         assert process.exitcode is not None, f"{words} did not end in {LONG:g} s"
-        output, errors = (file.read_text(encoding="utf-8") for file in files)
+        output, errors = (file.read_text(encoding=encoding) for file in files)
     return subprocess.CompletedProcess(words, process.exitcode, output, errors)
 
 
@@ -39,7 +43,7 @@ def _begin(words: list[str], cwd: Path, env: Mapping[str, str], files: tuple[Pat
     os.chdir(cwd)
     for name, number, file in zip(("stdout", "stderr"), (1, 2), files, strict=True):
         os.dup2(os.open(file, os.O_WRONLY | os.O_CREAT, 0o600), number)
-        stream = open(number, "w", encoding="utf-8", closefd=False)  # noqa: SIM115  # until the end
+        stream = open(number, "w", encoding=env.get("PYTHONIOENCODING", "utf-8"), closefd=False)  # noqa: SIM115  # until the end
         setattr(sys, name, stream)
         setattr(sys, f"__{name}__", stream)  # which keeps it open
     sys.argv = ["mcnav", *words]

@@ -105,7 +105,8 @@ def linked(text: str, page: Copied, names: dict[str, str], attached: set[str]) -
             anchor = Path(text).stem.replace("_", "-")
             return f"[`{text}`](/reference/examples.md#{anchor})" if (ROOT / text).exists() else found[0]
         name = text.removeprefix("mcnav docs ") if text.startswith("mcnav docs ") else names.get(text, "")
-        return f"[`{text}`](/{name}.md)" if name and name != page.name and name != "PAGE" else found[0]
+        # some of what mcnav docs shows is no page of the site
+        return f"[`{text}`](/{name}.md)" if name in names.values() and name != page.name else found[0]
 
     pieces = re.split(r"(^```.*?^```\n)", text, flags=re.DOTALL | re.MULTILINE)
     for i in range(0, len(pieces), 2):  # outside of blocks
@@ -129,7 +130,9 @@ def stage(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(HERE / "static", folder / "static")
     pages = copied_pages()
-    names, attached = {str(page.file): page.name for page in pages}, gallery.attached()
+    # the gallery has the questions of the campaigns' page, with pictures
+    names = {str(page.file): page.name for page in pages} | {"campaigns/README.md": "gallery"}
+    attached = gallery.attached()
     texts = {page.name: linked((ROOT / page.file).read_text(encoding="utf-8"), page, names, attached) for page in pages}
     texts = {name: equations.with_equations(text) for name, text in texts.items()}
     texts |= {name: make() for name, make in GENERATED.items()}

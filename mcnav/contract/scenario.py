@@ -151,11 +151,11 @@ class ScenarioWithUpdates(EpochScenario, Protocol):
         """Linearize at all epochs, before and after updates and corrections, with what a filter states."""
 
 
-class LinearAtAnyTime(EpochScenario, Protocol):
-    """A scenario that is `LINEAR_AT_ANY_TIME`."""
+class LinearAtAnyTime(LinearOverTime, Protocol):
+    """A scenario that is `LINEAR_AT_ANY_TIME`: at the times that `linear` is given, s by its own clock."""
 
 
-class SmoothedScenario(LinearAtAnyTime, Protocol):
+class SmoothedScenario(EpochScenario, Protocol):
     """A scenario with a `SMOOTHER`."""
 
     def smoothed(self, times: Array | None = None) -> LinearSystem:
@@ -179,7 +179,7 @@ class GatedScenario(EpochScenario, Protocol):
         """Compute the laws of good measurements that are rejected, with errors at epochs, s; none without a gate."""
 
 
-class CovarianceScenario(LinearAtAnyTime, Protocol):
+class CovarianceScenario(EpochScenario, Protocol):
     """A scenario that knows its `COVARIANCE`."""
 
     def covariance_readings(

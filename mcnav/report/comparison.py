@@ -196,9 +196,9 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
         step = later.index(row.run) - 0.5 * (len(later) - 1)
         place = names.index(row.output) + 0.7 * step / max(len(later), 2)
         marks += forest(series[row.run], [place], [(change.ratio, *change.interval)], [humanize(row.output)])
-    shown = {row.output: row.title for row, _ in known}
+    shown = {row.output: f"{humanize(row.output)}{' (rms)' if row.known.about_zero else ''}" for row, _ in known}
     rows_axis = Axis(names=[shown[name] for name in names])
-    measure = "σ" if not any(row.known.about_zero for row, _ in known) else "σ, or of the root mean square,"
+    measure = "σ" if not any(row.known.about_zero for row, _ in known) else "σ or rms"
     return Figure(
         name="changes",
         title="Sigma of each output relative to the first run",

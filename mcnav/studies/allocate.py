@@ -40,6 +40,9 @@ from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY
 FILE: Final = "allocate.json"
 PAGE: Final = "allocate.html"
 
+CONFIRMED: Final = 3
+"""Changes that are simulated unless a number is asked for."""
+
 MOST_GRADES: Final = 300
 """Linear answers computed in the search for the fewest changes by one grade."""
 
@@ -51,10 +54,12 @@ Move = tuple[DataSheetNumber, GradedValue]
 
 
 def allocate(
-    campaign: Description, progress: Progress = SILENT, confirm: int = 0,
+    campaign: Description, progress: Progress = SILENT, confirm: int = CONFIRMED,
     basis: Basis | None = None, jobs: int = JOBS, samples: int | None = None,
 ) -> Allocation:  # fmt: skip
-    """Find the numbers of a campaign's data sheet with which its requirements are just met, for normal errors.
+    """Find the numbers of a campaign's data sheet with which its requirements are just met.
+
+    Advice is scaled by a simulation of the campaign as it is, and the smallest changes are simulated.
 
     For each requirement that is not met, every number is changed alone and all together, and each size that a filter
     believes; where all are met, each number is loosened until one is not.
@@ -65,7 +70,7 @@ def allocate(
         Campaign file, campaign, or dictionary shaped like a campaign file.
     confirm : int
         Changes to the last goal, the smallest first, that are simulated, and left out unless simulation confirms them.
-        With none the answer is that of linear analysis alone.
+        With none, and no basis, the answer is that of linear analysis alone, for normal errors.
     basis : Basis, optional
         Simulation of the campaign as it is that linear answers are scaled by; by default one is made where changes
         are to be confirmed.
@@ -201,7 +206,7 @@ def _irreducible(moves: Sequence[Move], meets: Callable[[Sequence[Move]], bool])
 
 
 def write_allocation(
-    campaign: Description, path: Path, progress: Progress = SILENT, confirm: int = 0,
+    campaign: Description, path: Path, progress: Progress = SILENT, confirm: int = CONFIRMED,
     jobs: int = JOBS,
 ) -> tuple[Allocation, list[Path]]:  # fmt: skip
     """Write the allocation of a campaign as ``allocate.json`` and a page; see `allocate`."""

@@ -23,7 +23,7 @@ from mcnav.report.html import page_html
 from mcnav.runner.executors import JOBS
 from mcnav.store.run_files import REPORT
 from mcnav.store.run_folder import RunFolder
-from mcnav.studies.allocate import allocate
+from mcnav.studies.allocate import CONFIRMED, allocate
 from mcnav.studies.confirmed_changes import ConfirmationPlan
 from mcnav.studies.filter_remedies import confirmed, find_remedies, sigma_at
 from mcnav.studies.lincov import answer_linearly
@@ -33,9 +33,6 @@ from mcnav.workflow.analyse import analyse
 from mcnav.workflow.replay import campaign_of
 
 HTML, PDF = "brief.html", "brief.pdf"
-
-CONFIRMED: Final = 3
-"""Changes of numbers that are simulated."""
 
 CODE: Final = "the run folder's code is not executed; give the campaign file with --campaign to add what would help"
 
@@ -107,7 +104,7 @@ def advise(
     if run is None or confirm:
         try:
             if run is None:
-                allocation = allocate(campaign, progress)
+                allocation = allocate(campaign, progress, confirm=0)
             else:
                 allocation = allocate(campaign, progress, confirm, Basis.of(run), jobs, samples)
         except CampaignError as wrong:

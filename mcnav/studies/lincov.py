@@ -151,7 +151,7 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         )  # fmt: skip
         asked = None
         if times is not None:
-            asked = covariance_over_time(scenario.linear(np.unique(times)), names, *moments)
+            asked = covariance_over_time(_linear_at(described, np.unique(times)), names, *moments)
         kind = str(described.resolved["scenario"]["type"])
         answer = LinearAnswer(
             described.name, scenario.sources, scenario.outputs, model, history, judged, asked, kind=kind
@@ -225,16 +225,26 @@ def _scenario_errors(campaign: Campaign) -> Iterator[None]:
 
 
 def _check_times(campaign: Campaign, times: Array) -> None:
-    """Refuse times outside of the navigation, and any for a scenario without a trajectory."""
+    """Refuse times for a scenario whose linear system is not known at any time, and those outside of its epochs."""
     scenario = campaign.scenario
     if not is_linear_at_any_time(scenario):
         message = "the scenario has no trajectory whose times could be named; leave out --at"
         raise CampaignError([Problem(campaign.file, "--at", message)])
+    if not has_epochs(scenario):
+        return
     first, last = (float(time) for time in scenario.reading_times[[0, -1]])
     outside = [float(time) for time in times if not first <= time <= last]
     if outside:
         message = f"got {outside[0]:.10g} s; navigation is from {first:.10g} s to {last:.10g} s"
         raise CampaignError([Problem(campaign.file, "--at", message)])
+
+
+def _linear_at(campaign: Campaign, times: Array) -> LinearSystem:
+    """Linearize at times, rising, s; `CampaignError` outside of the flight."""
+    try:
+        return campaign.scenario.linear(times)
+    except ScenarioError as wrong:
+        raise CampaignError([Problem(campaign.file, f"--{wrong.key}", str(wrong))]) from None
 
 
 def _check_soundness(campaign: Campaign) -> None:
@@ -252,7 +262,7 @@ def _check_soundness(campaign: Campaign) -> None:
 
 def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearSystem | None]:
     """Linearize a scenario at its end and, where it is known, over time: at the epochs of its requirements, if any."""
-    if is_linear_at_any_time(scenario):
+    if is_linear_at_any_time(scenario) and has_epochs(scenario):
         system = scenario.linear(scenario.reading_times)
         return system.end, system
     if has_updates(scenario):

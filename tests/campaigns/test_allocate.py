@@ -76,7 +76,7 @@ def test_drift_of_a_platform_at_rest(limit: float) -> None:
     rate = schuler.schuler_rate(RADIUS, GRAVITY)
     of_unit = schuler.drift_spherical(DEGREE_PER_HOUR, RADIUS, rate, DURATION)
     expected = limit / float(special.ndtri(0.975)) / abs(of_unit)
-    found = allocate(hover(f"{limit} m"))
+    found = allocate(hover(f"{limit} m"), confirm=0)
     (goal,) = found.goals
     assert goal.met == (limit > 1e4)
     (change,) = goal.changes
@@ -89,7 +89,7 @@ def test_a_measurement_of_the_position() -> None:
     """Both variances are inverted and add up: 1 / (1 / s_0^2 + 1 / s_m^2); not a quadratic form of the numbers."""
     limit = 8.0
     sigma = limit / float(special.ndtri(0.95))
-    (goal,) = allocate(fixed(f"{limit} m")).goals
+    (goal,) = allocate(fixed(f"{limit} m"), confirm=0).goals
     needed = {change.label: change.needed for change in goal.changes}
     assert needed["aiding.fix.position"] == f"{round_down((sigma**-2 - 100.0**-2) ** -0.5):g} m"
     assert needed["errors.position"] == f"{round_down((sigma**-2 - 10.0**-2) ** -0.5):g} m"
@@ -111,7 +111,7 @@ def test_a_number_that_has_to_grow() -> None:
     smaller than 1 m helps.
     """
     sigma, start, fix = 12.0, 100.0, 10.0
-    (goal,) = allocate(believing_too_little(f"{sigma * float(special.ndtri(0.95))} m")).goals
+    (goal,) = allocate(believing_too_little(f"{sigma * float(special.ndtri(0.95))} m"), confirm=0).goals
     # (1 - K)^2 100^2 + K^2 10^2 = sigma^2, the smaller root
     a, half, c = start**2 + fix**2, start**2, start**2 - sigma**2
     gain = (half - math.sqrt(half**2 - a * c)) / a
@@ -145,7 +145,7 @@ def test_a_bias_grows_with_its_instability() -> None:
     described["aiding"][0]["outages"] = [["300 s", "540 s"]]
     described["imu"] = {"grade": "navigation"}
     described["accept"] = {"r95": [described["accept"]["r95"][0] | {"below": "30 m"}]}
-    (goal,) = allocate(described).goals
+    (goal,) = allocate(described, confirm=0).goals
     assert goal.met
     assert math.isinf(factor_of(goal, "imu.accelerometer.bias"))
     assert factor_of(goal, "bias and instability, accelerometer") < 100.0
@@ -153,7 +153,7 @@ def test_a_bias_grows_with_its_instability() -> None:
 
 def test_loosening_ends_where_others_do_not_help() -> None:
     """With a limit above 10 m at 90 %, the start may be as uncertain as it likes."""
-    (goal,) = allocate(fixed("17 m")).goals
+    (goal,) = allocate(fixed("17 m"), confirm=0).goals
     assert goal.met
     assert math.isinf(factor_of(goal, "errors.position"))
     assert 1.0 < factor_of(goal, "aiding.fix.position") < 1.1
@@ -205,7 +205,7 @@ def test_every_number_of_an_aided_flight() -> None:
     """Requirements during an outage and after it, one of them not met: gains change with the numbers."""
     now = [each.value for each in mcnav.linear_covariance(short(("10 m", "10 m"))).requirements]
     described = short((f"{0.9 * now[0]} m", f"{1.5 * now[1]} m"))
-    found = allocate(described)
+    found = allocate(described, confirm=0)
     assert [goal.requirements for goal in found.goals] == [(0,), (0, 1)]
     assert proposals_are_tight(described, found) >= 4
     for goal in found.goals:
@@ -223,7 +223,7 @@ def test_every_number_of_a_flight_that_is_not_aided() -> None:
     now = mcnav.linear_covariance(described).requirements[0].value
     for multiple in (0.8055, 1.2555):
         described["accept"]["cep"][0]["below"] = f"{multiple * now} m"
-        found = allocate(described)
+        found = allocate(described, confirm=0)
         assert found.goals[0].met == (multiple > 1.0)
         assert proposals_are_tight(described, found) >= 1
         assert factor_of(found.goals[0], "all numbers") == pytest.approx(round_down(multiple), rel=1e-9)
@@ -234,7 +234,7 @@ def test_the_fewest_numbers_by_one_grade() -> None:
     """Two numbers of a tactical unit moved to the next grade suffice, and no single one does."""
     described = entries(16)
     described["accept"] = {"cep": [{"outputs": ["position_north", "position_east"], "below": "60 km"}]}
-    found = allocate(described)
+    found = allocate(described, confirm=0)
     grades = found.grades
     assert grades is not None
     assert grades.exhaustive
@@ -256,7 +256,7 @@ def test_the_fewest_numbers_by_one_grade() -> None:
 def test_no_grade_suffices() -> None:
     described = entries(16)
     described["accept"] = {"cep": [{"outputs": ["position_north", "position_east"], "below": "1 m"}]}
-    grades = allocate(described).grades
+    grades = allocate(described, confirm=0).grades
     assert grades is not None
     assert grades.changes == ()
     assert grades.whole is not None
@@ -267,7 +267,7 @@ def test_a_campaign_needs_requirements_that_linear_analysis_can_judge() -> None:
     described = hover("1 km")
     described["accept"] = {"sigma_ratio": "5 %"}
     with pytest.raises(mcnav.CampaignError, match="no requirement that linear analysis can judge"):
-        allocate(described)
+        allocate(described, confirm=0)
 
 
 def test_files(tmp_path: Path) -> None:

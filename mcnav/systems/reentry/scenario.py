@@ -28,7 +28,6 @@ from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.numerics.integration import Diverged
 from mcnav.numerics.power_sums import sum_powers
 from mcnav.systems.histories import with_errors
-from mcnav.systems.reentry.adjoint import Adjoint, sweep
 from mcnav.systems.reentry.ensemble.grid import Grid
 from mcnav.systems.reentry.ensemble.history_kernel import (
     HistoryGrid,
@@ -42,20 +41,19 @@ from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
 from mcnav.systems.reentry.ensemble.refinement import refined_grid
 from mcnav.systems.reentry.ensemble.transition import linear_response
 from mcnav.systems.reentry.instruments import Error
-from mcnav.systems.reentry.linearized import linearize, linearize_throughout
+from mcnav.systems.reentry.linearized import LinearNavigator
 from mcnav.systems.reentry.navigator import navigation_error, simulate_indicated
 from mcnav.systems.reentry.outputs import (
     DEVIATIONS,
-    SCALE,
     FurtherOutput,
     append_errors,
-    append_partials,
 )
 from mcnav.systems.reentry.shared_steps import simulate_together
 from mcnav.systems.reentry.table_i import ERROR_SIZES
 from mcnav.systems.reentry.truth import NoReentry, Trajectory, airspeed_and_angle, fly_truth
 from mcnav.systems.reentry.vehicle import Vehicle
 from mcnav.systems.sample_loop import simulate_each
+from mcnav.systems.variations import check_span
 
 SOURCES: Final = (
     Source("altitude", "m", "km", ERROR_SIZES[Error.ALTITUDE]),
@@ -290,7 +288,9 @@ class Reentry:
     engines = ("ensemble", "reference")
     revision = REVISION
     start_clock = StartClock("min from reentry", "reentry")
-    can = frozenset({Capability.LINEAR_OVER_TIME, Capability.START_TIMES, Capability.REPLAY})
+    can = frozenset(
+        {Capability.LINEAR_OVER_TIME, Capability.LINEAR_AT_ANY_TIME, Capability.START_TIMES, Capability.REPLAY}
+    )
 
     _latest: tuple[bytes, EnsembleEngine] | None = None
     """Content of the last probes, and the ensemble: another run of the campaign has the same."""
@@ -322,43 +322,38 @@ class Reentry:
         return (*DEVIATIONS, *(each.output for each in self.navigation.further))
 
     @cached_property
-    def _linear(self) -> LinearSystem:
+    def _navigator(self) -> LinearNavigator:
         navigation = self.navigation
-        partials, nominal = linearize(self.trajectory, navigation.start, navigation.theta_axes)
-        indicated = navigation.final + nominal / SCALE
-        rows = append_partials(navigation.further, partials, indicated)
-        return LinearSystem.at_end(rows, navigation.outputs_from(nominal))
+        return LinearNavigator(self.trajectory, navigation.start, navigation.theta_axes, navigation.further)
 
     def linear(self, times: Array | None = None) -> LinearSystem:
-        """Compute partial derivatives at the end by the variational equations along the truth."""
-        return self._linear
-
-    @cached_property
-    def _histories(self) -> dict[int, LinearSystem]:
-        return {}
+        """Compute partial derivatives at times (s from reentry), by default at the end, along the truth."""
+        reentry, final = self.trajectory.reentry_time, self.trajectory.final_time
+        since = np.array([final]) if times is None else self._since(times)
+        partials, nominal = self._navigator.read(since)
+        return LinearSystem((since - reentry) / 60.0, partials, nominal, label=HISTORY_TIME)
 
     def linear_over_time(self, count: int) -> LinearSystem:
         """Compute partials over the flight; half of the times are after reentry, where errors change fastest."""
-        if count not in self._histories:
-            self._histories[count] = self._over_time(count)
-        return self._histories[count]
-
-    def _over_time(self, count: int) -> LinearSystem:
-        navigation, reentry, final = self.navigation, self.trajectory.reentry_time, self.trajectory.final_time
-        before = count // 2 if navigation.start < reentry else 0
+        start, reentry, final = self.navigation.start, self.trajectory.reentry_time, self.trajectory.final_time
+        before = count // 2 if start < reentry else 0
         times = np.concatenate(
             [
-                np.linspace(navigation.start, reentry, before, endpoint=False),
-                np.linspace(max(reentry, navigation.start), final, count - before),
+                np.linspace(start, reentry, before, endpoint=False),
+                np.linspace(max(reentry, start), final, count - before),
             ]
         )
-        known = linearize_throughout(self.trajectory, navigation.start, navigation.theta_axes, times)
-        partials = append_partials(navigation.further, *known)
-        return LinearSystem((times - reentry) / 60.0, partials, label="time from reentry [min]")
+        partials, _ = self._navigator.read(times)
+        return LinearSystem((times - reentry) / 60.0, partials, label=HISTORY_TIME)
 
-    @cached_property
-    def _adjoint(self) -> Adjoint:
-        return sweep(self.trajectory, float(self.trajectory.state(0.0)[1]))
+    def _since(self, times: Array) -> Array:
+        """Convert times from reentry to times from the first point of the truth, s.
+
+        Raises `ScenarioError` outside of navigation, beyond rounding.
+        """
+        since, first, last = times + self.trajectory.reentry_time, self.navigation.start, self.trajectory.final_time
+        check_span(times, first - self.trajectory.reentry_time, last - self.trajectory.reentry_time, " from reentry")
+        return np.asarray(np.clip(since, first, last))
 
     def started_at(self, time: float, axes: str) -> Reentry:
         """Start navigation of the same flight at another time (s from reentry); the truth is shared.
@@ -381,11 +376,17 @@ class Reentry:
     def partials_at(self, times: Array, axes: str = "start") -> Array:
         """Compute the partial derivatives for navigation started at each time (s from reentry).
 
-        Of shape (n, outputs, sources), from one backward sweep of the adjoint. ``axes`` as in `Flight`.
+        Of shape (n, outputs, sources), from one backward recursion along the truth: where the accelerometers are
+        switched off above an altitude, a perfect navigator departs from the truth by the drag that it misses, which
+        this neglects. ``axes`` as in `Flight`.
         """
         starts = np.clip(times + self.trajectory.reentry_time, 0.0, self.trajectory.final_time)
-        partials = np.array([self._adjoint.partials(float(start), axes) for start in starts])
-        return append_partials(self.navigation.further, partials, self.navigation.final)
+        return self._told.final_partials(starts, axes)
+
+    @cached_property
+    def _told(self) -> LinearNavigator:
+        first = float(self.trajectory.state(0.0)[1])
+        return LinearNavigator(self.trajectory, 0.0, first, self.navigation.further, told=True)
 
     def error_histories(self, errors: Array, times: Array) -> tuple[Array, Array, Array]:
         """Simulate a few samples: actual and indicated polar states, and their errors, at times (s from reentry).

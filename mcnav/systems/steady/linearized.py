@@ -12,15 +12,25 @@ Along the track the natural period is 2 pi sqrt(r / g_eff), across it 2 pi sqrt(
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.timeline import Start, Timeline
+from mcnav.linear.engine.propagate import propagate
 from mcnav.numerics.integration import integrate
 from mcnav.systems.steady.truth import Error, SteadyFlight
+from mcnav.systems.variations import Variations
 
 TOLERANCES: Final = (1e-11, 1e-12)
+
+MOST_GROWTH: Final = 9.0
+"""Logarithm of the factor by which errors may grow before integration starts again: S keeps all but four digits."""
+
+STATES: Final = int(Error.MISALIGNMENT)
+"""States; the first sources are their errors at the start, one each."""
 
 
 def force_errors(flight: SteadyFlight, time: float) -> Array:
@@ -43,21 +53,54 @@ def force_errors(flight: SteadyFlight, time: float) -> Array:
     return errors
 
 
-def linearize(flight: SteadyFlight, times: Array) -> Array:
-    """Compute the partial derivatives of the navigation errors at some times, shape (n, 6, 18); SI.
+def fly_timeline(flight: SteadyFlight, times: Array) -> Timeline:
+    """Return the timeline of the navigation errors: h, x, y and their rates, ranges as arc lengths at the radius r.
+
+    Outputs are ranges at the earth's radius. Its instants are the start and some times.
 
     Parameters
     ----------
     times : ndarray, shape (n,)
         s, rising, within the flight.
     """
+    share = flight.earth.radius / flight.radius
+    scale = np.diag([1.0, share, share, 1.0, share, share])
+    start = np.zeros((STATES, len(Error) + 1))
+    lifted = 0.0 if flight.slaved else 1.0
+    for row, source in enumerate((Error.ALTITUDE, Error.RANGE, Error.CROSS_RANGE)):
+        start[row, source] = start[row + 3, source + 3] = lifted if row == 0 else 1.0
+    start[5, Error.AZIMUTH_MISALIGNMENT] = flight.speed
+    return _integrate(flight, np.union1d(0.0, times)).timeline(
+        Start(start), lambda position, time: scale, refined=lambda more: fly_timeline(flight, np.union1d(times, more))
+    )
+
+
+def _integrate(flight: SteadyFlight, times: Array) -> Variations:
+    """Integrate the equations of variation, again from each time on before which errors may have grown much."""
+    radius = flight.radius
+    growth = 0.0 if flight.slaved else np.sqrt(2.0 * flight.earth.gravitational_parameter / radius**3 + flight.rate**2)
+    again = np.zeros(len(times), dtype=np.bool_)
+    begin = 0.0
+    for place, time in enumerate(times[:-1].tolist()):
+        if growth * (times[place + 1] - begin) > MOST_GROWTH and time > begin:
+            again[place], begin = True, time
+    by_state, by_constant = np.empty((len(times), STATES, STATES)), np.zeros((len(times), STATES, len(Error) + 1))
+    for first, last in pairwise([0, *np.flatnonzero(again).tolist(), len(times) - 1]):
+        by_source = _integrate_between(flight, times[first : last + 1])
+        after = slice(first + (first > 0), last + 1)
+        by_state[after] = by_source[first > 0 :, :, :STATES]
+        by_constant[after, :, STATES:-1] = by_source[first > 0 :, :, STATES:]
+    return Variations(times, by_state, by_constant, again)
+
+
+def _integrate_between(flight: SteadyFlight, times: Array) -> Array:
+    """Integrate six columns of the state, then those of what acts during the flight, shape (n, 6, 18)."""
     radius, rate = flight.radius, flight.rate
     stiffness = flight.effective_gravity / radius
     vertical = rate**2 + 2.0 * flight.earth.gravitational_parameter / radius**3
-    sources = len(Error)
 
     def rates(time: float, state: Array) -> Array:
-        e = state.reshape(6, sources)
+        e = state.reshape(STATES, len(Error))
         force = force_errors(flight, time)
         change = np.empty_like(e)
         change[:3] = e[3:]
@@ -66,12 +109,20 @@ def linearize(flight: SteadyFlight, times: Array) -> Array:
         change[5] = force[1] - (stiffness + rate**2) * e[2]
         return change.ravel()
 
-    start = np.zeros((6, sources))
-    lifted = 0.0 if flight.slaved else 1.0
-    for row, source in enumerate((Error.ALTITUDE, Error.RANGE, Error.CROSS_RANGE)):
-        start[row, source] = start[row + 3, source + 3] = lifted if row == 0 else 1.0
-    start[5, Error.AZIMUTH_MISALIGNMENT] = flight.speed
-    solution = integrate(rates, (0.0, float(times[-1])), start.ravel(), TOLERANCES, t_eval=times)
-    share = flight.earth.radius / radius  # ranges are told at the earth's radius
-    scale = np.array([1.0, share, share, 1.0, share, share])
-    return np.asarray(solution.y.T.reshape(-1, 6, sources) * scale[:, None])
+    begin = np.eye(STATES, len(Error)).ravel()
+    if len(times) == 1:
+        return begin.reshape(1, STATES, len(Error))
+    solution = integrate(rates, (float(times[0]), float(times[-1])), begin, TOLERANCES, t_eval=times)
+    return np.asarray(solution.y.T.reshape(-1, STATES, len(Error)))
+
+
+def linearize(flight: SteadyFlight, times: Array) -> Array:
+    """Compute the partial derivatives of the navigation errors at some times, shape (n, 6, 18); SI.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        s, rising, within the flight.
+    """
+    timeline = fly_timeline(flight, times)
+    return propagate(timeline, None, timeline.positions(times)).partials[:, :, :-1]

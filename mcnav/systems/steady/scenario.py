@@ -37,6 +37,7 @@ from mcnav.systems.steady.ensemble import ORDER, highest_rate, simulate_historie
 from mcnav.systems.steady.linearized import linearize
 from mcnav.systems.steady.navigator import simulate_indicated
 from mcnav.systems.steady.truth import SteadyFlight, navigation_error
+from mcnav.systems.variations import check_span
 
 LARGEST_GROWTH: Final = 230.0
 """Logarithm of the factor, 1e100, by which an error of an inertial altitude may grow in a flight."""
@@ -234,7 +235,7 @@ class Cruise:
 
     engines = ("ensemble", "reference")
     revision = REVISION
-    can = frozenset({Capability.LINEAR_OVER_TIME, Capability.REPLAY})
+    can = frozenset({Capability.LINEAR_OVER_TIME, Capability.LINEAR_AT_ANY_TIME, Capability.REPLAY})
 
     def __init__(self, flight: SteadyFlight) -> None:
         if flight.effective_gravity <= 0.0:
@@ -266,13 +267,17 @@ class Cruise:
         return linearize(self.flight, times)[rows]
 
     @cached_property
-    def _linear(self) -> LinearSystem:
-        end = np.array([self.flight.duration])
-        return LinearSystem(end / 60.0, self._partials(end), np.zeros((1, len(self.outputs))), label=HISTORY_TIME)
+    def _end(self) -> LinearSystem:
+        return self.linear(np.array([self.flight.duration]))
 
     def linear(self, times: Array | None = None) -> LinearSystem:
-        """Compute the partial derivatives at the end by the equations of variation."""
-        return self._linear
+        """Compute the partial derivatives at times, s, by default at the end, by the equations of variation."""
+        if times is None:
+            return self._end
+        check_span(times, 0.0, self.flight.duration)
+        times = np.clip(times, 0.0, self.flight.duration)
+        nominal = np.zeros((len(times), len(self.outputs)))
+        return LinearSystem(times / 60.0, self._partials(times), nominal, label=HISTORY_TIME)
 
     def linear_over_time(self, count: int) -> LinearSystem:
         """Compute the partial derivatives at evenly spaced times of the flight."""

@@ -292,6 +292,11 @@ class LinearFlight:
         """End of the flight without errors, s from the start of navigation."""
         return self.phases[-1].end
 
+    @property
+    def senses_all(self) -> bool:
+        """Whether the navigator senses where the truth goes all the time."""
+        return all(phase.accelerometers_on for phase in self.phases)
+
     def at(self, time: float) -> Reading:
         """Read the system at a fixed time, s from the start of navigation."""
         number = int(np.searchsorted([phase.end for phase in self.phases[:-1]], time, side="right"))
@@ -318,8 +323,7 @@ class LinearFlight:
 
     def _reading(self, joint: Array, time: float, shift: Array, peak: float, peak_by_source: Array) -> Reading:
         by_source = joint[8:].reshape(8, SOURCES).copy()
-        if all(phase.accelerometers_on for phase in self.phases):
-            # the navigator senses where the truth goes: no error but rounding
+        if self.senses_all:  # no error but rounding
             told = self.navigation.guidance.navigator_start == "truth"
             alike = slice(int(GuidedError.TRUE_ALTITUDE if told else GuidedError.DENSITY), SOURCES)
             by_source[4:, alike] = by_source[:4, alike]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.quantities import Output
 from mcnav.systems.reentry.guided.description import TRUE_ALTITUDE, TRUTH_OUTPUTS, GuidedNavigation
 from mcnav.systems.reentry.guided.ensemble.kernel import Flights
-from mcnav.systems.reentry.guided.linear import Reading
+from mcnav.systems.reentry.guided.linear import LinearFlight, Reading
 from mcnav.systems.reentry.navigator import navigation_error
 from mcnav.systems.reentry.outputs import DEVIATIONS, SCALE, append_errors
 
@@ -61,25 +62,39 @@ def origin_of(navigation: GuidedNavigation, nominal: Array) -> Array:
     return origin
 
 
-def read_linear(navigation: GuidedNavigation, reading: Reading, nominal: Array) -> tuple[Array, Array]:
-    """Return partial derivatives of the outputs, shape (outputs, sources), and the outputs without errors; SI.
+def rows_of_outputs(navigation: GuidedNavigation, actual: Array, indicated: Array) -> Array:
+    """Return the partial derivatives of the outputs to what a step writes, shape (outputs, 10).
+
+    As in `mcnav.systems.reentry.guided.timeline`.
+
+    Parameters
+    ----------
+    actual, indicated : ndarray, shape (4,)
+        Polar states without errors.
+    """
+    first = 0 if navigation.guidance.final == "indicated" else 1
+    eye, none = np.eye(4), np.zeros((4, 4))
+    further = [
+        np.concatenate([each.gradient(indicated) - each.gradient(actual), each.gradient(indicated)]) / np.tile(SCALE, 2)
+        for each in navigation.further
+    ]
+    rows = np.array([*np.hstack([none, eye]), *further, *np.hstack([eye, none])[first:]])
+    return np.asarray(block_diag(rows, np.eye(2)), dtype=float)
+
+
+def read_nominal(flight: LinearFlight, reading: Reading, nominal: Array) -> Array:
+    """Return the outputs without errors, shape (outputs,), SI.
 
     Parameters
     ----------
     nominal : ndarray, shape (4,)
         Nominal polar state at the instant.
     """
-    true, indicated = reading.by_source[:4], reading.by_source[4:]
-    further = [
-        each.gradient(reading.indicated) @ indicated - each.gradient(reading.actual) @ true
-        for each in navigation.further
-    ]
-    first = 0 if navigation.guidance.final == "indicated" else 1
-    dispersion = SCALE[:, None] * true
-    rows = [*(SCALE[:, None] * (indicated - true)), *further, *dispersion[first:]]
-    flight = Flights(
+    flown = Flights(
         reading.actual[None, None], reading.indicated[None, None], np.array([[reading.time]]),
         np.array([[reading.peak]]), np.zeros(1, dtype=np.int64),
     )  # fmt: skip
-    values = read_flights(navigation, flight, nominal[None])[0, 0]
-    return np.array([*rows, reading.time_by_source, reading.peak_by_source]), values
+    values = np.asarray(read_flights(flight.navigation, flown, nominal[None])[0, 0])
+    if flight.senses_all:
+        values[: len(DEVIATIONS) + len(flight.navigation.further)] = 0.0  # but for rounding
+    return values

@@ -18,19 +18,21 @@ from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, ScenarioError
+from mcnav.linear.engine.propagate import propagate
 from mcnav.numerics.power_sums import sum_powers
 from mcnav.systems.histories import with_errors
 from mcnav.systems.reentry.guided.description import TRUTH_SOURCES, Ending, Guidance, GuidedNavigation
 from mcnav.systems.reentry.guided.ensemble.kernel import SOURCES, simulate_flights, simulate_steps
 from mcnav.systems.reentry.guided.following import Following, NoMargin, follow
 from mcnav.systems.reentry.guided.linear import LinearFlight, NoLinearSystem, fly_linear
-from mcnav.systems.reentry.guided.outputs import origin_of, outputs_of, read_flights, read_linear
+from mcnav.systems.reentry.guided.outputs import origin_of, outputs_of, read_flights, read_nominal
 from mcnav.systems.reentry.guided.reference import GuidedReferenceEngine
 from mcnav.systems.reentry.guided.remarks import departures_of, doubtful_end, draw_flights, limited_lift, rival_maxima
-from mcnav.systems.reentry.guided.start_times import partials_before_reentry
+from mcnav.systems.reentry.guided.timeline import fly_timeline, partials_before_reentry
 from mcnav.systems.reentry.outputs import FurtherOutput
 from mcnav.systems.reentry.scenario import HISTORY_TIME, Flight, Reentry, epoch_times
 from mcnav.systems.reentry.scenario import SOURCES as OF_NAVIGATION
+from mcnav.systems.variations import ROUNDING, check_span
 
 ENSEMBLE_CHUNK: Final = 2_048
 REVISION: Final = 1
@@ -117,7 +119,12 @@ class GuidedReentry:
     sources = (*OF_NAVIGATION, *TRUTH_SOURCES)
     engines = ("ensemble", "reference")
     revision = REVISION
-    can = frozenset({Capability.LINEAR_OVER_TIME, Capability.START_TIMES, Capability.REPLAY, Capability.REMARKS})
+    can = frozenset(
+        {
+            Capability.LINEAR_OVER_TIME, Capability.LINEAR_AT_ANY_TIME, Capability.START_TIMES, Capability.REPLAY,
+            Capability.REMARKS,
+        }
+    )  # fmt: skip
     start_clock = Reentry.start_clock
 
     def __init__(
@@ -152,25 +159,36 @@ class GuidedReentry:
             raise ScenarioError("guidance", f"the flight without any error fails: {failure}") from None
 
     def linear(self, times: Array | None = None) -> LinearSystem:
-        """Compute partial derivatives at the end by the variational equations along the flight without errors."""
-        return self._readings(np.zeros(0))
+        """Compute partial derivatives at times (s from reentry), by default at the end.
+
+        They are along the flight without errors; those of its last time are of each sample's own end.
+        """
+        if times is None:
+            return self._readings(np.array([self._flight.final_time]))
+        since, final = self.navigation.start - self.navigation.trajectory.reentry_time, self._flight.final_time
+        check_span(times, since, since + final, " from reentry")
+        return self._readings(np.where(times - since > final - ROUNDING, final, np.maximum(times - since, 0.0)))
 
     def linear_over_time(self, count: int) -> LinearSystem:
         """Compute partial derivatives over the flight; those of the last time are of each sample's own end."""
-        return self._readings(epoch_times(self._unguided.navigation, count)[:-1] - self.navigation.start)
+        times, final = (
+            epoch_times(self._unguided.navigation, count)[:-1] - self.navigation.start,
+            self._flight.final_time,
+        )
+        return self._readings(np.append(times[times < final], final))
 
     def _readings(self, times: Array) -> LinearSystem:
-        """Read the linear system at times (s from the start of navigation) and at the end."""
+        """Read the linear system at times, s from the start of navigation; the end is that of each sample."""
         navigation, flight = self.navigation, self._flight
-        readings = [*(flight.at(float(time)) for time in times if time < flight.final_time), flight.end]
-        states = simulate_flights(nominal_flight(navigation), np.zeros((1, SOURCES)), times).actual[0]
-        states = np.concatenate([states[: len(readings) - 1], states[-1:]])
-        read = [read_linear(navigation, *each) for each in zip(readings, states, strict=True)]
+        timeline, final = fly_timeline(flight, times), flight.final_time
+        readings = [flight.at(float(time)) if time < final else flight.end for time in times]
+        flown = simulate_flights(nominal_flight(navigation), np.zeros((1, SOURCES)), times[times < final]).actual[0]
+        states = np.concatenate([flown[:-1], np.repeat(flown[-1:], int((times >= final).sum()), axis=0)])
         since = navigation.start - navigation.trajectory.reentry_time
         return LinearSystem(
-            (np.array([reading.time for reading in readings]) + since) / 60.0,
-            np.array([partials for partials, _ in read]),
-            np.array([values for _, values in read]),
+            (times + since) / 60.0,
+            propagate(timeline, None, timeline.positions(times)).partials[:, :, :-1],
+            np.array([read_nominal(flight, *each) for each in zip(readings, states, strict=True)]),
             label=HISTORY_TIME,
             origin=origin_of(navigation, states),
         )
@@ -206,7 +224,7 @@ class GuidedReentry:
         """
         first, reentry = self._from_first_point, self.navigation.trajectory.reentry_time
         before = times <= 0.0
-        early = partials_before_reentry(first._flight, first.linear().end.partials, times[before] + reentry, axes)
+        early = partials_before_reentry(first._flight, times[before] + reentry, axes)
         late = [self.started_at(float(time), axes).linear().end.partials for time in times[~before]]
         result = np.empty((len(times), *early.shape[1:]))
         result[before], result[~before] = early, np.reshape(late, (len(late), *early.shape[1:]))
