@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline, TimelineFilter
-from mcnav.linear.engine.products import transform, update
+from mcnav.linear.engine.products import step, update
 from mcnav.linear.engine.transitions import bounds
 
 
@@ -74,7 +74,7 @@ def design(
                 if position in readings:
                     covariances[readings[position]] = covariance
                 if not timeline.is_update[position]:
-                    covariance = transform(steps.transitions[number], covariance) + steps.noise[number]
+                    covariance = step(covariance, steps.transitions[number], steps.noise[number])
                     number += 1
                     continue
                 u = int(timeline.updates_before[position])

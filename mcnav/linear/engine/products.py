@@ -57,6 +57,11 @@ def transform(matrix: Array, covariance: Array) -> Array:
     return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))
 
 
+def step(covariance: Array, transition: Array, noise: Array) -> Array:
+    """Compute the covariance after a step, ``F P F' + Q``; what rounding leaves asymmetric, an update makes even."""
+    return np.asarray(transition @ covariance @ transition.T + noise)
+
+
 def update(covariance: Array, gain: Array, response: Array, variances: Array) -> Array:
     """Compute the covariance after an update with any gain: Joseph's form, ``(I - K H) P (I - K H)' + K R K'``.
 

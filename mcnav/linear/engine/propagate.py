@@ -137,20 +137,20 @@ class _State:
         for k in range(len(later) - 1, 0, -1):
             np.matmul(later[k], transitions[k], out=later[k - 1])
         whole = later[0] @ transitions[0]
-        rows = later.transpose(1, 0, 2).reshape(len(whole), -1)
-        self.partials = whole @ self.partials + rows @ block.inputs[first:last].reshape(rows.shape[1], -1)
+        self.partials = whole @ self.partials + np.tensordot(
+            later[:, :, block.driven], block.inputs[first:last, block.driven], axes=([0, 2], [0, 1])
+        )
         if not len(self.names):
             return
         padded = np.pad(whole, ((0, 1), (0, 1)))
         self.covariances = transform(padded[self.kept[:, :, None], self.kept[:, None, :]], self.covariances)
         for place, name in enumerate(self.names):
             used = self.kept[place] < len(whole)
-            rows_kept = self.kept[place][used]
-            own = later if np.array_equal(rows_kept, np.arange(len(whole))) else later[:, rows_kept]
+            rows, columns = np.ix_(self.kept[place][used], self.kept[place][used])
             for noise in block.noise.get(name, ()):
                 within = noise.between(first, last)
                 if len(within.places):
-                    self.covariances[place][np.ix_(used, used)] += sum_of_products(own, within)
+                    self.covariances[place][np.ix_(used, used)] += sum_of_products(later, within)[rows, columns]
 
     def mapped(self, maps: Array) -> tuple[Array, Array]:
         """Return partial derivatives and covariances of what is read; variances that are rounding are zero."""

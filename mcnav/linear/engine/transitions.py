@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -29,23 +30,20 @@ class Block:
 
     Attributes
     ----------
-    first : int
-        Position at which they begin.
     transitions, inputs : ndarray, shapes (k, n, n), (k, n, s + 1)
         A and B.
     noise : mapping of str to tuple of Noise
         By process: of steps, and of updates.
     """
 
-    first: int
     transitions: Array
     inputs: Array
     noise: Mapping[str, tuple[Noise, ...]]
 
-    @property
-    def last(self) -> int:
-        """Position at which they end."""
-        return self.first + len(self.transitions)
+    @cached_property
+    def driven(self) -> IndexArray:
+        """States that B drives."""
+        return np.flatnonzero(self.inputs.any(axis=(0, 2)))
 
 
 def bounds(first: int, last: int) -> list[tuple[int, int]]:
@@ -87,7 +85,7 @@ def expand(
         if together and variances:
             variances = {TOGETHER: np.add.reduce(list(variances.values()))}
         _expand_updates(timeline, gains, variances, first, last, transitions, inputs, noise)
-    return Block(first, transitions, inputs if constants is None else inputs @ constants, noise)
+    return Block(transitions, inputs if constants is None else inputs @ constants, noise)
 
 
 def noise_of_steps(steps: Steps, places: IndexArray) -> dict[str, tuple[Noise, ...]]:
