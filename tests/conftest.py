@@ -66,7 +66,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """
     compiling, files = [], dict[Path, list[pytest.Item]]()
     for item in items:
-        if FOLDER in item.path.parents:
+        if FOLDER in item.path.parent.parents:  # examples of modules beside this file have no folder
             item.add_marker(item.path.relative_to(FOLDER).parts[0])
         if item.path == COMPILING:
             compiling.append([item])

@@ -26,7 +26,9 @@ python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 80
 
 # Types in signatures: those of other packages, whose inventories would need a network, and those of no public name.
-nitpick_ignore_regex = [("py:class", r"(collections\.abc|pathlib|numpy|pandas|pd|xr|mcnav)\..*|MplFigure|Axes|Path|Units")]
+nitpick_ignore_regex = [
+    ("py:class", r"(collections\.abc|pathlib|numpy|pandas|pd|xr|mcnav)\..*|MplFigure|Axes|Path|Units")
+]
 
 html_theme = "furo"
 html_static_path = ["static"]

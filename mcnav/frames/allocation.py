@@ -15,6 +15,7 @@ from mcnav.config.documents import Description
 from mcnav.frames.answers import requirements_frame, unit_of
 from mcnav.report.allocate import goal_title, grade_rows, standing
 from mcnav.runner.executors import JOBS
+from mcnav.studies.allocate import CONFIRMED
 from mcnav.studies.allocate import allocate as allocate_numbers
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ class AllocationResult:
     >>> import mcnav as mc
     >>> limit = {"output": "altitude", "probability": 0.95, "below": "20 km"}
     >>> campaign = mc.Campaign({"type": "reentry", "trajectory": 1}, {"altitude": "5 km"}, accept=[{"quantile": limit}])
-    >>> found = mc.allocate(campaign)
+    >>> found = mc.allocate(campaign, confirm=0)
     >>> found.requirements.loc[0, "finding"], round(float(found.changes["factor"].iloc[-1]), 2)
     ('met', 1.66)
     """
@@ -131,9 +132,12 @@ class AllocationResult:
 
 
 def allocate(
-    campaign: Description, *, confirm: int = 0, jobs: int = JOBS, samples: int | None = None, basis: Basis | None = None
-) -> AllocationResult:
-    """Find the numbers of a campaign's data sheet with which its requirements are just met, for normal errors.
+    campaign: Description, *, confirm: int = CONFIRMED, jobs: int = JOBS, samples: int | None = None,
+    basis: Basis | None = None,
+) -> AllocationResult:  # fmt: skip
+    """Find the numbers of a campaign's data sheet with which its requirements are just met.
+
+    Advice is scaled by a simulation of the campaign as it is, and the smallest changes are simulated.
 
     For each requirement that is not met, every number is changed alone and all together, and each size that a filter
     believes; where all are met, each number is loosened until one is not.
@@ -143,7 +147,7 @@ def allocate(
     campaign : str, Path, Campaign or mapping
     confirm : int
         Changes to the last goal, the smallest first, that are simulated, and left out unless simulation confirms them.
-        With none the answer is that of linear analysis alone.
+        With none, and no basis, the answer is that of linear analysis alone, for normal errors.
     jobs : int
         Workers of a simulation.
     samples : int, optional
@@ -170,7 +174,7 @@ def allocate(
     >>> limit = {"output": "altitude", "probability": 0.95, "below": "12 km"}
     >>> campaign = mc.Campaign({"type": "reentry", "trajectory": 1}, {"altitude": "5 km", "gyro_drift": "0.2 deg/h"},
     ...                        accept=[{"quantile": limit}])
-    >>> changes = mc.allocate(campaign).changes.droplevel("goal")
+    >>> changes = mc.allocate(campaign, confirm=0).changes.droplevel("goal")
     >>> changes.loc["errors.altitude", ["now", "needed", "unit"]].tolist()
     ['5 km', '3.81 km', 'km']
     >>> changes["reached"].to_dict()

@@ -32,6 +32,11 @@ WORDS: Final = {
 }
 
 
+PAIRED: Final = """\
+Monte Carlo is the sigma of the samples. Paired takes out the scatter of the draws, which both sides share; the
+difference is its own."""
+
+
 @dataclass(frozen=True)
 class CovarianceVerdict:
     """Verdict of samples on a covariance.
@@ -49,6 +54,8 @@ class CovarianceVerdict:
         Verdict on the whole matrix, by mean NEES; empty for a matrix of zeros.
     nees, nees_expected : float
         Mean normalised estimation error squared, paired where it can be, and its expectation.
+    sample_covariance : DataFrame
+        Covariance of the successful samples, SI, as `pandas.DataFrame.cov` has it.
     worst_direction : Series
         Weights, in units of the outputs' sigmas, of the combination with the worst sigma ratio.
     worst_ratio : float
@@ -81,6 +88,7 @@ class CovarianceVerdict:
     joint: str
     nees: float
     nees_expected: float
+    sample_covariance: pd.DataFrame
     worst_direction: pd.Series
     worst_ratio: float
     samples: int
@@ -133,23 +141,34 @@ class CovarianceVerdict:
             {
                 "unit": self.frame["unit"],
                 "P S P'": self.frame["sigma_linear"].map("{:.5g}".format),
-                "Monte Carlo": self.frame[f"sigma_{self._kind}"].map("{:.5g}".format),
+                "Monte Carlo": self.frame["sigma_plain"].map("{:.5g}".format),
+                **({"paired": self.frame["sigma_paired"].map("{:.5g}".format)} if self.paired else {}),
                 "difference": (self.frame[f"ratio_{self._kind}"] - 1.0).map("{:+.2%}".format),
                 "interval": [_interval(*ends) for ends in self._ends],
                 "verdict": self.frame["verdict"],
             }
         )
-        lines = [f"{self.verdict.upper()}  {self.sentence}", "", shown.to_string()]
+        lines = [
+            f"{self.verdict.upper()}  {self.sentence}",
+            "",
+            f"1 sigma, {self.samples:,} samples",
+            shown.to_string(),
+        ]
+        if self.paired:
+            lines.append(PAIRED)
         if self.joint:
-            nees = f"mean NEES {self.nees:.4g} where {self.nees_expected:.4g} is expected"
+            nees = (
+                f"full matrix: mean normalised error squared (NEES) {self.nees:.4g}, expected {self.nees_expected:.4g}"
+            )
             lines += [
                 "",
                 nees if self.fixed is not None else f"{nees}: {self.joint}",
-                f"worst direction (in sigmas): {_weighted(self.worst_direction)}: {self.worst_ratio - 1.0:+.2%}",
+                f"worst direction: sigma {self.worst_ratio - 1.0:+.2%} along {_weighted(self.worst_direction)} (each in its "
+                "sigma)",
             ]
         if self.fixed is not None:
             lines.append(
-                f"linear analysis treats {_weighted(self.fixed)} (in sigmas) as exact; it varies by "
+                f"linear analysis treats {_weighted(self.fixed)} (each in its sigma) as exact; it varies by "
                 f"{self.fixed_sigma:.3g} sigma: differs"
             )
         return "\n".join(lines)
@@ -157,11 +176,14 @@ class CovarianceVerdict:
     __repr__ = __str__
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw each ratio with its interval and the tolerance as a band; returns matplotlib's axes."""
+        """Draw each ratio with its interval, that of the worst direction, and the tolerance as a band.
+
+        Returns matplotlib's axes.
+        """
         import matplotlib.pyplot as plt
 
-        ax = ax or plt.subplots(figsize=(7.0, 1.0 + 0.4 * len(self.frame)))[1]
-        rows = np.arange(len(self.frame))[::-1]
+        ax = ax or plt.subplots(figsize=(7.0, 1.4 + 0.4 * len(self.frame)), layout="constrained")[1]
+        rows = np.arange(len(self.frame))[::-1] + 1
         ratio, ends = self.frame[f"ratio_{self._kind}"].to_numpy(float), self._ends
         known = np.isfinite(ends).all(axis=1)
         ax.axvspan(1.0 - self.tolerance, 1.0 + self.tolerance, color="0.9", label=f"within {self.tolerance:.0%}")
@@ -170,7 +192,11 @@ class CovarianceVerdict:
             label=f"simulated over linear sigma, {self.confidence:.0%}",
         )  # fmt: skip
         ax.plot(ratio[~known], rows[~known], "o", fillstyle="none")
-        ax.set_yticks(rows, self.frame.index)
+        if self.joint:
+            ax.plot([self.worst_ratio], [0], "D", color="C1", label="the worst direction of the full matrix")
+        ax.set_yticks(
+            [*rows, *([0] if self.joint else [])], [*self.frame.index, *(["worst direction"] * bool(self.joint))]
+        )
         ax.set_xlabel("simulated sigma / linear sigma")
         ax.legend(loc="best", fontsize="small")
         return ax
@@ -362,6 +388,11 @@ def _frame(covariance: pd.DataFrame, rows: list[Mapping[str, Any]]) -> pd.DataFr
     return frame
 
 
+def _matrix(covariance: pd.DataFrame, values: Array) -> pd.DataFrame:
+    """Label a matrix as the covariance is."""
+    return pd.DataFrame(values, index=covariance.index, columns=covariance.columns)
+
+
 def _of_plain(
     covariance: pd.DataFrame, plain: CovarianceComparison, tolerance: float, confidence: float
 ) -> CovarianceVerdict:
@@ -370,7 +401,7 @@ def _of_plain(
     joint = "" if plain.together is None else str(plain.together.verdict)
     return CovarianceVerdict(
         _frame(covariance, rows), _overall(plain.verdict, joint), joint, plain.nees.value, float(plain.dimension),
-        pd.Series(plain.direction, index=covariance.columns), plain.direction_ratio, plain.samples, plain.failed,
+        _matrix(covariance, plain.sample), pd.Series(plain.direction, index=covariance.columns), plain.direction_ratio, plain.samples, plain.failed,
         False, tuple(covariance.attrs.get(WITHOUT, ())), tolerance, confidence,
     )  # fmt: skip
 
@@ -390,7 +421,7 @@ def _of_paired(
     return CovarianceVerdict(
         _frame(covariance, rows), _overall(paired.verdict, joint), joint,
         np.nan if whole is None else whole.nees_paired.value, 0.0 if whole is None else float(whole.dimension),
-        pd.Series(direction, index=covariance.columns),
+        _matrix(covariance, paired.covariance_sample), pd.Series(direction, index=covariance.columns),
         1.0 if whole is None else float(whole.direction_ratios[whole.farthest]), paired.samples, paired.failed, True,
         tuple(covariance.attrs.get(WITHOUT, ())), tolerance, confidence, fixed, fixed_sigma,
     )  # fmt: skip

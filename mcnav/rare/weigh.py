@@ -35,6 +35,10 @@ COUNTED: Final = 20.0
 SPREAD: Final = 0.05
 """Share of the flights with widened errors that may fail away from the lines: more is a region of its own."""
 
+WIDER: Final = 1.2
+"""Factor of the interval's reach to each side: with it intervals hold at their confidence in each row of
+`mcnav docs method`, and without it in all rows together."""
+
 AGREE: Final = 0.995
 """Confidence at which levels and lines must contradict each other."""
 
@@ -90,10 +94,7 @@ class Routes:
         if levels is not None and levels.scatter > ROUGHEST:
             levels = None
         smooth = None if self.search.jumps or self.search.corner <= self.search.far else levels
-        stated = partial(
-            Rare, flights=self.follower.flown.flights, refusal="", point=laid.point, sides=laid.sides,
-            power=self.widened.power(allowed),
-        )  # fmt: skip
+        stated = partial(self._rare, self.widened.power(allowed))
         if laid.doubt:
             everywhere = self.widened.failed & self.widened.seen
             value, low, high = self.widened.probability(everywhere, confidence)
@@ -117,6 +118,12 @@ class Routes:
         if difference < -reach and smooth is not None and not counted:
             low = min(low, of_levels[0])
         return stated(value, low, high)
+
+    def _rare(self, power: float, value: float, low: float, high: float, by_levels: bool = False) -> Rare:
+        """State a probability with an interval that reaches farther by `WIDER`."""
+        low, high = max(0.0, value - WIDER * (value - low)), value + WIDER * (high - value)
+        flights = self.follower.flown.flights
+        return Rare(value, low, high, flights, "", self.laid.point, self.laid.sides, power, by_levels)
 
     def refused(self, reason: str) -> Rare:
         """State nothing, and why."""

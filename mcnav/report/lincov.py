@@ -246,7 +246,7 @@ def largest_rows(answer: LinearAnswer) -> list[SizeRow]:
 
 
 def smoothed_rows(answer: LinearAnswer) -> list[SizeRow]:
-    """List the largest sigma of each output behind the smoother, with what it claims and the causes then."""
+    """List the largest sigma of each output that the smoother estimates, with what it claims and the causes then."""
     smoothed, scale = answer.smoothed, scale_of(answer.outputs)
     if smoothed is None or smoothed.sigma_filter is None or answer.beyond is not None:
         return []
@@ -258,6 +258,7 @@ def smoothed_rows(answer: LinearAnswer) -> list[SizeRow]:
             float(smoothed.readings.times[at]),
         )
         for i, (output, at) in enumerate(zip(answer.outputs, worst.tolist(), strict=True))
+        if np.isfinite(smoothed.sigma_filter[at, i])
     ]  # fmt: skip
 
 

@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.linear import LinearSystem
 from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import ScenarioError
-from mcnav.systems.closed_loop.linear import LinearReadings
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.soundness import SAMPLES, SMALL_SHARE
 
@@ -65,8 +65,9 @@ def _largest(setup: Setup, result: SimulationResult, rows: slice, sigma: Array) 
     return outputs[worst].name.replace("_", " "), float(most[worst])
 
 
-def check_finite(readings: LinearReadings, names: tuple[str, ...]) -> None:
+def check_finite(readings: LinearSystem, names: tuple[str, ...]) -> None:
     """Raise `ScenarioError` when a loop's linear system grows beyond all numbers."""
+    assert readings.nominal is not None
     known = (np.abs(readings.partials) < LARGEST).all(axis=2) & (np.abs(readings.nominal) < LARGEST)
     for covariance in readings.processes.values():
         known &= np.diagonal(covariance, axis1=1, axis2=2) < LARGEST**2
@@ -81,7 +82,7 @@ def check_finite(readings: LinearReadings, names: tuple[str, ...]) -> None:
     )
 
 
-def growth_of(readings: LinearReadings, names: tuple[str, ...], start: Array) -> list[str]:
+def growth_of(readings: LinearSystem, names: tuple[str, ...], start: Array) -> list[str]:
     """Say when a sigma grows as those of a loop that diverges do.
 
     Parameters
@@ -105,14 +106,14 @@ def growth_of(readings: LinearReadings, names: tuple[str, ...], start: Array) ->
     ]
 
 
-def sigmas_of(readings: LinearReadings, start: Array) -> Array:
+def sigmas_of(readings: LinearSystem, start: Array) -> Array:
     """Compute the linear sigmas of the outputs at the epochs, shape (m, outputs)."""
     variances = np.einsum("moi,ij,moj->mo", readings.partials, start, readings.partials)
     variances = variances + sum(np.diagonal(each, axis1=1, axis2=2) for each in readings.processes.values())
     return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
 
 
-def singular_corrections(setup: Setup, readings: LinearReadings, names: tuple[str, ...]) -> list[str]:
+def singular_corrections(setup: Setup, readings: LinearSystem, names: tuple[str, ...]) -> list[str]:
     """Say which corrections are many times what the dispersions before them call for.
 
     These are that of the state which the impulse is added to, and of states whose rate it is over the rest of the
@@ -121,7 +122,7 @@ def singular_corrections(setup: Setup, readings: LinearReadings, names: tuple[st
     maps, told = setup.maps, []
     sigmas = sigmas_of(readings, setup.true.start)
     for number, impulse in enumerate(maps.impulses):
-        planned = [each.time for each in setup.timeline if number in each.corrections]
+        planned = [each.time for each in setup.schedule if number in each.corrections]
         state = impulse.declared.apply
         if not planned or not isinstance(state, str) or planned[0] >= readings.times[-1]:
             continue

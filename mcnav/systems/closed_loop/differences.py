@@ -17,6 +17,9 @@ from mcnav.systems.closed_loop.rotations import Space
 Map = Callable[[Array, Array], Array]
 """X, shape (size, n), and inputs, shape (k, n), to shape (m, n)."""
 
+TimedMap = Callable[[Array, Array, Array], Array]
+"""The same, of times and the like of each state besides, shape (k, n)."""
+
 SHARE: Final = 0.1
 """Step along the nominal, as a share of a quantity's size: the error of differences of fourth order is 1e-4 of a term
 of fifth order at one sigma, and rounding is magnified by ten."""
@@ -96,14 +99,63 @@ def differentiate_map(
     result : Space, optional
         Differences of the map's values; ordinary ones unless given.
     """
-    size, inputs = len(x), len(input_steps)
-    total, sizes = size + inputs, np.concatenate([steps, input_steps])
-    all_steps = SHARE * sizes
-    moved = np.zeros((total, 4 * total + 1 + MIXED))
+    moved = _moves(np.concatenate([steps, input_steps]))
+    size = len(x)
+    values = function(space.plus(x[:, None], moved[:size]), moved[size:])
+    return _derivatives(values, x, moved, steps, input_steps, space, result)
+
+
+def differentiate_maps(
+    function: TimedMap, x: Array, at: Array, steps: Array, input_steps: Array, space: Space,
+    result: Space | None = None,
+) -> tuple[list[Derivatives], Array]:  # fmt: skip
+    """Differentiate a map about n states at once, each at its own time and the like; see `differentiate_map`.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, size)
+    at : ndarray, shape (n, k)
+
+    Returns
+    -------
+    list of Derivatives
+    ndarray, shape (m, n, columns)
+        The map's values, from which they follow.
+    """
+    moved = _moves(np.concatenate([steps, input_steps]))
+    count, size = x.shape
+    columns = moved.shape[1]
+    states = space.plus(x.T[:, :, None], moved[:size, None]).reshape(size, -1)
+    values = function(states, np.tile(moved[size:], (1, count)), np.repeat(at.T, columns, axis=1))
+    values = values.reshape(-1, count, columns)
+    each = [
+        _derivatives(np.ascontiguousarray(values[:, number]), x[number], moved, steps, input_steps, space, result)
+        for number in range(count)
+    ]
+    return each, values
+
+
+def columns_of(total: int) -> int:
+    """Return how many states of X a derivative by so many numbers takes."""
+    return 4 * total + 1 + MIXED
+
+
+def _moves(sizes: Array) -> Array:
+    """Return the changes of X, and below it of the inputs, at which a map is evaluated; the first is none."""
+    total, all_steps = len(sizes), SHARE * sizes
+    moved = np.zeros((total, columns_of(total)))
     for number, multiple in enumerate((1.0, -1.0, 2.0, -2.0)):
         moved[np.arange(total), 1 + number * total + np.arange(total)] = multiple * all_steps
     moved[:, 4 * total + 1 :] = sizes[:, None] * mixed(total)
-    values = function(space.plus(x[:, None], moved[:size]), moved[size:])
+    return moved
+
+
+def _derivatives(
+    values: Array, x: Array, moved: Array, steps: Array, input_steps: Array, space: Space, result: Space | None
+) -> Derivatives:
+    """Return the derivatives of a map from its values, shape (m, columns)."""
+    size, total = len(x), len(moved)
+    all_steps = SHARE * np.concatenate([steps, input_steps])
     value = middle = values[:, 0]
     bent = bool(space.attitudes) or (result is not None and bool(result.attitudes))
     if result is not None and result.attitudes:

@@ -19,11 +19,11 @@ from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.plan import Plan
 from mcnav.systems.closed_loop.reading import read_maps, read_start
 from mcnav.systems.closed_loop.readout import Readout
+from mcnav.systems.closed_loop.schedule import read_schedule
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.simulation import simulate
 from mcnav.systems.closed_loop.sizes import LoopSizes, difference_steps
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
-from mcnav.systems.closed_loop.timeline import read_timeline
 from mcnav.systems.conditions import Conditions
 from mcnav.systems.guard import in_user_code, simulating
 from mcnav.systems.sample_loop import join_results, simulate_alone
@@ -58,7 +58,7 @@ def set_up(
     start, readout = read_start(instance, name, maps.structure), readout_of(maps)
     steps = difference_steps(maps, start, sizes.true)
     return Setup(
-        maps, read_timeline(instance, name, tuple(sensor.declared for sensor in maps.sensors)), plan,
+        maps, read_schedule(instance, name, tuple(sensor.declared for sensor in maps.sensors)), plan,
         read_filter(instance.filter, name, maps.structure), judged_states(instance, name, maps), sizes.true,
         sizes.believed, start, steps, epochs, readout, schema, readout.floor(plan),
     )  # fmt: skip

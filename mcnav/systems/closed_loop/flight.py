@@ -22,11 +22,11 @@ from mcnav.systems.closed_loop.maps import Event
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, SENSORS, Noise, NoNoise
 from mcnav.systems.closed_loop.own_update import stated_covariance, updated
 from mcnav.systems.closed_loop.passage import Step, find_passages, meet, pass_through
-from mcnav.systems.closed_loop.plan import Transition
 from mcnav.systems.closed_loop.records import Recorder
+from mcnav.systems.closed_loop.schedule import Instant
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.structure import Part
-from mcnav.systems.closed_loop.timeline import Instant
+from mcnav.systems.closed_loop.transitions import Transition
 
 NOTHING: Final = np.zeros(0, dtype=bool)
 """Flags of an event that there is not."""

@@ -1,196 +1,271 @@
-"""Linear covariance of a loop from its plan: partial derivatives and the covariance by process, at the epochs."""
+"""Linear answers about a loop by the linear engine: readings at instants, around updates, and at any time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.contract.linear import Update
-from mcnav.systems.closed_loop.maps import Maps
-from mcnav.systems.closed_loop.plan import Begin, Plan, Transition
-from mcnav.systems.closed_loop.readout import Readout
-from mcnav.systems.closed_loop.sizes import Sizes
+from mcnav.contract.linear import LinearSystem, Update
+from mcnav.contract.scenario import ScenarioError
+from mcnav.contract.timeline import Instants, Start, Timeline
+from mcnav.linear.engine.design import Design, design
+from mcnav.linear.engine.propagate import Propagated, propagate
+from mcnav.linear.engine.smoother import smooth
+from mcnav.systems.closed_loop.nominal_flight import within_step
+from mcnav.systems.closed_loop.timeline import LoopTimeline, LoopTransitions
+from mcnav.systems.closed_loop.transitions import Moment, Transition
+
+SAME: Final = 1e-9
+"""Share of the flight within which two times are one."""
 
 
 @dataclass(frozen=True)
-class LinearReadings:
-    """The linear system at some epochs, m of them.
+class Reading:
+    """A reading of the linear system.
 
     Attributes
     ----------
-    partials : ndarray, shape (m, outputs, sources)
-    nominal, origin : ndarray, shape (m, outputs)
-        As those of a `LinearSystem`.
-    processes : mapping of str to ndarray, shape (m, outputs, outputs)
-    updates : tuple of str or None
-        As those of a `LinearSystem`.
-    seen : tuple of (ndarray, ndarray)
-        X of the nominal, shape (size,), and the filter's covariance, shape (k, k).
+    time : float
+    x : ndarray, shape (size,)
+        Of the nominal.
+    position : int
+        In the timeline; that of the begin of a step for a moment within it.
+    label : str, optional
+        ``before`` or ``after`` an update.
+    within : tuple of Transition
+        From the position to the moment.
     """
 
-    times: Array
-    partials: Array
-    nominal: Array
-    origin: Array
-    processes: Mapping[str, Array]
-    updates: tuple[Update, ...] = ()
-    seen: tuple[tuple[Array, Array], ...] = ()
+    time: float
+    x: Array
+    position: int
+    label: Update = None
+    within: tuple[Transition, ...] = ()
 
 
-def process_names(maps: Maps) -> tuple[str, ...]:
-    """Return the names of all processes of noise: white, Gauss-Markov, of sensors, of corrections."""
-    structure = maps.structure
-    sensors = tuple(sensor.declared.name for sensor in maps.sensors)
-    return (*structure.white.names, *structure.markov.names, *sensors, *structure.corrections.names)
+@dataclass(frozen=True)
+class LinearLoop:
+    """The linear system of a loop, read out.
 
-
-def _entering(maps: Maps, true: Sizes, transition: Transition) -> Iterator[tuple[str, Array]]:
-    """Return what enters a map by process: name, and ``G`` in sizes of the process, shape (size, k)."""
-    structure = maps.structure
-    if transition.kind == "step":
-        inputs = structure.white.size + structure.markov.size
-        sized = transition.inputs * true.modes
-        begin = 0
-        for quantity in (*structure.white.quantities, *structure.markov.quantities):
-            columns = np.arange(begin, begin + quantity.size)
-            yield quantity.name, sized[:, np.concatenate([columns, inputs + columns])]
-            begin += quantity.size
-        for number, inputs_of in transition.corrections.items():
-            yield structure.corrections.quantities[number].name, inputs_of * true.corrections[number]
-    elif transition.kind == "measure":
-        yield maps.sensors[transition.number].declared.name, transition.inputs * true.measurements[transition.number]
-    elif transition.kind == "correct":
-        name = structure.corrections.quantities[transition.number].name
-        yield name, transition.inputs * true.corrections[transition.number]
-
-
-@dataclass
-class LinearState:
-    """Deviations of X: partial derivatives, shape (size, sources), and covariances by process, shape (size, size)."""
-
-    partials: Array
-    covariances: dict[str, Array]
-    present: dict[str, bool]
-
-    @classmethod
-    def at_start(cls, maps: Maps, true: Sizes, waits: bool = False) -> LinearState:
-        """Return those at the start, without errors of a navigator that waits."""
-        structure = maps.structure
-        covariances = {name: np.zeros((structure.size, structure.size)) for name in process_names(maps)}
-        begin = structure.markov.begin
-        for quantity, place in structure.markov.places():
-            local = slice(place.start - begin, place.stop - begin)
-            covariances[quantity.name][place, place] = np.diag(true.markov[local] ** 2)
-        present = {name: bool(matrix.any()) for name, matrix in covariances.items()}
-        partials = structure.start_partials.copy()
-        if waits:
-            partials[structure.navigator] = 0.0
-        return cls(partials, covariances, present)
-
-    def after(self, maps: Maps, true: Sizes, transition: Transition) -> LinearState:
-        """Return those after a transition."""
-        state, present, covariances = transition.state, dict(self.present), dict(self.covariances)
-        for name, covariance in covariances.items():
-            if present[name]:
-                covariances[name] = state @ covariance @ state.T
-        for name, entering in _entering(maps, true, transition):
-            if entering.any():
-                present[name] = True
-                covariances[name] = covariances[name] + entering @ entering.T
-        return LinearState(state @ self.partials, covariances, present)
-
-    def begun(self, begin: Begin) -> LinearState:
-        """Return those after the start of a navigator that has waited."""
-        covariances = {name: begin.state @ each @ begin.state.T for name, each in self.covariances.items()}
-        return LinearState(begin.state @ self.partials + begin.errors, covariances, self.present)
-
-    def covariance(self, start: Array) -> Array:
-        """Return the covariance of X, shape (size, size), for sources of a covariance."""
-        total = self.partials @ start @ self.partials.T
-        return np.asarray(total + sum(self.covariances[name] for name, there in self.present.items() if there))
-
-
-Row = tuple[float, Array, Array, dict[str, Array]]
-"""A reading: time, partial derivatives and nominal of the outputs, and their covariance by process."""
-
-
-def read_plan(
-    plan: Plan, maps: Maps, true: Sizes, readout: Readout, epochs: Sequence[int], around: bool = False
-) -> LinearReadings:
-    """Propagate partial derivatives and covariances along a plan and read them out at instants by number.
-
-    Parameters
+    Attributes
     ----------
-    around : bool
-        Whether to read out before and after updates at the epochs, and before and after all corrections.
+    begin : int
+        Position at which the navigator starts.
+    start : Start, optional
+        The start there, where it is not that of the flight.
     """
-    linear, wanted = LinearState.at_start(maps, true, plan.begin is not None), set(epochs)
-    rows: list[Row] = []
-    labels: list[Update] = []
-    seen: list[tuple[Array, Array]] = []
 
-    def read(time: float, x: Array, state: LinearState, label: Update, own: Array) -> None:
-        matrix = readout.partials(x, plan.steps, time)
-        added = {name: matrix @ each @ matrix.T for name, each in state.covariances.items() if state.present[name]}
-        rows.append((time, matrix @ state.partials, readout.read_nominal(x, time), added))
-        labels.append(label)
-        seen.append((x, own))
+    loop: LoopTimeline
+    begin: int = 0
+    start: Start | None = None
 
-    for number, planned in enumerate(plan.instants[: plan.end + 1]):
-        for transition in planned.steps:
-            for moment in transition.moments if around else ():
-                read(
-                    moment.time, moment.x, linear.after(maps, true, moment.transition), moment.label, moment.covariance
-                )
-            linear = linear.after(maps, true, transition)
-        if plan.begin is not None and number == plan.begin.number:
-            linear = linear.begun(plan.begin)
-        corrects = around and any(each.kind == "correct" for each in planned.updates)
-        changes = around and (number in wanted or corrects) and planned.changed
-        time = plan.end_time if number == plan.end else planned.instant.time
-        if changes:
-            read(time, planned.before[-1], linear, "before", planned.covariance_before)
-        for transition in planned.updates:
-            linear = linear.after(maps, true, transition)
-        known = around and bool(rows) and rows[-1][0] == time and not changes  # after a correction at the same time
-        if (number in wanted or changes) and not known:
-            read(time, planned.nominal, linear, "after" if changes else None, planned.covariance)
-    floor = readout.floor(plan)
-    steps = np.array([plan.steps[source.moves[0]] for source in maps.structure.sources])
-    rows = [_without_rounding(row, true.start, floor, steps) for row in rows]
-    origins = [readout.origin(x, floor) for x, _ in seen]
-    none = np.zeros((len(readout.outputs),) * 2)
-    names = list(dict.fromkeys(name for row in reversed(rows) for name in row[3]))
-    return LinearReadings(
-        np.array([row[0] for row in rows]),
-        np.array([row[1] for row in rows]),
-        np.array([row[2] for row in rows]),
-        np.array(origins).reshape(len(rows), len(readout.outputs)),
-        {name: np.array([row[3].get(name, none) for row in rows]) for name in names},
-        tuple(labels),
-        tuple(seen),
-    )
+    @cached_property
+    def design(self) -> Design | None:
+        """Gains and the filter's covariance at all positions; none without a filter."""
+        loop = self.loop
+        if loop.states is None:
+            return None
+        return design(loop.timeline, np.arange(self.begin, loop.timeline.end + 1), self.begin, self.start)
+
+    @property
+    def gains(self) -> Array | None:
+        """Gains of all updates; none without a filter."""
+        return None if self.design is None else self.design.gains
+
+    def at_instants(self, numbers: Sequence[int]) -> list[Reading]:
+        """Return readings after all at instants, by number."""
+        return [self._after(number) for number in numbers]
+
+    def around(self, numbers: Sequence[int], moments: bool = True) -> list[Reading]:
+        """Return readings before and after updates at instants by number, and before and after all corrections.
+
+        Parameters
+        ----------
+        moments : bool
+            Whether to read out before and after events within steps.
+        """
+        readings: list[Reading] = []
+        for number, planned in enumerate(self.loop.linear.instants):
+            before = int(self.loop.before[number])
+            if before < self.begin:
+                continue
+            for place, step in enumerate(planned.steps if moments else ()):
+                position = before - len(planned.steps) + place
+                readings += [_of_moment(moment, position) for moment in step.moments if position >= self.begin]
+            corrects = any(update.kind == "correct" for update in planned.updates)
+            changes = (number in numbers or corrects) and planned.changed
+            after = replace(self._after(number), label="after" if changes else None)
+            if changes:
+                readings.append(Reading(after.time, planned.before[-1], before, "before"))
+            known = bool(readings) and readings[-1].time == after.time and not changes  # after a correction then
+            if (number in numbers or changes) and not known:
+                readings.append(after)
+        return readings
+
+    def _after(self, number: int) -> Reading:
+        planned = self.loop.linear.instants[number]
+        return Reading(float(self.loop.times[number]), planned.nominal, int(self.loop.after[number]))
+
+    def at_times(self, times: Sequence[float]) -> list[Reading]:
+        """Return readings at times, before and after updates where there are some.
+
+        Raises `ScenarioError` for a time outside of the flight.
+        """
+        loop, known = self.loop, self.loop.times
+        first = float(known[np.searchsorted(loop.before, self.begin)])
+        same, readings = SAME * float(known[-1]), list[Reading]()
+        for time in times:
+            if not first - same <= time <= known[-1] + same:
+                raise ScenarioError("end", f"got {time:g} s; the flight is from {first:g} s to {known[-1]:g} s")
+            nearest = int(np.abs(known - time).argmin())
+            if abs(known[nearest] - time) > same:
+                readings.append(self._within_step(time))
+                continue
+            planned, after = loop.linear.instants[nearest], self._after(nearest)
+            if planned.changed:
+                readings.append(Reading(after.time, planned.before[-1], int(loop.before[nearest]), "before"))
+                after = replace(after, label="after")
+            readings.append(after)
+        return readings
+
+    def _within_step(self, time: float) -> Reading:
+        """Return a reading at a time within a step: by transitions of its own, beside the line."""
+        loop = self.loop
+        number = int(np.searchsorted(loop.times, time))
+        planned = loop.linear.instants[number]
+        step = int(np.searchsorted(planned.instant.step_times(), time, side="right")) - 1
+        transitions, x = within_step(loop.maps, loop.linear, loop.sizes, (number, step), time)
+        return Reading(time, x, int(loop.before[number]) - len(planned.steps) + step, None, transitions)
+
+    def smooth(self, readings: Sequence[Reading], lag: float) -> tuple[LinearSystem, Array]:
+        """Read the linear system out behind a smoother, with the smoother's covariance, shape (r, k, k).
+
+        Outputs that the filter does not estimate are as they are.
+
+        Raises `ScenarioError` for a reading within a step.
+        """
+        loop, designed, states = self.loop, self.design, self.loop.states
+        assert designed is not None
+        assert states is not None
+        within = [reading.time for reading in readings if reading.within]
+        if within:
+            nearest = loop.times[np.abs(loop.times - within[0]).argmin()]
+            told = f"got {within[0]:g} s; it is read out at instants of the loop, the nearest is {nearest:g} s"
+            raise ScenarioError("filter", f"smoother: {told}")
+        positions = np.array([reading.position for reading in readings])
+        own = replace(designed, positions=positions, covariances=self.own(readings))
+        smoothed, system = smooth(loop.timeline, own, positions, lag), self.read(readings)
+        known = states.estimates - loop.maps.structure.estimate.begin
+        partials = system.partials.copy()
+        partials[:, known] = smoothed.partials[:, :, :-1]
+        processes: dict[str, Array] = {}
+        for number, name in enumerate(loop.timeline.processes):
+            processes[name] = added = system.processes[name].copy()
+            added[:, known] = added[:, :, known] = 0.0
+            added[:, known[:, None], known] = smoothed.covariances[:, number]
+        return without_rounding(replace(system, partials=partials, processes=processes), loop), smoothed.claimed
+
+    def read(self, readings: Sequence[Reading]) -> LinearSystem:
+        """Read the linear system out."""
+        loop, names = self.loop, self.loop.timeline.processes
+        plain = [number for number, reading in enumerate(readings) if not reading.within]
+        outputs = len(loop.readout.outputs)
+        partials = np.zeros((len(readings), outputs, loop.timeline.sources + 1))
+        covariances = np.zeros((len(readings), len(names), outputs, outputs))
+        if plain:
+            positions = [readings[number].position for number in plain]
+            of_plain = propagate(loop.timeline, self.gains, positions, begin=self.begin, start=self.start)
+            partials[plain], covariances[plain] = of_plain.partials, of_plain.covariances
+        for number in sorted(set(range(len(readings))) - set(plain)):
+            of_moment = self._within(readings[number])
+            partials[number], covariances[number] = of_moment.partials[0], of_moment.covariances[0]
+        nominal = [loop.readout.read_nominal(reading.x, reading.time) for reading in readings]
+        floor = loop.readout.floor(loop.linear)
+        processes = {name: covariances[:, number] for number, name in enumerate(names)}
+        system = LinearSystem(
+            np.array([reading.time for reading in readings]), partials[:, :, :-1],
+            np.array(nominal).reshape(len(readings), outputs), processes,
+            tuple(reading.label for reading in readings),
+            origin=np.array([loop.readout.origin(reading.x, floor) for reading in readings]).reshape(-1, outputs),
+        )  # fmt: skip
+        return without_rounding(system, loop)
+
+    def own(self, readings: Sequence[Reading]) -> Array:
+        """Return the filter's covariance at readings, shape (r, k, k)."""
+        designed = self.design
+        assert designed is not None
+        covariances = designed.covariances[[reading.position - self.begin for reading in readings]]
+        for number, reading in enumerate(readings):
+            if reading.within:
+                covariances[number] = design(
+                    self._branch(reading, covariances[number]), (len(reading.within),)
+                ).covariances[0]
+        return covariances
+
+    def _within(self, reading: Reading) -> Propagated:
+        """Read a moment within a step: by transitions of its own, from X at the begin of the step."""
+        return propagate(self._branch(reading), None, (len(reading.within),))
+
+    def _branch(self, reading: Reading, own: Array | None = None) -> Timeline:
+        """Return the timeline from the begin of a step to a moment within it.
+
+        Parameters
+        ----------
+        own : ndarray, shape (k, k), optional
+            The filter's covariance at the begin, for the filter alone.
+        """
+        loop, timeline = self.loop, self.loop.timeline
+        start, filtered = timeline.start, None
+        if own is None:
+            whole = np.eye(timeline.states)
+            there = propagate(
+                timeline, self.gains, (reading.position,), begin=self.begin, start=self.start, maps=lambda _: whole
+            )
+            start = Start(there.partials[0], dict(zip(timeline.processes, there.covariances[0], strict=True)))
+        transitions = LoopTransitions(loop.maps, loop.states, loop.sizes, loop.pairs, reading.within)
+        if own is not None and timeline.filter is not None:
+            filtered = replace(
+                timeline.filter, steps=transitions.filter_steps_between, covariance=own,
+                responses=timeline.filter.responses[:0], variances=timeline.filter.variances[:0],
+            )  # fmt: skip
+        count = len(reading.within)
+        ends = np.array([0, count])
+        return Timeline(
+            start, np.zeros(count, dtype=bool), transitions.steps_between, Instants(np.array([0.0, 1.0]), ends, ends),
+            lambda position, time: loop.read_at(reading.x, reading.time), timeline.processes, timeline.biases,
+            filter=filtered,
+        )  # fmt: skip
 
 
-def _without_rounding(row: Row, start: Array, floor: Array, steps: Array) -> Row:
-    """Return a reading in which outputs that are rounding alone are not dispersed at all.
+def _of_moment(moment: Moment, position: int) -> Reading:
+    return Reading(moment.time, moment.x, position, moment.label, (moment.transition,))
+
+
+def without_rounding(system: LinearSystem, loop: LoopTimeline) -> LinearSystem:
+    """Return readings in which outputs that are rounding alone are not dispersed at all.
 
     Partial derivatives by sources without a size are kept where the step of a difference moves the output.
     """
-    time, partials, nominal, processes = row
-    variance = np.einsum("ij,jk,ik->i", partials, start, partials)
-    variance += sum((np.diag(each) for each in processes.values()), np.zeros(len(floor)))
-    kept = variance > floor**2
-    moved = (np.diag(start) == 0.0) & (np.abs(partials) * steps > floor[:, None])
-    sizes = {name: _kept(each, kept) for name, each in processes.items()}
-    return time, np.where(kept[:, None] | moved, partials, 0.0), nominal, sizes
+    start, floor = loop.sizes.true.start, loop.readout.floor(loop.linear)
+    steps = np.array([loop.linear.steps[source.moves[0]] for source in loop.maps.structure.sources])
+    variances = np.einsum("rij,jk,rik->ri", system.partials, start, system.partials)
+    for process in system.processes.values():
+        variances = variances + np.diagonal(process, axis1=1, axis2=2)
+    kept = ~(variances <= floor**2)  # NaN of a loop that diverges is kept, and told
+    moved = (np.diag(start) == 0.0) & (np.abs(system.partials) * steps > floor[:, None])
+    return replace(
+        system, partials=np.where(kept[:, :, None] | moved, system.partials, 0.0),
+        processes={name: _kept(process, kept) for name, process in system.processes.items()},
+    )  # fmt: skip
 
 
-def _kept(covariance: Array, kept: NDArray[np.bool_]) -> Array:
-    """Return a process's covariance of the outputs that are kept, without variances that rounding makes negative."""
-    own = kept & (np.diag(covariance) > 0.0)
-    return np.where(np.outer(own, own), covariance, 0.0)
+def _kept(covariances: Array, kept: NDArray[np.bool_]) -> Array:
+    """Return a process's covariances of the outputs that are kept, without variances that rounding makes negative."""
+    own = kept & ~(np.diagonal(covariances, axis1=1, axis2=2) <= 0.0)
+    return np.where(own[:, :, None] & own[:, None, :], covariances, 0.0)

@@ -165,7 +165,7 @@ class Maps:
         return self.sense is None and not (self.continuous and self.guide is not None)
 
     def step(
-        self, x: Array, time: Array, length: float, white: Array, fraction: Array | float = 1.0,
+        self, x: Array, time: Array, length: Array | float, white: Array, fraction: Array | float = 1.0,
         since: Array | float = 0.0, part: Part = "both",
     ) -> Array:  # fmt: skip
         """Propagate by a step of Runge-Kutta's classical method, or from one fraction of it to another, shape (n,).
@@ -177,6 +177,8 @@ class Maps:
         ----------
         time : ndarray, shape (n,)
             At the begin of the whole step, s.
+        length : ndarray, shape (n,), or float
+            Of the whole step, s.
         white : ndarray, shape (2, inputs, n)
             The first two Legendre modes, over the whole step, of white noise and of what drives Gauss-Markov processes,
             each with the variance of the density: ``w(s) = (white[0] + sqrt(3) (2 s - 1) white[1]) / sqrt(length)``,

@@ -12,8 +12,8 @@ from mcnav._types import Array
 from mcnav.contract.quantities import Of, Output
 from mcnav.systems.closed_loop.differences import Derivatives, differentiate_map
 from mcnav.systems.closed_loop.maps import Maps
-from mcnav.systems.closed_loop.plan import Plan, largest_values
 from mcnav.systems.closed_loop.structure import Structure
+from mcnav.systems.closed_loop.transitions import Linearization
 
 ROUNDING: Final = 1e-12
 """Share of a quantity's largest nominal value below which its deviations are rounding, of some thousand steps."""
@@ -153,12 +153,12 @@ class Readout:
 
         return differentiate_map(function, nominal, steps, np.zeros(0), self.structure.space)
 
-    def floor(self, plan: Plan) -> Array:
+    def floor(self, linear: Linearization) -> Array:
         """Return the deviations of outputs below which they are rounding, shape (outputs,)."""
-        matrix, largest = np.abs(self._linear), largest_values(plan, self.structure, plan.steps)
+        matrix, largest = np.abs(self._linear), linear.largest_values(self.structure)
         floors = (matrix * largest).max(axis=1, initial=0.0)
         if self.maps.own_outputs is not None:
-            derivatives = self.own_derivatives(plan.instants[plan.end].nominal, plan.steps, plan.end_time)
+            derivatives = self.own_derivatives(linear.instants[linear.end].nominal, linear.steps, linear.end_time)
             own = np.maximum((np.abs(derivatives.state) * largest).max(axis=1), np.abs(derivatives.value))
             floors = np.concatenate([floors, own])
         return np.asarray(ROUNDING * floors)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Final, TypeVar
@@ -27,18 +27,21 @@ from mcnav.systems.closed_loop.departures import (
 )
 from mcnav.systems.closed_loop.engine import ClosedLoopEngine, judged_states, maps_of, readout_of, set_up
 from mcnav.systems.closed_loop.filter import read_filter
-from mcnav.systems.closed_loop.linear import LinearReadings, process_names, read_plan
+from mcnav.systems.closed_loop.linear import LinearLoop, Reading
+from mcnav.systems.closed_loop.nominal_flight import linearize
 from mcnav.systems.closed_loop.own_update import stated_covariance
-from mcnav.systems.closed_loop.plan import Plan, make_plan
+from mcnav.systems.closed_loop.plan import GainFilter, Plan, make_plan
 from mcnav.systems.closed_loop.reading import read_start
 from mcnav.systems.closed_loop.records import schema_of
+from mcnav.systems.closed_loop.schedule import read_schedule
 from mcnav.systems.closed_loop.setup import Setup
-from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
-from mcnav.systems.closed_loop.soundness import check_repeatable, remarks_on
-from mcnav.systems.closed_loop.start_times import Starts, check_starts, plan_starts
+from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes, difference_steps
+from mcnav.systems.closed_loop.soundness import check_repeatable, remarks_on, step_error
+from mcnav.systems.closed_loop.start_times import Begun, Starts, check_starts, plan_starts
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.strapdown.shown import instrument_sources, shown_units
-from mcnav.systems.closed_loop.timeline import read_timeline
+from mcnav.systems.closed_loop.timeline import LoopTimeline, sized_processes
+from mcnav.systems.closed_loop.transitions import Linearization
 from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.user.code import UserScenarioSpec, ask
 
@@ -72,6 +75,9 @@ ROUNDING: Final = 1e-9
 MOST_STARTS: Final = 61
 """Start times of a study: each has a filter, and linear covariance, of its own."""
 
+RETUNED: Final = 10.0
+"""Factor of sizes up to which derivatives are used again: a step of differences is then at most one sigma."""
+
 START_CLOCK: Final = StartClock(
     "min of the flight",
     meaning="Until its navigator starts the vehicle flies by what is commanded without errors, dispersed by its errors "
@@ -90,8 +96,10 @@ class ClosedLoopScenario:
     spec : UserScenarioSpec
     sizes : LoopSizes
         Of the errors, and as the filter believes them.
-    begun : Plan, optional
-        Of a navigator that starts within the flight.
+    begun : Begun, optional
+        A navigator that starts within the flight.
+    lag : float, optional
+        Of a smoother that follows the filter, s; infinite where it uses all measurements.
 
     Raises
     ------
@@ -105,11 +113,14 @@ class ClosedLoopScenario:
 
     start_clock = START_CLOCK
 
-    def __init__(self, spec: UserScenarioSpec, sizes: LoopSizes, begun: Plan | None = None) -> None:
+    def __init__(
+        self, spec: UserScenarioSpec, sizes: LoopSizes, begun: Begun | None = None, lag: float | None = None
+    ) -> None:
         self.spec = spec
         self.sizes = sizes
-        self._begun = begun
-        self._ends: dict[float, tuple[Array, Array]] = {}
+        self._begun, self._lag = begun, lag
+        self._shared: Linearization | None = None
+        self._ends: tuple[tuple[float, ...], LinearSystem] | None = None
         self._object = spec.build_current()
         _read_loop(spec, lambda: self._read(spec, sizes))
 
@@ -118,7 +129,7 @@ class ClosedLoopScenario:
         self._instance = with_navigator(self._object.value)
         self.maps = maps_of(self._instance, spec.name, sizes)
         self._start = read_start(self._instance, spec.name, self.maps.structure)
-        self.timeline = read_timeline(self._instance, spec.name, tuple(sensor.declared for sensor in self.maps.sensors))
+        self.schedule = read_schedule(self._instance, spec.name, tuple(sensor.declared for sensor in self.maps.sensors))
         self.states = read_filter(self._instance.filter, spec.name, self.maps.structure)
         self._check_navigator(spec.name)
         self.judged = judged_states(self._instance, spec.name, self.maps)
@@ -154,24 +165,20 @@ class ClosedLoopScenario:
     @property
     def can(self) -> frozenset[Capability]:
         """Capabilities of the scenario."""
-        over_time = {Capability.LINEAR_OVER_TIME, Capability.EPOCHS, Capability.UPDATES, Capability.START_TIMES}
-        always = {Capability.USER_CODE, Capability.REMARKS, *over_time}
-        noise = {Capability.NOISE} if self.noisy else set()
-        return frozenset(always | noise | ({Capability.FILTER} if self.judged is not None else set()))
+        always = {
+            Capability.USER_CODE, Capability.REMARKS, Capability.LINEAR_OVER_TIME, Capability.LINEAR_AT_ANY_TIME,
+            Capability.EPOCHS, Capability.UPDATES, Capability.START_TIMES,
+        }  # fmt: skip
+        some = {
+            Capability.NOISE: self.noisy, Capability.FILTER: self.judged is not None,
+            Capability.SMOOTHER: self._lag is not None and self._begun is None,
+        }  # fmt: skip
+        return frozenset(always | {capability for capability, present in some.items() if present})
 
     @property
     def processes(self) -> tuple[Output, ...]:
         """Processes of noise that have a size."""
-        true, structure = self.sizes.true, self.maps.structure
-        blocks = (structure.white, structure.markov)
-        sized = [
-            array[place.start - block.begin : place.stop - block.begin]
-            for block, array in zip(blocks, (true.white, true.markov), strict=True)
-            for _, place in block.places()
-        ]
-        sized += [*true.measurements, *true.corrections]
-        names = process_names(self.maps)
-        return tuple(Output(name, "1", "1") for name, size in zip(names, sized, strict=True) if size.any())
+        return tuple(Output(name, "1", "1") for name in sized_processes(self.maps, self.sizes.true))
 
     @property
     def noisy(self) -> bool:
@@ -180,20 +187,53 @@ class ClosedLoopScenario:
 
     def with_sizes(self, sizes: LoopSizes) -> ClosedLoopScenario:
         """Return the scenario with other sizes."""
-        return type(self)(self.spec, sizes)
+        return type(self)(self.spec, sizes, lag=self._lag)
+
+    def with_smoother(self, lag: float | None) -> ClosedLoopScenario:
+        """Return the scenario with a smoother of this lag, s; infinite where it uses all measurements."""
+        return type(self)(self.spec, self.sizes, lag=lag)
+
+    def along(self, earlier: ClosedLoopScenario) -> ClosedLoopScenario:
+        """Return the scenario with the derivatives of one with other sizes, for linear answers; itself if it cannot be.
+
+        Samples, whose bits follow from their own sizes alone, have derivatives of their own all the same.
+        """
+        if self._object is not earlier._object or not _same_maps(self, earlier):
+            return self
+        tuned = type(self)(self.spec, self.sizes, lag=self._lag)
+        tuned._shared = earlier.linearization
+        return tuned
+
+    @cached_property
+    def linearization(self) -> Linearization:
+        """The derivatives along the nominal; `ScenarioError` when the flight without errors fails."""
+        if self._begun is not None:
+            return self._begun.linear.loop.linear
+        if self._shared is not None:
+            return self._shared
+        states, maps, believed = self.states, self.maps, self.sizes.believed
+        follow = None if states is None else lambda: GainFilter.at_start(maps, states, believed)
+
+        def make() -> Linearization:
+            if maps.covariance is not None:
+                stated_covariance(maps, np.repeat(self._start[:, None], 3, axis=1), np.zeros(3))
+            return linearize(maps, self._start, self.schedule, self.sizes, follow)
+
+        return self._linearized(make)
+
+    @cached_property
+    def linear_loop(self) -> LinearLoop:
+        """The linear system along the nominal."""
+        if self._begun is not None:
+            return self._begun.linear
+        return LinearLoop(LoopTimeline(self.linearization, self.maps, self.states, self.sizes, self.readout))
 
     @cached_property
     def plan(self) -> Plan:
-        """The linear system along the nominal; `ScenarioError` when the flight without errors fails."""
+        """The linear system of samples."""
         if self._begun is not None:
-            return self._begun
-
-        def make() -> Plan:
-            if self.maps.covariance is not None:
-                stated_covariance(self.maps, np.repeat(self._start[:, None], 3, axis=1), np.zeros(3))
-            return make_plan(self.maps, self._start, self.timeline, self.states, self.sizes.true, self.sizes.believed)
-
-        return self._linearized(make)
+            return self._begun.plan
+        return make_plan(self.linearization, self.maps, self.states, self.sizes.believed)
 
     def _linearized(self, run: Callable[[], Read], what: str = "its flight without any error failed") -> Read:
         """Run code of the user's without errors, or with small ones; what fails is a `ScenarioError`."""
@@ -204,16 +244,16 @@ class ClosedLoopScenario:
     def _chosen(self) -> tuple[int, ...]:
         """Instants that are epochs, by number: cycle instants, evenly thinned, and the end."""
         triggered = self.maps.ends
-        end = self.plan.end if triggered else len(self.timeline) - 1
+        end = self.linearization.end if triggered else len(self.schedule) - 1
         if self._begun is not None:
             return (end,)
         latest = np.inf
         if triggered:
-            end_time = self.plan.end_time
+            end_time = self.linearization.end_time
             latest = max(EARLY * end_time, end_time - SURE * self._sigmas_of_times.get("end", 0.0))
         possible = [
             number
-            for number, instant in enumerate(self.timeline[:end])
+            for number, instant in enumerate(self.schedule[:end])
             if instant.epoch and 0.0 < instant.time <= latest
         ]
         schema = self.filter_schema
@@ -223,72 +263,89 @@ class ClosedLoopScenario:
         return (*(possible[place] for place in places.tolist()), end)
 
     @cached_property
-    def readings(self) -> LinearReadings:
+    def readings(self) -> LinearSystem:
         """The linear system at the epochs."""
+        system = self._read_out(self.linear_loop.at_instants(self._chosen))
+        check_finite(system, tuple(output.name for output in self.outputs))
+        return system
+
+    def _read_out(self, readings: Sequence[Reading], own: bool = False) -> LinearSystem:
+        """Read the linear system out, also with what the navigator states."""
         with np.errstate(all="ignore"):
-            readings = read_plan(self.plan, self.maps, self.sizes.true, self.readout, self._chosen)
-        check_finite(readings, tuple(output.name for output in self.outputs))
-        return readings
+            system = replace(self.linear_loop.read(readings), label=LABEL)
+        schema = self.filter_schema
+        if not own or schema is None:
+            return system
+        return replace(system, own=self._stated(readings), own_outputs=schema.known, believed=self.believed)
 
     @property
     def reading_times(self) -> Array:
         """The epochs, s."""
-        end = self.plan.end_time if self.maps.ends else self.timeline[-1].time
-        return np.array([*(self.timeline[number].time for number in self._chosen[:-1]), end])
+        end = self.linearization.end_time if self.maps.ends else self.schedule[-1].time
+        return np.array([*(self.schedule[number].time for number in self._chosen[:-1]), end])
 
     @property
     def epochs(self) -> Epochs:
         """The epochs, with corrections as events."""
         events = {
             self.maps.impulses[number].declared.name: instant.time
-            for instant in self.timeline
+            for instant in self.schedule
             for number in instant.corrections
         }
-        events |= {name: time for name, time in self.plan.event_times.items() if name != "end"}
+        events |= {name: time for name, time in self.linearization.event_times.items() if name != "end"}
         return Epochs(LABEL, self.reading_times, events)
 
     def linear(self, times: Array | None = None) -> LinearSystem:
-        """Return the linear system at the end."""
+        """Return the linear system at the end, or at rising times, s, before and after updates."""
+        if times is not None:
+            return self._read_out(self._readings_at(times), own=True)
         system = self.linear_over_time(len(self._chosen))
         return system.at(np.arange(len(system.times)) == len(system.times) - 1)
 
+    def _readings_at(self, times: Array) -> list[Reading]:
+        """Return the readings at times; with the epochs, those around corrections as well."""
+        if np.array_equal(times, self.reading_times):
+            return self.linear_loop.around(self._chosen, moments=self._lag is None)
+        return self._linearized(lambda: self.linear_loop.at_times(times.tolist()))
+
+    def smoothed(self, times: Array | None = None) -> LinearSystem:
+        """Linearize the errors behind the smoother, at the readings of `linear`; `own` is what it claims."""
+        schema = self.filter_schema
+        assert schema is not None
+        assert self._lag is not None
+        readings = self.linear_loop.at_instants(self._chosen) if times is None else self._readings_at(times)
+        system, claimed = self.linear_loop.smooth(readings, self._lag)
+        own = self._of_outputs(claimed)
+        return replace(system, label=LABEL, own=own, own_outputs=schema.known, believed=self.believed)
+
     def linear_over_time(self, count: int) -> LinearSystem:
         """Return the linear system at so many epochs, evenly chosen, or at all when there are fewer."""
-        read, last = self.readings, len(self._chosen) - 1
-        chosen = np.unique(np.linspace(0, last, min(count, last + 1)).round().astype(int))
-        processes = {name: each[chosen] for name, each in read.processes.items()}
-        return LinearSystem(
-            read.times[chosen], read.partials[chosen], read.nominal[chosen], processes, label=LABEL,
-            origin=read.origin[chosen],
-        )  # fmt: skip
+        last = len(self._chosen) - 1
+        chosen = np.linspace(0, last, min(count, last + 1)).round().astype(int)
+        return self.readings.at(np.isin(np.arange(last + 1), chosen))
 
     def linear_around_updates(self) -> LinearSystem:
         """Return the linear system at all epochs, before and after updates, and around all corrections."""
-        with np.errstate(all="ignore"):
-            read = read_plan(self.plan, self.maps, self.sizes.true, self.readout, self._chosen, around=True)
-        system = LinearSystem(
-            read.times, read.partials, read.nominal, read.processes, read.updates, label=LABEL, origin=read.origin
-        )
-        schema = self.filter_schema
-        if schema is None:
-            return system
-        own = np.array([self._stated(time, *seen) for time, seen in zip(read.times.tolist(), read.seen, strict=True)])
-        if self.maps.covariance is not None:  # what a user states holds after updates
-            own[[number for number, update in enumerate(read.updates) if update == "before"]] = np.nan
-        return replace(system, own=own, own_outputs=schema.known, believed=self.believed)
+        return self._read_out(self.linear_loop.around(self._chosen), own=True)
 
-    def _stated(self, time: float, x: Array, covariance: Array) -> Array:
-        """Return the covariance of the outputs that the navigator states, shape (outputs, outputs)."""
-        states, schema = self.judged, self.filter_schema
-        assert states is not None
+    def _stated(self, readings: Sequence[Reading]) -> Array:
+        """Return the covariance of the outputs that the navigator states, shape (r, outputs, outputs)."""
+        if self.maps.covariance is None:
+            return self._of_outputs(self.linear_loop.own(readings))
+        return self._of_outputs(np.array([self._stated_by_user(reading) for reading in readings]))
+
+    def _of_outputs(self, covariances: Array) -> Array:
+        """Return covariances of the outputs, NaN of those that a filter does not estimate, from those of its states."""
+        schema = self.filter_schema
         assert schema is not None
-        known, whole = np.array(schema.known), np.full((schema.outputs, schema.outputs), np.nan)
-        if self.maps.covariance is not None:
-            own = stated_covariance(self.maps, x[:, None], np.array([time]))[:, :, 0]
-        else:
-            own = covariance[: states.estimated, : states.estimated]
-        whole[known[:, None], known] = own
+        known, whole = np.array(schema.known), np.full((len(covariances), schema.outputs, schema.outputs), np.nan)
+        whole[:, known[:, None], known] = covariances[:, : len(known), : len(known)]
         return whole
+
+    def _stated_by_user(self, reading: Reading) -> Array:
+        """Return the covariance that the user's class states; NaN before updates, after which it holds."""
+        own = stated_covariance(self.maps, reading.x[:, None], np.array([reading.time]))[:, :, 0]
+        return own if reading.label != "before" else np.full_like(own, np.nan)
 
     @cached_property
     def filter_schema(self) -> FilterSchema | None:
@@ -300,13 +357,9 @@ class ClosedLoopScenario:
         if self.filter_schema is None:
             return None
         times, count = self.reading_times, len(self._chosen)
-        planned = [self.plan.instants[number] for number in self._chosen]
-        own = [
-            self._stated(time, each.nominal, each.covariance)
-            for time, each in zip(times.tolist(), planned, strict=True)
-        ]
+        own = self._stated(self.linear_loop.at_instants(self._chosen))
         return FilterPrediction(
-            LABEL, times, np.array(own), np.zeros((count, 0)), np.zeros((count, 0, len(self.sources))),
+            LABEL, times, own, np.zeros((count, 0)), np.zeros((count, 0, len(self.sources))),
             {process.name: np.zeros((count, 0)) for process in self.processes}, self.believed,
         )  # fmt: skip
 
@@ -318,7 +371,7 @@ class ClosedLoopScenario:
     @property
     def accuracy(self) -> str:
         """Describe how samples are simulated and linearized."""
-        length = max(instant.length for instant in self.timeline)
+        length = max(instant.length for instant in self.schedule)
         return (
             f"{self.spec.code.file}, class {self.spec.name}, many at once; Runge-Kutta steps of {length:.4g} s; "
             "derivatives of each map by central differences of fourth order along the nominal"
@@ -332,6 +385,8 @@ class ClosedLoopScenario:
     def remarks(self) -> tuple[str, ...]:
         """Remarks on the loop.
 
+        With derivatives of other sizes no samples are tried.
+
         Raises `ScenarioError` when samples depend on more than their errors and noise.
         """
         self.plan  # noqa: B018  its failure is told first
@@ -339,16 +394,21 @@ class ClosedLoopScenario:
 
         def try_out() -> tuple[str, ...]:
             setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
-            result = check_repeatable(setup)
-            return (*remarks_on(setup, self._sigmas_of_times), *self._departures(setup, result))
+            result = None if self._shared is not None else check_repeatable(setup)
+            remarks = remarks_on(setup, self._sigmas_of_times)
+            if result is not None:
+                remarks += step_error(setup)
+            return (*remarks, *self._departures(setup, result))
 
         return self._linearized(try_out, "flights with small errors failed")
 
-    def _departures(self, setup: Setup, result: SimulationResult) -> tuple[str, ...]:
-        """Say what linear analysis says of the loop itself, and how a few samples depart from it."""
+    def _departures(self, setup: Setup, result: SimulationResult | None) -> tuple[str, ...]:
+        """Say what linear analysis says of the loop itself, and how a few samples, if any, depart from it."""
         names = tuple(output.name for output in self.outputs)
         start = self.sizes.true.start
         said = [*growth_of(self.readings, names, start), *singular_corrections(setup, self.readings, names)]
+        if result is None:
+            return tuple(said)
         sigma = sigmas_of(self.readings, start)[-1]
         return tuple(said or departures_from_twins(setup, result, sigma))
 
@@ -357,8 +417,7 @@ class ClosedLoopScenario:
         """Linear sigmas of the times of events by trigger, s, by name."""
         if not self.maps.events:
             return {}
-        with np.errstate(all="ignore"):
-            end = read_plan(self.plan, self.maps, self.sizes.true, self.readout, (self.plan.end,))
+        end = self._read_out(self.linear_loop.at_instants((self.linearization.end,)))
         sigmas, names = sigmas_of(end, self.sizes.true.start)[-1], [output.name for output in self.outputs]
         places = [names.index(quantity.name) for quantity in self.maps.structure.clock.quantities]
         return {event.name: float(sigmas[place]) for event, place in zip(self.maps.events, places, strict=True)}
@@ -368,6 +427,8 @@ class ClosedLoopScenario:
 
         Raises `ScenarioError` when the nominal flight fails, or samples depend on more than their errors and noise.
         """
+        if self._shared is not None:
+            return self.with_sizes(self.sizes).engine(engine, probes)
         if self._begun is None:
             self.remarks  # noqa: B018  fails where samples are not repeatable
         schema, epochs = self.filter_schema if self._begun is None else None, self.epochs
@@ -387,51 +448,58 @@ class ClosedLoopScenario:
 
     @cached_property
     def _starts(self) -> Starts:
-        return self._linearized(lambda: plan_starts(self.maps, self._start, self.timeline, self.states, self.sizes))
+        return self._linearized(lambda: plan_starts(self.linear_loop.loop, self._start, self.schedule))
 
     def start_times(self, count: int) -> Array:
         """Choose evenly spaced instants of the loop up to the first event by trigger, and those of corrections, s."""
         times = self._starts.times
         wanted = np.linspace(times[0], times[-1], min(count, MOST_STARTS))
-        corrections = [instant.time for instant in self.timeline if instant.corrections and instant.time <= times[-1]]
+        corrections = [instant.time for instant in self.schedule if instant.corrections and instant.time <= times[-1]]
         return times[self._starts.nearest(np.concatenate([wanted, corrections]))]
 
     def started_at(self, time: float, axes: str) -> ClosedLoopScenario:
         """Start the navigator at an instant of the loop, s; see `mcnav.systems.closed_loop.start_times`."""
         self.check_start_axes(axes)
+        number = self._start_at(time)
+        return self._linearized(
+            lambda: type(self)(self.spec, self.sizes, self._starts.begun(self._starts.numbers[number]))
+        )
+
+    def _start_at(self, time: float) -> int:
+        """Return the place of a start among all; `ScenarioError` where the navigator cannot start at a time."""
         times = self._starts.times
         (number,) = self._starts.nearest(np.array([time]))
-        if abs(times[number] - time) > ROUNDING * self.plan.end_time:
+        if abs(times[number] - time) > ROUNDING * self.linearization.end_time:
             message = (
                 f"got {time:g} s; the navigator starts at instants of the loop, the nearest is {times[number]:g} s"
             )
             raise ScenarioError("start", message)
-        return self._linearized(
-            lambda: type(self)(self.spec, self.sizes, self._starts.plan_of(self._starts.begins[number]))
-        )
+        return number
 
     def partials_at(self, times: Array, axes: str = "start") -> Array:
         """Compute the partial derivatives at the end for a navigator started at each time, (n, outputs, sources)."""
-        return np.array([partials for partials, _ in map(self._started_end, times.tolist())])
+        return self._started_ends(times).partials
 
     def noise_at(self, times: Array, axes: str = "start") -> Array:
         """Compute the covariance by noise at the end for a navigator started at each time, (n, outputs, outputs)."""
-        return np.array([noise for _, noise in map(self._started_end, times.tolist())])
+        none = np.zeros((len(times), len(self.outputs), len(self.outputs)))
+        return np.asarray(sum(self._started_ends(times).processes.values(), none))
 
-    def _started_end(self, time: float) -> tuple[Array, Array]:
-        """Return partial derivatives and covariance by noise at the end."""
-        if time not in self._ends:
-            model = self.started_at(time, "start").linear().end
-            none = np.zeros((len(self.outputs),) * 2)
-            self._ends[time] = model.partials, sum(model.processes.values(), none)
-        return self._ends[time]
+    def _started_ends(self, times: Array) -> LinearSystem:
+        """Read out at the end for a navigator started at each time; the last times are kept."""
+        key = tuple(times.tolist())
+        if self._ends is None or self._ends[0] != key:
+            starts = self._starts
+            numbers = [starts.numbers[self._start_at(time)] for time in key]
+            self._ends = key, starts.read_ends(numbers)
+        return self._ends[1]
 
     def nominal(self) -> History:
         """Return the nominal truth and commands at all instants."""
-        planned = self.plan.instants
+        planned = self.linearization.instants
         x = np.array([self._start, *(each.nominal for each in planned)])
-        x = np.where(np.abs(x).max(axis=0) > ROUNDING * self.plan.steps, x, 0.0)
-        times = np.array([0.0, *(each.instant.time for each in planned[:-1]), self.plan.end_time])
+        x = np.where(np.abs(x).max(axis=0) > ROUNDING * self.linearization.steps, x, 0.0)
+        times = np.array([0.0, *(each.instant.time for each in planned[:-1]), self.linearization.end_time])
         fresh = np.append(True, np.diff(times) > 0.0)
         columns, panels = {LABEL: times[fresh]}, []
         structure = self.maps.structure
@@ -445,6 +513,18 @@ class ClosedLoopScenario:
                                     f"{spoken} [{quantity.unit}]" if quantity.axes else "",
                                     marks=tuple(self.epochs.events)))  # fmt: skip
         return History(columns, self.epochs.events, tuple(panels))
+
+
+def _same_maps(one: ClosedLoopScenario, other: ClosedLoopScenario) -> bool:
+    """Return whether two scenarios have the same maps along the same nominal, and sizes of the same order."""
+    linear = other.linearization
+    pairs = zip((one.sizes.true, one.sizes.believed), (other.sizes.true, other.sizes.believed), strict=True)
+    if not all(np.array_equal(here.decay, there.decay) for here, there in pairs):
+        return False
+    if one.states is not None and not linear.settled:
+        return False
+    ratios = difference_steps(one.maps, one._start, one.sizes.true) / linear.steps
+    return bool(np.all((ratios > 1.0 / RETUNED) & (ratios < RETUNED)))
 
 
 def without_errors(spec: UserScenarioSpec) -> LoopSizes:

@@ -11,8 +11,8 @@ from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.plan import Plan
 from mcnav.systems.closed_loop.readout import Readout
+from mcnav.systems.closed_loop.schedule import Instant
 from mcnav.systems.closed_loop.sizes import Sizes
-from mcnav.systems.closed_loop.timeline import Instant
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Setup:
     """
 
     maps: Maps
-    timeline: tuple[Instant, ...]
+    schedule: tuple[Instant, ...]
     plan: Plan
     states: FilterStates | None
     judged: FilterStates | None

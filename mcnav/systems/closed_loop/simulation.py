@@ -30,11 +30,11 @@ def simulate(
     if draws is None and noise:
         draws = Noise(batch.seed, batch.index, shares)
     flight = _begin(setup, batch, draws or NoNoise(len(batch.errors)), over_time)
-    plan, last = setup.plan, len(setup.timeline) - 1
+    plan, last = setup.plan, len(setup.schedule) - 1
     with np.errstate(all="ignore"):
         if plan.begin is not None:
             wait(flight)
-        for number, instant in enumerate(setup.timeline):
+        for number, instant in enumerate(setup.schedule):
             flight.number = number
             for place, time in enumerate(instant.step_times().tolist()):
                 flight.step(instant, place, time)
@@ -49,7 +49,7 @@ def simulate(
                 flight.read(setup.epochs[number], instant.time)
             if number >= plan.end and not len(flight.rows):
                 break
-        flight.expire(setup.timeline[last].time, over=True)
+        flight.expire(setup.schedule[last].time, over=True)
         flight.number = plan.end
         end = setup.epochs[plan.end]
         flight.read(end, plan.end_time)

@@ -12,6 +12,7 @@ from mcnav._types import Array
 from mcnav.entries.axes import AxisSizes
 from mcnav.entries.quantities import Duration, JsonSchema, Later, Table
 from mcnav.systems.ins.tables.imu import BelievedImuTable
+from mcnav.systems.smoother_table import SmootherEntry
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,10 @@ class LoopFilterTable(Table):
 
     called: ClassVar[str] = "a closed loop's filter"
     believes: Annotated[BelievesTable, Field(description="What the filter believes.")] = BelievesTable()
+    smoother: Annotated[
+        SmootherEntry | None,
+        Field(description="Smoother that follows the filter, of which linear analysis is known."),
+    ] = None
 
 
 class NoiseTable(Table):

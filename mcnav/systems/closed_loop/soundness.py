@@ -14,10 +14,12 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.differences import COLUMNS
 from mcnav.systems.closed_loop.maps import Event
+from mcnav.systems.closed_loop.nominal_flight import innovation_shares
+from mcnav.systems.closed_loop.schedule import Instant
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.simulation import simulate
+from mcnav.systems.closed_loop.sizes import LoopSizes
 from mcnav.systems.closed_loop.structure import Structure
-from mcnav.systems.closed_loop.timeline import Instant
 
 SAMPLES: Final = 3
 
@@ -107,7 +109,8 @@ def remarks_on(setup: Setup, sigmas: Mapping[str, float]) -> list[str]:
         Linear sigmas of the times of events by trigger, s, by name.
     """
     plan, remarks = setup.plan, []
-    for name, share in plan.innovations.items():
+    sizes = LoopSizes(setup.true, setup.believed)
+    for name, share in innovation_shares(plan, setup.maps, setup.states is not None, sizes).items():
         if share > LARGEST_INNOVATION:
             remarks.append(
                 f"the innovation of {name} is {share:.2g} of its sigma without any error: the model differs from "
@@ -135,7 +138,7 @@ def remarks_on(setup: Setup, sigmas: Mapping[str, float]) -> list[str]:
                 f"{'the final' if event.kind == 'end' else 'its'} time is {sigma:.3g} s of {time:.4g} s, for which "
                 "linear analysis is rough"
             )
-    return remarks + _step_error(setup)
+    return remarks
 
 
 def _unmeasured(setup: Setup) -> list[str]:
@@ -165,8 +168,8 @@ def _near_updates(setup: Setup, event: Event, sigma: float) -> list[str]:
     """Find measurements, corrections and commands within one sigma of an event of the nominal."""
     time = setup.plan.event_times[event.name]
     near = max(sigma, SAME * setup.plan.end_time)
-    after = next(number for number, instant in enumerate(setup.timeline) if instant.time >= time - near)
-    instants = setup.timeline[max(after - 1, 0) : after + 2]
+    after = next(number for number, instant in enumerate(setup.schedule) if instant.time >= time - near)
+    instants = setup.schedule[max(after - 1, 0) : after + 2]
     told = "samples end before or after it" if event.kind == "end" else "it comes before or after it"
     changes = [(instant, _change_at(setup, instant)) for instant in instants if abs(instant.time - time) <= near]
     at: dict[tuple[str, str], list[str]] = {}
@@ -192,8 +195,8 @@ def _change_at(setup: Setup, instant: Instant) -> tuple[str, str] | None:
     return None
 
 
-def _step_error(setup: Setup) -> list[str]:
-    """Compare each step with two halves of it, about the nominal and one size to its sides.
+def step_error(setup: Setup) -> list[str]:
+    """Say whether steps are too long: compare each with two halves of it, at the nominal and one size to its sides.
 
     The difference of a step goes on as the linear system has it, so that what decays does not add up.
     """

@@ -1,27 +1,33 @@
 """Start of the navigator at an instant of the flight, by the linear system.
 
 Until it starts the truth flies by what is commanded without errors, `WaitingMaps`, dispersed by its errors at the start
-of the flight and by its processes; nothing is measured, and the navigator's errors are those of `Begin`. The
-derivatives along the nominal are those of any start: of each start the filter's covariance and gains are computed anew.
+of the flight and by its processes; nothing is measured, and the navigator's errors are those of `Begin`. What comes
+after the start is that of any start: of each start the filter's covariance and gains are computed again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.linear import LinearSystem
 from mcnav.contract.scenario import ScenarioError
-from mcnav.systems.closed_loop.differences import Derivatives
-from mcnav.systems.closed_loop.filter import FilterStates
-from mcnav.systems.closed_loop.linear import LinearState
+from mcnav.contract.timeline import Start
+from mcnav.linear.engine.products import transform
+from mcnav.linear.engine.propagate import Propagated, propagate
+from mcnav.linear.engine.starts import start_times
+from mcnav.systems.closed_loop.linear import LinearLoop, without_rounding
 from mcnav.systems.closed_loop.maps import Maps
-from mcnav.systems.closed_loop.plan import Begin, Plan, PlannedInstant, fly, make_plan, planner_at
-from mcnav.systems.closed_loop.sizes import LoopSizes
-from mcnav.systems.closed_loop.timeline import Instant
+from mcnav.systems.closed_loop.nominal_flight import innovation_shares, linearize
+from mcnav.systems.closed_loop.plan import Begin, Plan, make_plan
+from mcnav.systems.closed_loop.schedule import Instant
+from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
+from mcnav.systems.closed_loop.timeline import LoopTimeline, rows_of_errors
+from mcnav.systems.closed_loop.transitions import Linearization
 from mcnav.systems.closed_loop.waiting import WaitingMaps, follow_truth
 
 LARGEST_INNOVATION: Final = 1e-3
@@ -29,50 +35,96 @@ LARGEST_INNOVATION: Final = 1e-3
 
 
 @dataclass(frozen=True)
+class Begun:
+    """A navigator that starts within the flight: the plan of its samples, and its linear system."""
+
+    plan: Plan
+    linear: LinearLoop
+
+
+@dataclass(frozen=True)
 class Starts:
-    """Parts that the plans of all starts share.
+    """Starts of a navigator within the flight.
 
     Attributes
     ----------
-    waiting : Plan
-        Of a navigator that never starts.
-    known : dict
-        Derivatives along the nominal.
-    begins : tuple of Begin
-        All starts, in the order of time.
+    loop : LoopTimeline
+        Of a navigator that starts with the flight.
+    waiting : Linearization
+        Of one that never starts.
+    numbers : tuple of int
+        Instants at which it may start, in the order of time.
     """
 
-    maps: Maps
-    start: Array
-    timeline: tuple[Instant, ...]
-    states: FilterStates | None
-    sizes: LoopSizes
-    plan: Plan
-    waiting: Plan
-    known: dict[Hashable, Derivatives]
-    begins: tuple[Begin, ...]
+    loop: LoopTimeline
+    waiting: Linearization
+    numbers: tuple[int, ...]
 
     @property
     def times(self) -> Array:
         """Times of the starts, s."""
-        return np.array([self.timeline[each.number].time for each in self.begins])
+        return self.loop.times[list(self.numbers)]
 
     def nearest(self, times: Array) -> list[int]:
-        """Return the starts, by their place in ``begins``, that are nearest to some times, each once."""
+        """Return the starts, by their place in ``numbers``, that are nearest to some times, each once."""
         return [int(each) for each in np.unique(np.abs(self.times[:, None] - times).argmin(axis=0))]
 
-    def plan_of(self, begin: Begin) -> Plan:
-        """Linearize the flight of a navigator that starts at an instant."""
-        sizes, waited = self.sizes, self.waiting.instants[begin.number]
-        planner = planner_at(self.maps, self.start, self.states, sizes.true, sizes.believed, begin.covariance)
-        planner.known, planner.x = self.known, waited.before[-1]
-        planner.signs[:] = self.plan.signs
-        planner.plan.instants = self.waiting.instants[: begin.number]
-        updates = tuple(planner.updates(waited.instant))
-        there = replace(waited, updates=updates, nominal=planner.x, covariance=planner.covariance)
-        planner.plan.instants.append(replace(there, covariance_before=begin.covariance))
-        planner.plan.begin = begin
-        return fly(planner, self.timeline, begin.number + 1)
+    def begins(self, numbers: Sequence[int]) -> dict[int, tuple[Begin, Start]]:
+        """Return starts at instants by number, those of samples and of the linear engine, by their position."""
+        loop, structure, states = self.loop, self.loop.maps.structure, self.loop.states
+        places, counterparts = follow_truth(structure)
+        state = np.eye(structure.size)
+        state[structure.navigator] = 0.0
+        state[places, counterparts] = 1.0
+        errors = structure.start_partials * np.array([source.of == "navigation" for source in structure.sources])
+        added = np.pad(rows_of_errors(loop.pairs, errors), ((0, 0), (0, 1)))
+        turned, names = rows_of_errors(loop.pairs, state), loop.timeline.processes
+        true, believed = (self._waited(sizes, numbers) for sizes in (loop.sizes.true, loop.sizes.believed))
+        begins = {}
+        for row, number in enumerate(numbers):
+            covariance = np.zeros((0, 0))
+            if states is not None:
+                seen = states.reading @ state
+                moved = seen @ believed.partials[row, :, :-1] + states.reading @ errors
+                covariance = transform(moved, loop.sizes.believed.start)
+                covariance += transform(seen, believed.covariances[row].sum(axis=0))
+            noise = dict(zip(names, transform(turned, true.covariances[row]), strict=True))
+            own = None if states is None else covariance
+            start = Start(turned @ true.partials[row] + added, noise, filter_covariance=own)
+            begins[int(loop.before[number])] = Begin(number, state, errors, covariance), start
+        return begins
+
+    def _waited(self, sizes: Sizes, numbers: Sequence[int]) -> Propagated:
+        """Return X at instants by number, of a navigator that waits: without errors."""
+        structure = self.loop.maps.structure
+        waits = LoopTimeline(self.waiting, self.loop.maps, None, LoopSizes(sizes, sizes), self.loop.readout, waits=True)
+        partials, whole = np.pad(structure.start_partials, ((0, 0), (0, 1))), np.eye(structure.size)
+        partials[structure.navigator] = 0.0
+        start = replace(waits.timeline.start, partials=partials)
+        return propagate(waits.timeline, None, waits.before[list(numbers)], start=start, maps=lambda _: whole)
+
+    def read_ends(self, numbers: Sequence[int]) -> LinearSystem:
+        """Read the linear system out at the end for a navigator started at each of some instants, by number."""
+        loop = self.loop
+        (end,) = LinearLoop(loop).at_instants((loop.linear.end,))
+        begins = self.begins(numbers)
+        matrix = loop.read_at(end.x, end.time)
+        read = start_times(
+            loop.timeline, end.position, matrix, np.array(list(begins)), lambda position: begins[position][1]
+        )
+        processes = {name: read.covariances[:, row] for row, name in enumerate(loop.timeline.processes)}
+        system = LinearSystem(self.loop.times[list(numbers)], read.partials[:, :, :-1], processes=processes)
+        return without_rounding(system, loop)
+
+    def begun(self, number: int) -> Begun:
+        """Start the navigator at an instant."""
+        loop = self.loop
+        ((position, (begin, start)),) = self.begins((number,)).items()
+        reached = loop.linear.instants[number]
+        waited = replace(self.waiting.instants[number], updates=reached.updates, nominal=reached.nominal)
+        instants = [*self.waiting.instants[:number], waited, *loop.linear.instants[number + 1 :]]
+        plan = make_plan(replace(loop.linear, instants=instants), loop.maps, loop.states, loop.sizes.believed, begin)
+        return Begun(plan, LinearLoop(loop, position, start))
 
 
 def check_starts(maps: Maps) -> None:
@@ -84,56 +136,25 @@ def check_starts(maps: Maps) -> None:
         )  # fmt: skip
 
 
-def plan_starts(
-    maps: Maps, start: Array, timeline: tuple[Instant, ...], states: FilterStates | None, sizes: LoopSizes
-) -> Starts:
+def plan_starts(loop: LoopTimeline, start: Array, schedule: tuple[Instant, ...]) -> Starts:
     """Linearize what the flights of all starts share.
 
     Raises `ScenarioError` where the flight without errors depends on the start.
     """
-    known: dict[Hashable, Derivatives] = {}
-    plan = make_plan(maps, start, timeline, states, sizes.true, sizes.believed, known)
-    moved = [name for name, share in plan.innovations.items() if share > LARGEST_INNOVATION]
+    linear, maps = loop.linear, loop.maps
+    check_starts(maps)
+    shares = innovation_shares(linear, maps, loop.states is not None, loop.sizes)
+    moved = [name for name, share in shares.items() if share > LARGEST_INNOVATION]
     if moved:
         raise ScenarioError(
             "type", f"start times: the innovation of {moved[0]} is not zero without errors, so that the nominal flight "
             "depends on when the navigator starts; make the start a setting of the class, which mcnav sweep varies",
         )  # fmt: skip
-    waits = WaitingMaps.along(maps, plan)
-    waiting = make_plan(waits, start, timeline, None, sizes.true, sizes.believed)
-    latest = min(plan.event_times.values(), default=np.inf)
-    possible = [
+    waiting = linearize(WaitingMaps.along(maps, linear), start, schedule, loop.sizes, None)
+    latest = min(linear.event_times.values(), default=np.inf)
+    possible = tuple(
         number
-        for number, instant in enumerate(timeline[: plan.end])
+        for number, instant in enumerate(schedule[: linear.end])
         if (instant.epoch or instant.corrections) and instant.time <= latest
-    ]
-    begins = _begins(maps, waiting.instants, possible, states, sizes)
-    return Starts(maps, start, timeline, states, sizes, plan, waiting, known, begins)
-
-
-def _begins(
-    maps: Maps, instants: Sequence[PlannedInstant], possible: Sequence[int], states: FilterStates | None,
-    sizes: LoopSizes,
-) -> tuple[Begin, ...]:  # fmt: skip
-    """Return the starts at some instants; a filter begins with what is believed of the flight until there."""
-    structure = maps.structure
-    places, counterparts = follow_truth(structure)
-    state = np.eye(structure.size)
-    state[structure.navigator] = 0.0
-    state[places, counterparts] = 1.0
-    of_navigator = np.array([source.of == "navigation" for source in structure.sources])
-    errors = structure.start_partials * of_navigator
-    believed = LinearState.at_start(maps, sizes.believed, waits=True)
-    begins = []
-    for number, planned in enumerate(instants[: max(possible, default=-1) + 1]):
-        for transition in planned.steps:
-            believed = believed.after(maps, sizes.believed, transition)
-        if number in possible:
-            begin, covariance = Begin(number, state, errors, np.zeros((0, 0))), np.zeros((0, 0))
-            if states is not None:
-                of_x = believed.begun(begin).covariance(sizes.believed.start)
-                covariance = states.reading @ of_x @ states.reading.T
-            begins.append(replace(begin, covariance=covariance))
-        for transition in planned.updates:
-            believed = believed.after(maps, sizes.believed, transition)
-    return tuple(begins)
+    )
+    return Starts(loop, waiting, possible)

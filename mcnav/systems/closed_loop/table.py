@@ -36,6 +36,7 @@ from mcnav.systems.closed_loop.strapdown.merged import navigator_of
 from mcnav.systems.closed_loop.strapdown.table import read_instruments
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
 from mcnav.systems.ins.tables.imu import IMU
+from mcnav.systems.smoother_table import lag_of
 from mcnav.systems.user import table as user
 
 TABLES: Final[Mapping[str, FurtherTable]] = {
@@ -87,12 +88,12 @@ def read_scenario(table: user.UserTable, entries: Mapping[str, Any], context: Fi
     read = _read_sizes(scenario.maps, context, scenario.states)
     if read is None or len(context.problems) > before:
         return None
-    sizes, beliefs = read
+    sizes, beliefs, lag = read
     sigmas: Mapping[str, float] = {}
     if instruments is not None:
         sizes, sigmas = instruments.sized(sizes, scenario.maps.structure), instruments.true.sigmas
         beliefs = Beliefs({**instruments.believed.sigmas, **beliefs.errors})
-    sized = scenario.with_sizes(sizes)
+    sized = scenario.with_sizes(sizes).with_smoother(lag)
 
     def complete(scenario: Scenario, errors: ErrorModel) -> Scenario:
         return _with_errors(beliefs, sized, errors)
@@ -115,8 +116,10 @@ def _with_errors(beliefs: Beliefs, scenario: ClosedLoopScenario, errors: ErrorMo
     return scenario.with_sizes(LoopSizes(replace(sizes.true, start=start), replace(sizes.believed, start=scaled)))
 
 
-def _read_sizes(maps: Maps, context: FileContext, filtered: FilterStates | None) -> tuple[LoopSizes, Beliefs] | None:
-    """Read true and believed sizes; mistakes are added to the context, and none is returned."""
+def _read_sizes(
+    maps: Maps, context: FileContext, filtered: FilterStates | None
+) -> tuple[LoopSizes, Beliefs, float | None] | None:
+    """Read true and believed sizes, and the smoother's lag; mistakes are added, and none is returned."""
     before, content = len(context.problems), context.content
     if filtered is None and "filter" in content:
         context.problem("filter", "this loop has no Filter whose beliefs it could give; leave it out")
@@ -129,7 +132,13 @@ def _read_sizes(maps: Maps, context: FileContext, filtered: FilterStates | None)
     true = _Noise(maps, "", context).read(Sizes.none(maps), stated)
     believed = _Noise(maps, "filter.believes.", context).read(true, believes)
     errors = _believed_errors(maps, believes.errors, context)
-    return None if len(context.problems) > before else (LoopSizes(true, believed), Beliefs(errors))
+    lag = lag_of(filter_table.smoother)
+    if lag is not None and filtered is not None and len(filtered.considered):
+        message = "is not defined with considers, whose errors the filter's gains leave out; estimate them"
+        context.problem("filter.smoother", message)
+    if len(context.problems) > before:
+        return None
+    return LoopSizes(true, believed), Beliefs(errors), lag
 
 
 def _believed_errors(maps: Maps, entries: Mapping[str, Any], context: FileContext) -> dict[str, float]:

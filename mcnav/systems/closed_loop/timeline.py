@@ -1,147 +1,282 @@
-"""Timeline of a loop: instants, the steps that lead to each, and what happens there.
+"""The timeline of a loop, from which the linear engine answers: `mcnav.contract.timeline`.
 
-The order at one instant is: propagate, event, a phase that begins, measurements in their order, corrections, guidance,
-reading.
+X is truth, parameters, Gauss-Markov processes, navigation errors (estimate less counterpart, in place of the estimate),
+command, memory, corrections and the clock; the maps of the loop are of the estimate itself. The innovation of the
+timeline is what the navigator expects less what is measured, so that ``n = H_f z + v`` with z the navigation errors.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mcnav._types import Array
-from mcnav.contract.scenario import ScenarioError
-from mcnav.errors import suggestion
-from mcnav.systems.closed_loop.declarations import Measurement, Phase, Trigger
-from mcnav.systems.closed_loop.structure import phases_of
+from mcnav._types import Array, IndexArray
+from mcnav.contract.timeline import (
+    FilterSteps,
+    Instants,
+    Start,
+    StepNoise,
+    Steps,
+    Timeline,
+    TimelineFilter,
+    Updates,
+)
+from mcnav.systems.closed_loop.filter import FilterStates
+from mcnav.systems.closed_loop.maps import Maps
+from mcnav.systems.closed_loop.plan import sized
+from mcnav.systems.closed_loop.readout import Readout
+from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
+from mcnav.systems.closed_loop.transitions import Innovation, Linearization, Transition
 
-MOST_STEPS: Final = 1_000_000
-MOST_INSTANTS: Final = 200_000
 
-SAME: Final = 1e-9
-"""Share of the flight within which two instants are one."""
+def sized_processes(maps: Maps, sizes: Sizes) -> tuple[str, ...]:
+    """Return the names of the processes of noise that have a size: white, Gauss-Markov, of sensors, of corrections."""
+    structure = maps.structure
+    sized_by_name: dict[str, Array] = {}
+    for block, array in ((structure.white, sizes.white), (structure.markov, sizes.markov)):
+        for quantity, place in block.places():
+            sized_by_name[quantity.name] = array[place.start - block.begin : place.stop - block.begin]
+    sensors = [sensor.declared.name for sensor in maps.sensors]
+    sized_by_name |= dict(zip(sensors, sizes.measurements, strict=True))
+    sized_by_name |= dict(zip(structure.corrections.names, sizes.corrections, strict=True))
+    return tuple(name for name, size in sized_by_name.items() if size.any())
+
+
+def entering(maps: Maps, sizes: Sizes, transition: Transition) -> Iterator[tuple[str, Array]]:
+    """Return what enters a map by process: name, and ``G`` in sizes of the process, shape (size, k)."""
+    structure = maps.structure
+    if transition.kind == "step":
+        inputs = structure.white.size + structure.markov.size
+        sized_inputs = transition.inputs * sizes.modes
+        begin = 0
+        for quantity in (*structure.white.quantities, *structure.markov.quantities):
+            columns = np.arange(begin, begin + quantity.size)
+            yield quantity.name, sized_inputs[:, np.concatenate([columns, inputs + columns])]
+            begin += quantity.size
+        for number, of_errors in transition.corrections.items():
+            yield structure.corrections.quantities[number].name, of_errors * sizes.corrections[number]
+    elif transition.kind == "measure":
+        yield maps.sensors[transition.number].declared.name, transition.inputs * sizes.measurements[transition.number]
+    elif transition.kind == "correct":
+        name = structure.corrections.quantities[transition.number].name
+        yield name, transition.inputs * sizes.corrections[transition.number]
+
+
+Pairs = tuple[IndexArray, IndexArray]
+"""Places in X of estimates, and of their counterparts; none for a navigator that waits, whose estimates stay."""
+
+
+def rows_of_errors(pairs: Pairs, rows: Array) -> Array:
+    """Return rows of X with errors, shape (..., size, k), from those with the estimate."""
+    places, counterparts = pairs
+    result = rows.copy()
+    result[..., places, :] -= rows[..., counterparts, :]
+    return result
+
+
+def columns_of_errors(pairs: Pairs, columns: Array) -> Array:
+    """Return derivatives by X with errors, shape (..., k, size), from those by X with the estimate."""
+    places, counterparts = pairs
+    result = columns.copy()
+    result[..., counterparts] += columns[..., places]
+    return result
 
 
 @dataclass(frozen=True)
-class Instant:
-    """An instant: steps of equal length that lead to it from the one before, and what happens at it.
+class LoopTransitions:
+    """Transitions of a loop's timeline, of some sizes of its errors.
 
-    Its phase is the number of one that begins at it.
+    Attributes
+    ----------
+    steps : sequence of Transition
+        All but innovations.
     """
 
-    time: float
-    begin: float
-    steps: int
-    measurements: tuple[int, ...] = ()
-    corrections: tuple[int, ...] = ()
-    guide: bool = False
-    epoch: bool = False
-    phase: int | None = None
+    maps: Maps
+    states: FilterStates | None
+    sizes: LoopSizes
+    pairs: Pairs
+    steps: Sequence[Transition]
 
-    @property
-    def length(self) -> float:
-        """Length of a step, s."""
-        return (self.time - self.begin) / self.steps if self.steps else 0.0
+    def steps_between(self, first: int, last: int) -> Steps:
+        """Return the steps from the first to before the last."""
+        structure, chosen = self.maps.structure, self.steps[first:last]
+        size = structure.size
+        states = np.array([step.state for step in chosen]).reshape(-1, size, size)
+        transitions = columns_of_errors(self.pairs, rows_of_errors(self.pairs, states))
+        inputs = np.zeros((len(chosen), size, len(structure.sources) + 1))
+        by_process: dict[str, list[tuple[int, Array]]] = {}
+        for place, step in enumerate(chosen):
+            for name, factor in entering(self.maps, self.sizes.true, step):
+                if factor.any():
+                    by_process.setdefault(name, []).append((place, rows_of_errors(self.pairs, factor)))
+        return Steps(transitions, inputs, {name: _noise(each, len(chosen)) for name, each in by_process.items()})
 
-    def step_times(self) -> Array:
-        """Begin of each step, s."""
-        return np.asarray(self.begin + self.length * np.arange(self.steps), dtype=float)
+    def filter_steps_between(self, first: int, last: int) -> FilterSteps:
+        """Return the filter's own steps: ``F = T A S``, ``Q = T G (T G)'`` in believed sizes."""
+        states, believed, chosen = self.states, self.sizes.believed, self.steps[first:last]
+        assert states is not None
+        transitions = np.repeat(np.eye(states.count)[None], len(chosen), axis=0)
+        noise = np.zeros_like(transitions)
+        for place, step in enumerate(chosen):
+            if step.kind in ("step", "correct"):
+                state, inputs = step.of_filter
+                transitions[place] = states.of_errors(state, inputs)[0][:, :, 0]
+                sizes = believed.modes if step.kind == "step" else believed.corrections[step.number]
+                terms = [inputs * sizes]
+                terms += [added * believed.corrections[number] for number, added in step.corrections.items()]
+                factor = states.reading @ np.concatenate(terms, axis=1)
+                noise[place] = factor @ factor.T
+        return FilterSteps(transitions, noise)
 
 
-def read_timeline(instance: Any, name: str, measurements: tuple[Measurement, ...]) -> tuple[Instant, ...]:
-    """Arrange the instants of a user's object from zero to its end, or to the latest that its trigger allows.
+def _noise(factors: Sequence[tuple[int, Array]], count: int) -> StepNoise:
+    """Return the noise of a process from its factors at places among so many steps."""
+    moved = np.flatnonzero(np.any([factor.any(axis=1) for _, factor in factors], axis=0))
+    padded = np.zeros((count, len(moved), max(factor.shape[1] for _, factor in factors)))
+    for place, factor in factors:
+        padded[place, :, : factor.shape[1]] = factor[moved]
+    return StepNoise(moved, factor=padded)
 
-    Raises `ScenarioError` when a time is wrong.
+
+@dataclass(frozen=True)
+class LoopTimeline:
+    """A loop's linear system in the form of the linear engine.
+
+    Attributes
+    ----------
+    states : FilterStates, optional
+    waits : bool
+        Whether the navigator waits; its estimates stay, and X is with them.
     """
-    end = instance.end
-    last = _time(end.latest if isinstance(end, Trigger) else end, f"{name}.end", "a time, or Trigger(function, latest)")
-    cycle = None if instance.cycle is None else _time(instance.cycle, f"{name}.cycle", "a time, or None")
-    intervals = [_time(each.interval, each.name, "an interval") for each in measurements if each.interval is not None]
-    steps = [instance.step, cycle, min(intervals, default=None)]
-    step = next((_time(each, f"{name}.step", "a time") for each in steps if each is not None), None)
-    if step is None:
-        raise ScenarioError("type", f"{name}.step is needed where there is neither cycle nor interval of a measurement")
-    if last / step > MOST_STEPS:
-        raise ScenarioError(
-            "type", f"{name}.step: the flight would have {last / step:.3g} steps; at most {MOST_STEPS:,}"
+
+    linear: Linearization
+    maps: Maps
+    states: FilterStates | None
+    sizes: LoopSizes
+    readout: Readout
+    waits: bool = False
+
+    @cached_property
+    def pairs(self) -> Pairs:
+        """Estimates that are errors in X, and their counterparts."""
+        none = np.zeros(0, dtype=np.intp)
+        return (none, none) if self.waits else self.maps.structure.pairs
+
+    @cached_property
+    def _order(self) -> list[Transition | Innovation]:
+        return [each for planned in self.linear.instants for each in (*planned.steps, *planned.updates)]
+
+    @cached_property
+    def transitions(self) -> LoopTransitions:
+        """All steps."""
+        steps = [each for each in self._order if isinstance(each, Transition)]
+        return LoopTransitions(self.maps, self.states, self.sizes, self.pairs, steps)
+
+    @cached_property
+    def before(self) -> IndexArray:
+        """Position before the updates at each instant."""
+        sizes = [(len(planned.steps), len(planned.updates)) for planned in self.linear.instants]
+        steps, updates = np.array(sizes, dtype=np.int64).reshape(-1, 2).T
+        return np.asarray(np.cumsum(steps + updates) - updates, dtype=np.int64)
+
+    @cached_property
+    def after(self) -> IndexArray:
+        """Position after the updates at each instant."""
+        return self.before + np.array([len(planned.updates) for planned in self.linear.instants], dtype=np.int64)
+
+    @cached_property
+    def times(self) -> Array:
+        """Times of the instants, s."""
+        times = np.array([planned.instant.time for planned in self.linear.instants])
+        times[self.linear.end] = self.linear.end_time
+        return times
+
+    @cached_property
+    def processes(self) -> tuple[str, ...]:
+        """Processes of noise that have a size."""
+        return sized_processes(self.maps, self.sizes.true)
+
+    @cached_property
+    def timeline(self) -> Timeline:
+        """The timeline."""
+        structure, true = self.maps.structure, self.sizes.true
+        started = rows_of_errors(self.pairs, structure.start_partials)
+        noise, begin = {}, structure.markov.begin
+        for quantity, place in structure.markov.places():
+            if quantity.name not in self.processes:
+                continue
+            sigmas = np.zeros((structure.size, quantity.size))
+            sigmas[place] = np.diag(true.markov[place.start - begin : place.stop - begin])
+            factor = rows_of_errors(self.pairs, sigmas)
+            noise[quantity.name] = factor @ factor.T
+        biases = {name: np.flatnonzero(np.diag(each)) for name, each in noise.items()}
+        return Timeline(
+            Start(np.pad(started, ((0, 0), (0, 1))), noise),
+            np.array([isinstance(each, Innovation) for each in self._order], dtype=bool),
+            self.transitions.steps_between,
+            Instants(self.times, self.before, self.after),
+            self.read,
+            self.processes,
+            {name: np.setdiff1d(each, self.pairs[0]) for name, each in biases.items()},
+            self._updates,
+            self._filter,
         )
-    at: dict[str, Array] = {"cycle": _multiples(step if cycle is None else cycle, last, f"{name}.cycle")}
-    at["cycle"] = np.append(0.0, at["cycle"])
-    for each in measurements:
-        listed = None if each.instants is None else np.array(each.instants, dtype=float)
-        if listed is not None and (listed.ndim != 1 or not np.isfinite(listed).all() or np.any(listed < 0.0)):
-            raise ScenarioError("type", f"{name}.measurements: instants of {each.name} must be times from zero on")
-        times = _multiples(each.interval, last, each.name) if listed is None else np.sort(listed)
-        at[f"measure {each.name}"] = times[_within_phases(each, phases_of(instance, name), times, name)]
-    for each in instance.corrections:
-        by_trigger = isinstance(each.at, Trigger)
-        time = _time(each.at.latest if by_trigger else each.at, each.name, "a time, or Trigger(function, latest)", 0.0)
-        at[f"{'latest' if by_trigger else 'correct'} {each.name}"] = np.array([time])
-    for phase in phases_of(instance, name)[1:]:
-        triggered = isinstance(phase.begins, Trigger)
-        time = _time(phase.begins.latest if isinstance(phase.begins, Trigger) else phase.begins, phase.name, "a time")
-        at[f"{'latest' if triggered else 'begin'} {phase.name}"] = np.array([time])
-    same = SAME * last
-    merged = np.unique(np.concatenate([*at.values(), [0.0, last]]))
-    merged = merged[np.append(True, np.diff(merged) > same) & (merged <= last + same)]
-    merged[-1] = last
-    if len(merged) > MOST_INSTANTS:
-        raise ScenarioError("type", f"{name} would have {len(merged):,} instants; at most {MOST_INSTANTS:,}")
 
-    def falls(key: str, time: float) -> bool:
-        times = at.get(key, np.zeros(0))
-        place = int(np.searchsorted(times, time - same))
-        return place < len(times) and bool(times[place] <= time + same)
+    def read(self, position: int, time: float) -> Array:
+        """Return C at a position before or after an instant's updates."""
+        number = int(np.searchsorted(self.after, position))
+        planned = self.linear.instants[number]
+        x = planned.nominal if position == self.after[number] else planned.before[-1]
+        return self.read_at(x, time)
 
-    instants = []
-    for begin, time in zip([0.0, *merged[:-1]], merged.tolist(), strict=True):
-        on_cycle = falls("cycle", time)
-        instants.append(
-            Instant(
-                time, float(begin), int(np.ceil((time - begin) / step * (1.0 - SAME))),
-                tuple(each for each, sensor in enumerate(measurements) if falls(f"measure {sensor.name}", time)),
-                tuple(each for each, done in enumerate(instance.corrections) if falls(f"correct {done.name}", time)),
-                on_cycle or cycle is None, on_cycle or time == last,
-                next((each for each, phase in enumerate(instance.phases) if falls(f"begin {phase.name}", time)), None),
-            )
+    def read_at(self, x: Array, time: float) -> Array:
+        """Return C about a nominal X."""
+        return columns_of_errors(self.pairs, self.readout.partials(x, self.linear.steps, time))
+
+    @cached_property
+    def _innovations(self) -> list[Innovation]:
+        return [each for each in self._order if isinstance(each, Innovation)]
+
+    @cached_property
+    def _updates(self) -> Updates:
+        structure, innovations = self.maps.structure, self._innovations
+        sizes = np.array([len(each.response) for each in innovations], dtype=np.int64)
+        most = int(sizes.max(initial=0))
+        responses = np.zeros((len(sizes), most, structure.size))
+        names = [sensor.declared.name for sensor in self.maps.sensors]
+        variances = {name: np.zeros((len(sizes), most)) for name in names if name in self.processes}
+        for row, (size, each) in enumerate(zip(sizes.tolist(), innovations, strict=True)):
+            responses[row, :size] = -columns_of_errors(self.pairs, each.response)
+            sigmas = self.sizes.true.measurements[each.number]
+            if names[each.number] in variances:
+                variances[names[each.number]][row, :size] = sigmas**2
+        disturbances = np.zeros((len(sizes), most, len(structure.sources) + 1))
+        return Updates(sizes, responses, disturbances, variances)
+
+    @cached_property
+    def _filter(self) -> TimelineFilter | None:
+        states = self.states
+        if states is None:
+            return None
+        most = self._updates.responses.shape[1]
+        responses = np.zeros((len(self._innovations), most, states.count))
+        variances = np.zeros((len(self._innovations), most))
+        for row, each in enumerate(self._innovations):
+            sigmas = sized(self.maps, self.sizes.believed, each.number)
+            responses[row, : len(sigmas)] = -each.response @ states.moving
+            variances[row, : len(sigmas)] = sigmas**2
+        place, true_errors = np.zeros((states.size, states.count)), np.zeros((states.count, states.size))
+        estimated = np.arange(states.estimated)
+        place[states.estimates, estimated] = 1.0
+        true_errors[estimated, states.estimates] = 1.0
+        true_errors[states.estimated + np.arange(len(states.considered)), states.considered] = -1.0
+        constants = np.zeros((states.count, len(self.maps.structure.sources) + 1))
+        covariance = states.start_covariance(self.maps.structure, self.sizes.believed)
+        return TimelineFilter(
+            self.transitions.filter_steps_between, responses, variances, covariance,
+            (np.arange(states.count) < states.estimated).astype(float), place, lambda _: (true_errors, constants),
         )  # fmt: skip
-    return tuple(instants)
-
-
-def _within_phases(measurement: Measurement, phases: tuple[Phase, ...], times: Array, name: str) -> NDArray[np.bool_]:
-    """Tell which times lie in the phases of a measurement: from a begin on until the next one."""
-    if not measurement.phases:
-        return np.ones(len(times), dtype=bool)
-    known, where = [each.name for each in phases], f"{name}.measurements: {measurement.name}"
-    begins = [0.0 if each.begins is None else each.begins for each in phases] + [np.inf]
-    within = np.zeros(len(times), dtype=bool)
-    for phase in [measurement.phases] if isinstance(measurement.phases, str) else measurement.phases:
-        if phase not in known:
-            raise ScenarioError(
-                "type", f"{where} measures in {phase!r}, which is no phase{suggestion(str(phase), known)}"
-            )
-        begin, end = begins[known.index(phase) : known.index(phase) + 2]
-        if isinstance(begin, Trigger) or isinstance(end, Trigger):
-            told = f"{phase} begins or ends by a trigger, at another time in each sample"
-            raise ScenarioError("type", f"{where}: {told}; a measurement is limited to phases between given times")
-        same = SAME * max(times[-1], 1.0) if len(times) else 0.0
-        within |= (times >= begin - same) & (times < end - same)
-    return within
-
-
-def _time(value: Any, where: str, expected: str, least: float = 1e-12) -> float:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not number or not least <= value < np.inf:
-        raise ScenarioError("type", f"{where} must be {expected} in seconds, {least:g} or more; got {value!r:.60}")
-    return float(value)
-
-
-def _multiples(interval: float | None, last: float, where: str) -> Array:
-    assert interval is not None
-    count = int(np.floor(last / interval * (1.0 + SAME)))
-    if count > MOST_INSTANTS:
-        raise ScenarioError("type", f"{where}: there would be {count:,} instants; at most {MOST_INSTANTS:,}")
-    return interval * np.arange(1.0, count + 1.0)

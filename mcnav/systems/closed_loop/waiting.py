@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.systems.closed_loop.flight import Flight
 from mcnav.systems.closed_loop.maps import Maps
-from mcnav.systems.closed_loop.plan import Plan
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.structure import Part, Structure
+from mcnav.systems.closed_loop.transitions import Linearization
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class WaitingMaps(Maps):
     nominal: Mapping[float, Array] = field(default_factory=dict)
 
     @classmethod
-    def along(cls, maps: Maps, plan: Plan) -> WaitingMaps:
-        """Return those along the nominal of a plan; nothing is measured."""
+    def along(cls, maps: Maps, linear: Linearization) -> WaitingMaps:
+        """Return those along the nominal; nothing is measured."""
         nominal = {
             time: x
-            for planned in plan.instants
+            for planned in linear.instants
             for time, x in zip(planned.instant.step_times().tolist(), planned.before, strict=False)
         }
         given = {each.name: getattr(maps, each.name) for each in fields(Maps)}
@@ -60,19 +60,20 @@ class WaitingMaps(Maps):
         return False
 
     def step(
-        self, x: Array, time: Array, length: float, white: Array, fraction: Array | float = 1.0,
+        self, x: Array, time: Array, length: Array | float, white: Array, fraction: Array | float = 1.0,
         since: Array | float = 0.0, part: Part = "both",
     ) -> Array:  # fmt: skip
         """Propagate both parts by a step, or from one fraction of it to another; see `Maps.step`."""
         count = x.shape[1]
-        beside = np.repeat(self.nominal[float(time[0])][:, None], count, axis=1)
+        times, of_time = np.unique(time, return_inverse=True)
+        beside = np.array([self.nominal[each] for each in times.tolist()])[of_time].T
         quiet = np.zeros_like(white)
         if np.any(since):
             beside = super().step(beside, time, length, quiet, since)
         of_both = {each.name: getattr(self, each.name) for each in fields(Maps)}
         reached = _Beside(**of_both).step(
-            np.concatenate([x, beside], axis=1), np.tile(time, 2), length, np.concatenate([white, quiet], axis=2),
-            _twice(fraction), _twice(since),
+            np.concatenate([x, beside], axis=1), np.tile(time, 2), _twice(length),
+            np.concatenate([white, quiet], axis=2), _twice(fraction), _twice(since),
         )  # fmt: skip
         return reached[:, :count]
 

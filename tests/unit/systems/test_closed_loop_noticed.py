@@ -159,7 +159,7 @@ def test_a_sound_loop_has_no_remarks(tmp_path: Path) -> None:
         (TURNING + "    estimate = {'turn': ('rad', 3)}\n", "'turn' has no counterpart of its size and kind"),
         (TURNING + "    def start(self):\n        return {'turn': np.ones((3, 3))}\n", "must be rotation matrices"),
         (TURNING + "    def start(self):\n        return {'turn': np.zeros(3)}\n", "must have shape (1, 3, 3)"),
-        (TURNING + "    def rates(self, truth):\n        return {'turn': truth.turn}\n", "must have shape (32, 3)"),
+        (TURNING + "    def rates(self, truth):\n        return {'turn': truth.turn}\n", "must have shape (8, 3)"),
         (TURNING + "    measurements = (Measurement('tracker', 'rad', lambda truth: 2 * truth.turn, interval=1.0),)\n",
          "must be rotation matrices"),
         (TURNING + "    corrections = (Correction('slew', 5.0, lambda estimate: np.zeros(3), 'turn', 'rad'),)\n",
@@ -236,7 +236,7 @@ def test_errors_of_steps_that_decay_do_not_add_up(tmp_path: Path) -> None:
 def test_a_measurement_of_some_phases_is_made_from_their_begin_to_that_of_the_next(tmp_path: Path) -> None:
     phases = PHASES.format("Phase('b', 3.0), Phase('c', 6.5), Phase('d', 8.0)")
     limited = scenario(tmp_path, phases + RANGING.format("'b', 'd'"))
-    assert [each.time for each in limited.timeline if each.measurements] == [3.0, 4.0, 5.0, 6.0, 8.0, 9.0, 10.0]
+    assert [each.time for each in limited.schedule if each.measurements] == [3.0, 4.0, 5.0, 6.0, 8.0, 9.0, 10.0]
 
 
 def test_steps_are_compared_one_by_one_where_a_method_takes_all_times_for_the_same(tmp_path: Path) -> None:

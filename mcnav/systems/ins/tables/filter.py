@@ -6,7 +6,6 @@ known only after ``[errors]`` is read, so that a `FilterPlan` is completed then.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +21,6 @@ from mcnav.contract.quantities import Source
 from mcnav.entries.axes import within
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import UNIT, Distinct, Duration, Later, Suggested, Table
-from mcnav.entries.unions import ByForm
 from mcnav.entries.validation import validate
 from mcnav.errors import suggestion
 from mcnav.sampler.error_model import ErrorModel
@@ -39,6 +37,7 @@ from mcnav.systems.ins.tables.gravity import BelievedGravityTable, read_believed
 from mcnav.systems.ins.tables.imu import BelievedImuTable, read_imu
 from mcnav.systems.ins.tables.sensor_tables import BELIEVED, MULTIPLE, Gate, OfGate, OfName, believed_sensor
 from mcnav.systems.ins.tables.sensors import SensorErrors, check_measured, errors_of
+from mcnav.systems.smoother_table import SmootherEntry, lag_of
 
 ALWAYS: Final = ("position", "velocity", "attitude")
 """States that every filter estimates."""
@@ -88,17 +87,6 @@ class BelievesTable(Table):
     )
 
 
-class LagTable(Table):
-    """``smoother = { lag = "60 s" }``."""
-
-    expected: ClassVar[str] = 'expected "fixed-interval" or { lag = "60 s" }'
-    called: ClassVar[str] = "a smoother"
-    lag: Annotated[
-        Duration,
-        Field(gt=0.0, le=1e7, description="How long after an instant measurements count.", examples=["60 s"]),
-    ]
-
-
 class StopsTable(Table):
     """``stops = { probability = 0.99, ramp = "60 s" }``."""
 
@@ -136,7 +124,7 @@ class FilterTable(Table):
         ),
     ] = "ekf"
     smoother: Annotated[
-        Annotated[Literal["fixed-interval"] | LagTable, ByForm()] | None,
+        SmootherEntry | None,
         Field(description="Smoother that follows the filter: of all measurements, or of those up to a lag later."),
     ] = None
     stops: Annotated[
@@ -224,7 +212,7 @@ def plan_filter(
         return None
     estimates = tuple(name for name in table.estimates if name not in ALWAYS)
     processes = replace(believed.processes, gravity=gravity)
-    lag = table.smoother.lag if isinstance(table.smoother, LagTable) else None if table.smoother is None else math.inf
+    lag = lag_of(table.smoother)
     question = GateQuestion(table.stops.probability, table.stops.ramp)
     believes = ({**sigmas, **stated}, processes, tuple(seen))
     return FilterPlan(estimates, tuple(table.considers), *believes, lag, question, table.kind)

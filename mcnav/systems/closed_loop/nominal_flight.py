@@ -1,0 +1,551 @@
+"""The nominal flight of a loop, and the derivatives of its maps along it: of many instants at once, without gains.
+
+Where innovations are zero the flight without errors does not depend on gains: it is flown first, and then each kind of
+map is differentiated about many of its instants at once. Else the filter goes along, maps are differentiated one after
+the other, and each update moves the nominal by its gain times the innovation; so do maps that have other values beside
+other instants, as those of a method that takes all its times for the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array
+from mcnav.contract.scenario import ScenarioError
+from mcnav.systems.closed_loop.differences import (
+    COLUMNS,
+    Derivatives,
+    TimedMap,
+    columns_of,
+    differentiate_map,
+    differentiate_maps,
+)
+from mcnav.systems.closed_loop.event import Saltation, event_map, find_crossings
+from mcnav.systems.closed_loop.maps import Event, Maps
+from mcnav.systems.closed_loop.own_update import updated
+from mcnav.systems.closed_loop.passage import meet, set_signs
+from mcnav.systems.closed_loop.schedule import Instant
+from mcnav.systems.closed_loop.sizes import SMALL, LoopSizes, difference_steps
+from mcnav.systems.closed_loop.transitions import (
+    Composed,
+    Innovation,
+    LinearInstant,
+    Linearization,
+    Moment,
+    Transition,
+)
+
+ROUNDING: Final = 1e-6
+"""Share of the sizes of the truth below which what a correction changes in the nominal is rounding."""
+
+BESIDE: Final = 8
+"""States of X that are flown beside each other: a library's functions may have other last digits of one alone."""
+
+
+class Follower(Protocol):
+    """A filter that goes along with the nominal flight."""
+
+    def propagate(self, transition: Transition) -> None:
+        """Propagate its covariance by a step or a correction."""
+
+    def correction(self, innovation: Innovation) -> Array:
+        """Update its covariance, and return what the update adds to X, shape (size,)."""
+
+
+class _Apart(Exception):
+    """Maps must be differentiated one after the other."""
+
+
+def filled(sizes: Array) -> Array:
+    """Replace sizes of zero, for which differences need some step."""
+    return np.where(sizes > 0.0, sizes, SMALL)
+
+
+def linearize(
+    maps: Maps, start: Array, schedule: tuple[Instant, ...], sizes: LoopSizes, follow: Callable[[], Follower] | None
+) -> Linearization:
+    """Linearize along the nominal, to its end.
+
+    Parameters
+    ----------
+    follow : callable, optional
+        Returns the filter at the start; none for a loop without a filter.
+
+    Raises
+    ------
+    ScenarioError
+        When the nominal flight is not finite, or a trigger never happens in it.
+    """
+    try:
+        return _Flight.at(maps, start, sizes, follow is not None, None).fly(schedule)
+    except ScenarioError:
+        raise
+    except Exception:  # of a method that takes all its times for the same, too: alone it may do
+        follower = None if follow is None else follow()
+        return _Flight.at(maps, start, sizes, follow is not None, follower, apart=True).fly(schedule)
+
+
+def innovation_shares(linear: Linearization, maps: Maps, filtered: bool, sizes: LoopSizes) -> dict[str, float]:
+    """Return the largest nominal innovation of each sensor as a share of its sigma, with a filter its believed one."""
+    sigmas = sizes.believed.measurements if filtered else tuple(map(filled, sizes.true.measurements))
+    return {
+        maps.sensors[number].declared.name: float((largest / sigmas[number]).max())
+        for number, largest in linear.innovations.items()
+    }
+
+
+def within_step(
+    maps: Maps, linear: Linearization, sizes: LoopSizes, place: tuple[int, int], time: float
+) -> tuple[tuple[Transition, ...], Array]:
+    """Linearize from the begin of a step to a time within it: as a step of its own, after an event if there is one.
+
+    Parameters
+    ----------
+    place : tuple of int
+        Number of the instant that the step leads to, and of the step.
+
+    Returns
+    -------
+    tuple of Transition
+    ndarray, shape (size,)
+        X of the nominal there.
+    """
+    planned = linear.instants[place[0]]
+    begin, x = float(planned.instant.step_times()[place[1]]), planned.before[place[1]]
+    earlier: tuple[Transition, ...] = ()
+    for moment in planned.steps[place[1]].moments:
+        if moment.label == "after" and moment.time <= time:
+            begin, x, earlier = moment.time, moment.x, (moment.transition,)
+    inputs, space = maps.structure.white.size + maps.structure.markov.size, maps.structure.space
+
+    def function(x: Array, entering: Array) -> Array:
+        white = entering.reshape(2, inputs, x.shape[1])
+        return maps.step(x, np.full(x.shape[1], begin), time - begin, white)
+
+    known = differentiate_map(function, x, linear.steps, _step_inputs(sizes), space, space)
+    return (*earlier, Transition(known.state, known.inputs, "step")), known.value
+
+
+def _step_inputs(sizes: LoopSizes) -> Array:
+    """Return the sizes of what enters a step, for differences."""
+    return np.tile(filled(np.maximum(sizes.true.inputs, sizes.believed.inputs)), 2)
+
+
+@dataclass(eq=False)
+class _Map:
+    """A map of the flight about one state, and its derivatives once they are known.
+
+    Attributes
+    ----------
+    group : Hashable
+        Maps of a group are one function.
+    at : tuple of float
+        Time, s, and what else tells it from others of its group.
+    where : str
+        Its name, for people.
+    to_x : bool
+        Whether its values are X.
+    value : ndarray, shape (m,)
+        About the nominal, by itself.
+    """
+
+    group: Hashable
+    function: TimedMap
+    x: Array
+    at: tuple[float, ...]
+    inputs: Array
+    where: str
+    to_x: bool = True
+    value: Array = field(default_factory=lambda: np.zeros(0))
+    derivatives: Derivatives | None = None
+
+    @property
+    def known(self) -> Derivatives:
+        """The derivatives."""
+        assert self.derivatives is not None
+        return self.derivatives
+
+
+@dataclass
+class _Happened:
+    """An event within a step: its time and fraction, X before and after it."""
+
+    event: Event
+    time: float
+    fraction: float
+    saltation: Saltation
+    before: Array
+
+
+@dataclass
+class _Step:
+    """A step of the flight: its parts, and events between them."""
+
+    parts: list[_Map | _Happened] = field(default_factory=list)
+
+    def linear(self) -> Transition:
+        """Return its transition."""
+        first, *others = self.parts
+        assert isinstance(first, _Map)
+        composed = Composed.of(Transition(first.known.state, first.known.inputs, "step"))
+        moments: list[Moment] = []
+        for part in others:
+            if isinstance(part, _Map):
+                composed.add(part.known.state, part.known.inputs)
+                continue
+            event, saltation = part.event, part.saltation
+            moments.append(Moment(part.time, part.fraction, "before", part.before, composed.transition))
+            composed.jump(saltation, event.number if event.kind == "correction" else None)
+            moments.append(Moment(part.time, part.fraction, "after", saltation.value, composed.transition))
+        whole = composed.transition
+        straight = None if others else first.known.straight
+        return Transition(
+            whole.state, whole.inputs, "step", straight=straight, corrections=whole.corrections, fixed=whole.fixed,
+            moments=tuple(moments),
+        )  # fmt: skip
+
+
+@dataclass
+class _Update:
+    """A map at an instant."""
+
+    map: _Map
+    kind: str
+    number: int = 0
+
+    def linear(self) -> Transition | Innovation:
+        """Return its transition, or innovation."""
+        known = self.map.known
+        if not self.map.to_x:
+            return Innovation(self.number, known.state, known.value, known.straight)
+        straight = known.straight if self.kind == "correct" else None
+        return Transition(known.state, known.inputs, self.kind, self.number, straight=straight)
+
+
+@dataclass
+class _Instant:
+    """What is flown until an instant, and at it; ``ended`` is the effect of an end within the last step."""
+
+    instant: Instant
+    before: list[Array]
+    steps: list[_Step] = field(default_factory=list)
+    updates: list[_Update] = field(default_factory=list)
+    nominal: Array = field(default_factory=lambda: np.zeros(0))
+    ended: Transition | None = None
+
+    def linear(self) -> LinearInstant:
+        """Return its linear maps."""
+        updates = (self.ended,) if self.ended is not None else tuple(update.linear() for update in self.updates)
+        steps = tuple(step.linear() for step in self.steps)
+        return LinearInstant(self.instant, steps, updates, self.nominal, np.array(self.before))
+
+
+@dataclass
+class _Flight:
+    """The nominal flight.
+
+    Attributes
+    ----------
+    filtered : bool
+        Whether a filter uses the innovations.
+    follower : Follower, optional
+        The filter, where it goes along.
+    apart : bool
+        Whether maps are differentiated one after the other.
+    x, steps : ndarray, shape (size,)
+        The nominal, and its sizes, from which steps of differences follow.
+    """
+
+    maps: Maps
+    sizes: LoopSizes
+    filtered: bool
+    follower: Follower | None
+    apart: bool
+    x: Array
+    steps: Array
+    signs: Array
+    pending: NDArray[np.bool_]
+    flown: list[_Map] = field(default_factory=list)
+    kinks: set[str] = field(default_factory=set)
+    event_times: dict[str, float] = field(default_factory=dict)
+    innovations: dict[int, Array] = field(default_factory=dict)
+
+    @classmethod
+    def at(
+        cls, maps: Maps, start: Array, sizes: LoopSizes, filtered: bool, follower: Follower | None, apart: bool = False
+    ) -> _Flight:
+        """Return it at the start."""
+        signs = np.zeros(len(maps.events))
+        set_signs(maps, signs, start, 0.0, None)
+        steps = difference_steps(maps, start, sizes.true)
+        return cls(maps, sizes, filtered, follower, apart, start, steps, signs, np.ones(len(signs), dtype=bool))
+
+    def fly(self, schedule: tuple[Instant, ...]) -> Linearization:
+        """Fly to the end, and linearize."""
+        flown, end_time = list[_Instant](), schedule[-1].time
+        for number, instant in enumerate(schedule):
+            ended = self._approach(instant, flown)
+            if ended is not None:
+                end_time = ended
+                break
+            self._check_pending(instant.time)
+            if number == len(schedule) - 1 and self.maps.ends:
+                self._check_pending(instant.time, over=True)
+            self._update(flown[-1])
+        self._check_pending(end_time, over=True)
+        self._differentiate(self.flown)
+        return Linearization(
+            [each.linear() for each in flown], len(flown) - 1, end_time, self.event_times, self.signs, self.steps,
+            frozenset(self.kinks), self.innovations,
+        )  # fmt: skip
+
+    def _approach(self, instant: Instant, flown: list[_Instant]) -> float | None:
+        """Fly the steps that lead to an instant; return the time of an end within them."""
+        approached = _Instant(instant, [self.x])
+        flown.append(approached)
+        for time in instant.step_times().tolist():
+            step = _Step()
+            approached.steps.append(step)
+            end = self._step(step, time, instant.length)
+            if self.follower is not None:
+                self.follower.propagate(step.linear())
+            if end is not None:
+                approached.nominal, approached.ended = self.x, end[1]
+                return end[0]
+            approached.before.append(self.x)
+        return None
+
+    def _step(self, step: _Step, time: float, length: float) -> tuple[float, Transition] | None:
+        """Fly a step and the events within it; of an end return the time, and what it does."""
+        since = 0.0
+        while True:
+            part = self._part(time, length, since, 1.0)
+            meeting = self._meet(time, length, since, part.value)
+            if meeting is None:
+                self.x = self._take(part)
+                step.parts.append(part)
+                return None
+            number, fraction = meeting
+            part = self._part(time, length, since, fraction)
+            self.x = self._take(part)
+            event, moment, before = self.maps.events[number], time + fraction * length, self.x
+            saltation = self._happen(number, moment)
+            step.parts.append(part)
+            if event.kind == "end":
+                return moment, Transition(saltation.state, saltation.inputs, "event")
+            step.parts.append(_Happened(event, moment, fraction, saltation, before))
+            since = fraction
+
+    def _part(self, time: float, length: float, since: float, fraction: float) -> _Map:
+        """Fly the part of a step from one fraction of it to another."""
+        maps, inputs = self.maps, self.maps.structure.white.size + self.maps.structure.markov.size
+
+        def function(x: Array, entering: Array, at: Array) -> Array:
+            return maps.step(x, at[0], at[1], entering.reshape(2, inputs, x.shape[1]), fraction, since)
+
+        group, where = "step" if since == 0.0 and fraction == 1.0 else object(), f"rates at {time:g} s"
+        return self._flown(group, function, (time, length), _step_inputs(self.sizes), where)
+
+    def _flown(
+        self, group: Hashable, function: TimedMap, at: tuple[float, ...], inputs: Array, where: str, to_x: bool = True
+    ) -> _Map:
+        """Return a map about the nominal with its value."""
+        space, none = self.maps.structure.space, np.zeros((len(self.x), 1))
+        x, entering, ats = space.plus(self.x[:, None], none), np.zeros((len(inputs), 1)), np.array(at)[:, None]
+        value = function(*(np.repeat(each, BESIDE, axis=1) for each in (x, entering, ats)))[:, 0]
+        return _Map(group, function, self.x, at, inputs, where, to_x, value)
+
+    def _take(self, map_: _Map) -> Array:
+        """Note a map, which is to be differentiated, and return its value."""
+        if self.apart:
+            self._differentiate([map_])
+            return map_.known.value
+        _check_finite(map_.where, map_.value)
+        self.flown.append(map_)
+        return map_.value
+
+    def _meet(self, time: float, length: float, since: float, after: Array) -> tuple[int, float] | None:
+        """Find the next event of a step: its number, and the fraction of the step at which it happens."""
+        maps, signs = self.maps, self.signs
+        if not self.pending.any():
+            return None
+        inputs = maps.structure.white.size + maps.structure.markov.size
+        white, begin, low = np.zeros((2, inputs, 1)), np.array([time]), np.array([since])
+        met = meet(maps, after[:, None], begin + length, signs, self.pending[:, None])[:, 0]
+        crossings = []
+        for number in np.flatnonzero(met).tolist():
+            event = maps.events[number]
+            before = maps.triggered(event.trigger, self.x[:, None], begin + low * length)
+            if np.sign(before[0]) != signs[number]:
+                told = f"an update at {time:g} s jumps over the trigger in the flight without errors"
+                raise ScenarioError("type", f"{event.name}: {told}")
+            value = maps.triggered(event.trigger, after[:, None], begin + length)
+            at_begin, bracket = (self.x[:, None], begin), (low, before, value)
+            crossings.append((float(find_crossings(maps, event.trigger, at_begin, length, white, bracket)[0]), number))
+        fraction, number = min(crossings, default=(1.0, -1))
+        return None if number < 0 else (number, fraction)
+
+    def _happen(self, number: int, time: float) -> Saltation:
+        """Linearize an event at a time, and go on after it."""
+        event, sizes = self.maps.events[number], np.zeros(0)
+        if event.kind == "correction":
+            sizes = self._correction_sizes(event.number)
+        saltation = event_map(self.maps, number, self.x, time, self.steps, sizes)
+        self.x = saltation.value
+        self.pending[number] = False
+        if event.kind == "phase":
+            set_signs(self.maps, self.signs, self.x, time, event.number)
+        self.event_times[event.name] = time
+        return saltation
+
+    def _correction_sizes(self, number: int) -> Array:
+        return filled(np.maximum(self.sizes.true.corrections[number], self.sizes.believed.corrections[number]))
+
+    def _check_pending(self, time: float, over: bool = False) -> None:
+        """Raise `ScenarioError` when an event should have happened by a time, or by the end of the flight."""
+        for event in (each for each, waits in zip(self.maps.events, self.pending, strict=True) if waits):
+            if over or event.latest <= time:
+                told = f"its flight without any error meets no trigger by {min(event.latest, time):g} s"
+                raise ScenarioError("type", f"{event.name}: {told}")
+
+    def _update(self, reached: _Instant) -> None:
+        """Measure, correct and guide at an instant."""
+        instant = reached.instant
+        if instant.phase is not None:
+            self.x = self.maps.begin_phase(instant.phase, self.x)
+            set_signs(self.maps, self.signs, self.x, instant.time, instant.phase)
+        if self.filtered:
+            reached.updates += [self._measure(number, instant.time) for number in instant.measurements]
+        elif self.maps.update is not None:
+            reached.updates += [self._update_own(number, instant.time) for number in instant.measurements]
+        reached.updates += [self._correct(number, instant.time) for number in instant.corrections]
+        if instant.guide and self.maps.guide is not None:
+            reached.updates.append(self._guide(instant.time))
+        reached.nominal = self.x
+
+    def _measure(self, number: int, time: float) -> _Update:
+        """Update by a sensor: without an innovation X is what it was."""
+        maps, name = self.maps, self.maps.sensors[number].declared.name
+
+        def function(x: Array, entering: Array, at: Array) -> Array:
+            return maps.innovation(number, x, at[0]) + entering
+
+        inputs = filled(self.sizes.believed.measurements[number])
+        map_ = self._flown(("measure", number), function, (time,), inputs, f"measurement {name} at {time:g} s", False)
+        value, update = self._take(map_), _Update(map_, "measure", number)
+        self._note_innovation(number, value)
+        change = np.zeros_like(self.x)
+        if self.follower is not None:
+            innovation = update.linear()
+            assert isinstance(innovation, Innovation)
+            change = self.follower.correction(innovation)
+        elif value.any():
+            raise _Apart
+        self.x = maps.structure.space.plus(self.x[:, None], change[:, None])[:, 0]
+        return update
+
+    def _note_innovation(self, number: int, value: Array) -> None:
+        known = self.innovations.get(number, np.zeros(len(value)))
+        self.innovations[number] = np.maximum(known, np.abs(value))
+
+    def _update_own(self, number: int, time: float) -> _Update:
+        """Update by a sensor as the user does."""
+        maps = self.maps
+
+        def function(x: Array, entering: Array, at: Array) -> Array:
+            return updated(maps, number, x, at[0], entering)
+
+        self._note_innovation(number, maps.innovation(number, self.x[:, None], np.array([time]))[:, 0])
+        inputs = filled(self.sizes.true.measurements[number])
+        map_ = self._flown(("update", number), function, (time,), inputs, f"update at {time:g} s")
+        self.x = self._take(map_)
+        return _Update(map_, "measure", number)
+
+    def _correct(self, number: int, time: float) -> _Update:
+        """Apply a correction."""
+        maps = self.maps
+
+        def function(x: Array, entering: Array, at: Array) -> Array:
+            return maps.corrected(number, x, at[0], entering)
+
+        where = f"correction {maps.impulses[number].declared.name} at {time:g} s"
+        map_ = self._flown(object(), function, (time,), self._correction_sizes(number), where)
+        update = _Update(map_, "correct", number)
+        self.x = self._without_rounding(number, self._take(map_))
+        if self.follower is not None:
+            transition = update.linear()
+            assert isinstance(transition, Transition)
+            self.follower.propagate(transition)
+        return update
+
+    def _without_rounding(self, number: int, x: Array) -> Array:
+        """Return X after a correction, whose commanded impulse is zero where it is rounding: it has no direction."""
+        structure = self.maps.structure
+        _, place = list(structure.corrections.places())[number]
+        changed = structure.truth.whole
+        if np.all(np.abs(x - self.x)[changed] < ROUNDING * self.steps[changed]):
+            x = x.copy()
+            x[place] = 0.0
+        return x
+
+    def _guide(self, time: float) -> _Update:
+        """Command."""
+        maps = self.maps
+
+        def function(x: Array, entering: Array, at: Array) -> Array:
+            return maps.after_guidance(x, at[0])
+
+        map_ = self._flown("guide", function, (time,), np.zeros(0), f"guide at {time:g} s")
+        self.x = self._take(map_)
+        return _Update(map_, "guide")
+
+    def _differentiate(self, flown: Iterable[_Map]) -> None:
+        """Differentiate maps, those of a group together; their kinks are noted."""
+        groups: dict[Hashable, list[_Map]] = {}
+        for map_ in flown:
+            groups.setdefault(map_.group, []).append(map_)
+        for members in groups.values():
+            most = max(COLUMNS // columns_of(len(self.x) + len(members[0].inputs)), 1)
+            for begin in range(0, len(members), most):
+                some = members[begin : begin + most]
+                values = self._evaluate(some)
+                if begin == 0 and len(some) > 1:
+                    self._check_apart(some, values)
+        for map_ in flown:
+            known = map_.known
+            _check_finite(map_.where, known.value, known.state)
+            if known.kinked.any():
+                self.kinks.add(map_.where.split(" at ")[0])
+
+    def _evaluate(self, maps: Sequence[_Map]) -> Array:
+        """Differentiate maps of a group together, and return their values, shape (m, maps, columns)."""
+        first, space = maps[0], self.maps.structure.space
+        derivatives, values = differentiate_maps(
+            first.function, np.array([map_.x for map_ in maps]), np.array([map_.at for map_ in maps]), self.steps,
+            first.inputs, space, space if first.to_x else None,
+        )  # fmt: skip
+        for map_, known in zip(maps, derivatives, strict=True):
+            if not self.apart and not np.array_equal(known.value, map_.value, equal_nan=True):
+                raise _Apart
+            map_.derivatives = known
+        return values
+
+    def _check_apart(self, together: Sequence[_Map], values: Array) -> None:
+        """Raise `_Apart` where the first or the last of some maps has other values by itself."""
+        for place in (0, -1):
+            kept = together[place].derivatives
+            alone = self._evaluate([together[place]])[:, 0]
+            together[place].derivatives = kept
+            if not np.array_equal(alone, values[:, place], equal_nan=True):
+                raise _Apart
+
+
+def _check_finite(where: str, *arrays: Array) -> None:
+    """Raise `ScenarioError` where the flight is not finite."""
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise ScenarioError("type", f"its flight without any error is not finite: {where}")

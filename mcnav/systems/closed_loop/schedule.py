@@ -1,0 +1,147 @@
+"""Schedule of a loop: instants, the steps that lead to each, and what happens there.
+
+The order at one instant is: propagate, event, a phase that begins, measurements in their order, corrections, guidance,
+reading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array
+from mcnav.contract.scenario import ScenarioError
+from mcnav.errors import suggestion
+from mcnav.systems.closed_loop.declarations import Measurement, Phase, Trigger
+from mcnav.systems.closed_loop.structure import phases_of
+
+MOST_STEPS: Final = 1_000_000
+MOST_INSTANTS: Final = 200_000
+
+SAME: Final = 1e-9
+"""Share of the flight within which two instants are one."""
+
+
+@dataclass(frozen=True)
+class Instant:
+    """An instant: steps of equal length that lead to it from the one before, and what happens at it.
+
+    Its phase is the number of one that begins at it.
+    """
+
+    time: float
+    begin: float
+    steps: int
+    measurements: tuple[int, ...] = ()
+    corrections: tuple[int, ...] = ()
+    guide: bool = False
+    epoch: bool = False
+    phase: int | None = None
+
+    @property
+    def length(self) -> float:
+        """Length of a step, s."""
+        return (self.time - self.begin) / self.steps if self.steps else 0.0
+
+    def step_times(self) -> Array:
+        """Begin of each step, s."""
+        return np.asarray(self.begin + self.length * np.arange(self.steps), dtype=float)
+
+
+def read_schedule(instance: Any, name: str, measurements: tuple[Measurement, ...]) -> tuple[Instant, ...]:
+    """Arrange the instants of a user's object from zero to its end, or to the latest that its trigger allows.
+
+    Raises `ScenarioError` when a time is wrong.
+    """
+    end = instance.end
+    last = _time(end.latest if isinstance(end, Trigger) else end, f"{name}.end", "a time, or Trigger(function, latest)")
+    cycle = None if instance.cycle is None else _time(instance.cycle, f"{name}.cycle", "a time, or None")
+    intervals = [_time(each.interval, each.name, "an interval") for each in measurements if each.interval is not None]
+    steps = [instance.step, cycle, min(intervals, default=None)]
+    step = next((_time(each, f"{name}.step", "a time") for each in steps if each is not None), None)
+    if step is None:
+        raise ScenarioError("type", f"{name}.step is needed where there is neither cycle nor interval of a measurement")
+    if last / step > MOST_STEPS:
+        raise ScenarioError(
+            "type", f"{name}.step: the flight would have {last / step:.3g} steps; at most {MOST_STEPS:,}"
+        )
+    at: dict[str, Array] = {"cycle": _multiples(step if cycle is None else cycle, last, f"{name}.cycle")}
+    at["cycle"] = np.append(0.0, at["cycle"])
+    for each in measurements:
+        listed = None if each.instants is None else np.array(each.instants, dtype=float)
+        if listed is not None and (listed.ndim != 1 or not np.isfinite(listed).all() or np.any(listed < 0.0)):
+            raise ScenarioError("type", f"{name}.measurements: instants of {each.name} must be times from zero on")
+        times = _multiples(each.interval, last, each.name) if listed is None else np.sort(listed)
+        at[f"measure {each.name}"] = times[_within_phases(each, phases_of(instance, name), times, name)]
+    for each in instance.corrections:
+        by_trigger = isinstance(each.at, Trigger)
+        time = _time(each.at.latest if by_trigger else each.at, each.name, "a time, or Trigger(function, latest)", 0.0)
+        at[f"{'latest' if by_trigger else 'correct'} {each.name}"] = np.array([time])
+    for phase in phases_of(instance, name)[1:]:
+        triggered = isinstance(phase.begins, Trigger)
+        time = _time(phase.begins.latest if isinstance(phase.begins, Trigger) else phase.begins, phase.name, "a time")
+        at[f"{'latest' if triggered else 'begin'} {phase.name}"] = np.array([time])
+    same = SAME * last
+    merged = np.unique(np.concatenate([*at.values(), [0.0, last]]))
+    merged = merged[np.append(True, np.diff(merged) > same) & (merged <= last + same)]
+    merged[-1] = last
+    if len(merged) > MOST_INSTANTS:
+        raise ScenarioError("type", f"{name} would have {len(merged):,} instants; at most {MOST_INSTANTS:,}")
+
+    def falls(key: str, time: float) -> bool:
+        times = at.get(key, np.zeros(0))
+        place = int(np.searchsorted(times, time - same))
+        return place < len(times) and bool(times[place] <= time + same)
+
+    instants = []
+    for begin, time in zip([0.0, *merged[:-1]], merged.tolist(), strict=True):
+        on_cycle = falls("cycle", time)
+        instants.append(
+            Instant(
+                time, float(begin), int(np.ceil((time - begin) / step * (1.0 - SAME))),
+                tuple(each for each, sensor in enumerate(measurements) if falls(f"measure {sensor.name}", time)),
+                tuple(each for each, done in enumerate(instance.corrections) if falls(f"correct {done.name}", time)),
+                on_cycle or cycle is None, on_cycle or time == last,
+                next((each for each, phase in enumerate(instance.phases) if falls(f"begin {phase.name}", time)), None),
+            )
+        )  # fmt: skip
+    return tuple(instants)
+
+
+def _within_phases(measurement: Measurement, phases: tuple[Phase, ...], times: Array, name: str) -> NDArray[np.bool_]:
+    """Tell which times lie in the phases of a measurement: from a begin on until the next one."""
+    if not measurement.phases:
+        return np.ones(len(times), dtype=bool)
+    known, where = [each.name for each in phases], f"{name}.measurements: {measurement.name}"
+    begins = [0.0 if each.begins is None else each.begins for each in phases] + [np.inf]
+    within = np.zeros(len(times), dtype=bool)
+    for phase in [measurement.phases] if isinstance(measurement.phases, str) else measurement.phases:
+        if phase not in known:
+            raise ScenarioError(
+                "type", f"{where} measures in {phase!r}, which is no phase{suggestion(str(phase), known)}"
+            )
+        begin, end = begins[known.index(phase) : known.index(phase) + 2]
+        if isinstance(begin, Trigger) or isinstance(end, Trigger):
+            told = f"{phase} begins or ends by a trigger, at another time in each sample"
+            raise ScenarioError("type", f"{where}: {told}; a measurement is limited to phases between given times")
+        same = SAME * max(times[-1], 1.0) if len(times) else 0.0
+        within |= (times >= begin - same) & (times < end - same)
+    return within
+
+
+def _time(value: Any, where: str, expected: str, least: float = 1e-12) -> float:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not number or not least <= value < np.inf:
+        raise ScenarioError("type", f"{where} must be {expected} in seconds, {least:g} or more; got {value!r:.60}")
+    return float(value)
+
+
+def _multiples(interval: float | None, last: float, where: str) -> Array:
+    assert interval is not None
+    count = int(np.floor(last / interval * (1.0 + SAME)))
+    if count > MOST_INSTANTS:
+        raise ScenarioError("type", f"{where}: there would be {count:,} instants; at most {MOST_INSTANTS:,}")
+    return interval * np.arange(1.0, count + 1.0)
