@@ -1,7 +1,6 @@
 """Digests of what code computes: without comments, docstrings and numbers of lines.
 
-A file is read as Python reads it, as byte code, which has no comments, and which an installation keeps. Annotations are
-part of it.
+A file is read as Python reads it, as byte code, which has no comments. Annotations are part of it.
 """
 
 from __future__ import annotations
@@ -9,7 +8,6 @@ from __future__ import annotations
 import dis
 import hashlib
 from collections.abc import Callable, Iterable
-from importlib.machinery import SourceFileLoader
 from inspect import CO_NEWLOCALS
 from pathlib import Path
 from types import CodeType, FunctionType
@@ -45,9 +43,8 @@ def _value(value: Any) -> Any:
 
 
 def _read(path: Path) -> CodeType:
-    """Return a file's code; it is compiled where Python has not kept it."""
-    code = SourceFileLoader(path.stem, str(path)).get_code(path.stem)
-    assert code is not None  # as of modules that are not Python's
+    """Return a file's code; what Python keeps of it may be that of a second before."""
+    code: CodeType = compile(path.read_bytes(), str(path), "exec", dont_inherit=True)
     return code
 
 

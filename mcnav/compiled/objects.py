@@ -40,6 +40,9 @@ OBJECTS: Final = Path(__file__).with_name("objects")
 ROOMS: Final = ("compiled", "numerics", "systems/reentry", "systems/steady", "systems/ins")
 """Folders of the package whose constants and functions compiled code may contain."""
 
+FILES: Final = ("constants.py", "linear/engine/products.py")
+"""Files besides whose constants it may contain."""
+
 UNCOMPILED: Final = {"tables", "recorded"}
 """Folders in them of which it contains nothing: campaign files, recordings."""
 
@@ -48,14 +51,14 @@ UNCOMPILED: Final = {"tables", "recorded"}
 def sources_digest() -> str:
     """Digest what the files compute whose constants and functions compiled code may contain.
 
-    Where Python keeps no byte code, reading them takes half a second: beside stored code there is a file with the
-    digest, and that of the contents for which it is valid.
+    Reading them takes half a second: beside stored code there is a file with the digest, and that of the contents for
+    which it is valid.
     """
     package = Path(__file__).parents[1]
     files = sorted(
         file for room in ROOMS for file in (package / room).rglob("*.py") if not UNCOMPILED.intersection(file.parts)
     )
-    files.append(package / "constants.py")
+    files += [package / name for name in FILES]
     contents = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
     folder = place_for(Path(__file__))
     if folder is None:
@@ -122,8 +125,14 @@ def _is_writable(folder: Path) -> bool:
 
 
 @cache
-def _digest_of_file(path: str) -> str:
-    return digest_of_files([Path(path)])
+def _digest_of_file(file: Path) -> str:
+    return digest_of_files([file])
+
+
+def _is_in_a_room(file: Path) -> bool:
+    """Return whether a file is one of those of `sources_digest`."""
+    package = Path(__file__).parents[1]
+    return any(package / room in file.parents for room in ROOMS) and not UNCOMPILED.intersection(file.parts)
 
 
 class CodeFiles:
@@ -183,7 +192,8 @@ class Code:
 
     def _files(self, folder: Path, needs: tuple[str, ...]) -> CodeFiles:
         name = f"{self._function.__module__}.{self._function.__qualname__}.{_python()}".translate({60: None, 62: None})
-        return CodeFiles(folder, name, (*needs, _digest_of_file(self._function.__code__.co_filename)))
+        file = Path(self._function.__code__.co_filename)
+        return CodeFiles(folder, name, needs if _is_in_a_room(file) else (*needs, _digest_of_file(file)))
 
     @cached_property
     def _digest(self) -> str:

@@ -75,7 +75,7 @@ def digested(file: Path) -> bool:
     """Whether the content of a file is part of the digest of all sources."""
     place = file.relative_to(PACKAGE)
     within = any(Path(room) in place.parents for room in objects.ROOMS)
-    return str(place) == "constants.py" or (within and not objects.UNCOMPILED.intersection(place.parts))
+    return str(place) in objects.FILES or (within and not objects.UNCOMPILED.intersection(place.parts))
 
 
 def names_in(code: CodeType) -> Iterator[str]:
@@ -150,6 +150,9 @@ def test_objects_are_used_without_a_folder_to_write_to_and_not_after_a_change(tm
     package.mkdir(parents=True)
     for name in ("__init__.py", "constants.py", "files.py", "progress.py", "_types.py"):
         shutil.copy(ROOT / "mcnav" / name, package / name)
+    for folder in ("linear", "linear/engine"):
+        (package / folder).mkdir()
+    shutil.copy(ROOT / "mcnav" / "linear" / "engine" / "products.py", package / "linear" / "engine" / "products.py")
     shutil.copytree(ROOT / "mcnav" / "compiled", package / "compiled", ignore=shutil.ignore_patterns("__pycache__"))
     (package.parent / "__pycache__").touch()
     nowhere = tmp_path / "no_folder"

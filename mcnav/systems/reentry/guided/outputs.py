@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS
@@ -78,8 +77,10 @@ def rows_of_outputs(navigation: GuidedNavigation, actual: Array, indicated: Arra
         np.concatenate([each.gradient(indicated) - each.gradient(actual), each.gradient(indicated)]) / np.tile(SCALE, 2)
         for each in navigation.further
     ]
-    rows = np.array([*np.hstack([none, eye]), *further, *np.hstack([eye, none])[first:]])
-    return np.asarray(block_diag(rows, np.eye(2)), dtype=float)
+    of_states = np.array([*np.hstack([none, eye]), *further, *np.hstack([eye, none])[first:]])
+    rows = np.pad(of_states, ((0, 2), (0, 2)))
+    rows[-2, -2] = rows[-1, -1] = 1.0  # time and largest deceleration
+    return rows
 
 
 def read_nominal(flight: LinearFlight, reading: Reading, nominal: Array) -> Array:

@@ -222,12 +222,13 @@ class GuidedReentry:
         Of shape (n, outputs, sources): up to reentry from one flight, later ones from a flight each. ``axes`` as in
         `Flight`.
         """
-        first, reentry = self._from_first_point, self.navigation.trajectory.reentry_time
-        before = times <= 0.0
-        early = partials_before_reentry(first._flight, times[before] + reentry, axes)
-        late = [self.started_at(float(time), axes).linear().end.partials for time in times[~before]]
-        result = np.empty((len(times), *early.shape[1:]))
-        result[before], result[~before] = early, np.reshape(late, (len(late), *early.shape[1:]))
+        reentry, before = self.navigation.trajectory.reentry_time, times <= 0.0
+        result = np.empty((len(times), len(self.outputs), len(self.sources)))
+        if before.any():
+            flight = self._from_first_point._flight
+            result[before] = partials_before_reentry(flight, times[before] + reentry, axes)
+        for place in np.flatnonzero(~before):
+            result[place] = self.started_at(float(times[place]), axes).linear().end.partials
         return result
 
     def engine(self, engine: str, probes: Array) -> Engine:
