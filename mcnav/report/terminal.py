@@ -11,12 +11,12 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from mcnav._types import Array
+from mcnav.analysis.checked_starts import simulated_rms
 from mcnav.analysis.summary import Summary
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.contract.quantities import Output, Source, end_words
 from mcnav.report import sentences, start_time_words
 from mcnav.report.export import partial_rows
-from mcnav.report.figures.start_times import simulated_rms
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.names import humanize, labels_of, scale_of
 from mcnav.report.output_columns import outputs_of_runs

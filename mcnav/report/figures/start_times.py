@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.analysis.checked_starts import simulated_rms
 from mcnav.analysis.comparison import Comparison
 from mcnav.contract.history import StartClock
 from mcnav.contract.quantities import Output, end_words
@@ -56,16 +57,6 @@ class Effects:
 def _event(clock: StartClock) -> list[Mark]:
     """Return the line at the clock's event, if it has one."""
     return [Rule(0.0, kind="dotted", name=clock.event)] if clock.event else []
-
-
-def simulated_rms(study: StartTimeStudy, time: float, comparison: Comparison) -> Array:
-    """Return the root mean squares of a Monte Carlo check of a start time, shape (outputs,): sigmas without means."""
-    sigma = np.array([each.sigma_paired for each in comparison.outputs])
-    if study.means is None:
-        return sigma
-    linear = study.means[int(np.abs(study.times - time).argmin())]
-    means = linear + np.array([each.bias.value for each in comparison.outputs])
-    return np.asarray(np.hypot(sigma, means))
 
 
 def dispersion(

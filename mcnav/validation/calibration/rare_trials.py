@@ -223,4 +223,6 @@ def main(file: str, seeds: str, jobs: str = "1") -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    from mcnav.validation.calibration import rare_trials  # by whose name worker processes find it
+
+    rare_trials.main(*sys.argv[1:])
