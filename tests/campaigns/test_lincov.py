@@ -77,9 +77,22 @@ class Jump:
         linear_covariance(parse_campaign(entries, str(tmp_path / "jump.toml"), "jump"))
 
 
-def test_times_need_a_trajectory() -> None:
+def test_times_need_a_trajectory(tmp_path: Path) -> None:
+    """A class whose `propagate` returns the end alone has none."""
+    _, own, _ = new_scenario("own", tmp_path)
     with pytest.raises(CampaignError, match="--at: the scenario has no trajectory"):
-        linear_covariance(CAMPAIGNS / "11_cruise.toml", np.array([60.0]))
+        linear_covariance(own, np.array([60.0]))
+
+
+def test_a_cruise_at_a_time_is_one_that_ends_there() -> None:
+    """Half an hour of campaign 11, whose end is a distance: the same sigmas as a cruise of that duration has."""
+    described = tomllib.loads((CAMPAIGNS / "11_cruise.toml").read_text())
+    del described["scenario"]["distance"]
+    described["scenario"]["duration"] = "1800 s"
+    at_time = linear_covariance(CAMPAIGNS / "11_cruise.toml", np.array([1800.0]))
+    ended = linear_covariance(parse_campaign(described, "cruise.toml", "cruise"))
+    assert at_time.asked is not None
+    np.testing.assert_allclose(at_time.asked.sigma[-1], ended.sigma, rtol=1e-9)
 
 
 def test_times_outside_of_the_navigation_are_those_of_the_option() -> None:
