@@ -21,7 +21,14 @@ from mcnav.analysis.sweep import Point, Variable
 from mcnav.config.overrides import Value, VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.contract.linear import CovarianceReadings, LinearModel, SharedTables
-from mcnav.contract.scenario import ScenarioError, can_have_filter, has_epochs, knows_covariance, runs_user_code
+from mcnav.contract.scenario import (
+    ScenarioError,
+    can_have_filter,
+    has_epochs,
+    is_linear_at_any_time,
+    knows_covariance,
+    runs_user_code,
+)
 from mcnav.errors import CampaignError, Problem
 from mcnav.linear.partials import SimulationFailed
 
@@ -209,9 +216,11 @@ def _readings(campaign: Campaign, at: Sequence[float], shared: SharedTables) -> 
         ordered = CovarianceReadings(times[order], readings.mean[order], readings.covariance[order], own)
         return len(epochs) - 1, ordered
     if at:
-        raise CampaignError(
-            [Problem(campaign.file, "--at", "the scenario has no trajectory whose times could be named")]
-        )
+        if not is_linear_at_any_time(scenario):
+            message = "the scenario has no trajectory whose times could be named"
+            raise CampaignError([Problem(campaign.file, "--at", message)])
+        end, readings = _readings(campaign, (), shared)
+        return end, _with_times(campaign, readings, np.unique(at))
     if has_epochs(scenario):
         system = scenario.linear_over_time(len(scenario.reading_times))
         nominal = 0.0 if system.nominal is None else system.nominal
@@ -229,6 +238,30 @@ def _readings(campaign: Campaign, at: Sequence[float], shared: SharedTables) -> 
     mean, covariance = model.outcome_mean[None], model.outcome_covariance[None]
     origin = None if linear.origin is None else linear.origin[None]
     return 0, CovarianceReadings(np.zeros(1), mean, covariance, own, linear.nominal[None], origin)
+
+
+def _with_times(campaign: Campaign, readings: CovarianceReadings, at: Array) -> CovarianceReadings:
+    """Append the linear system at further times, rising, s, after an update where one falls on them."""
+    try:
+        system = campaign.scenario.linear(at)
+    except ScenarioError as wrong:
+        raise CampaignError([Problem(campaign.file, f"--{wrong.key}", str(wrong))]) from None
+    system = system.at(np.array([update != "before" for update in system.updates]))
+    errors, zero = campaign.errors, np.zeros(readings.mean.shape[1])
+    nominal = np.broadcast_to(zero, system.partials.shape[:2]) if system.nominal is None else system.nominal
+
+    def joined(before: Array | None, after: Array | None) -> Array | None:
+        return None if before is None or after is None else np.concatenate([before, after])
+
+    ends = readings.times if has_epochs(campaign.scenario) else np.full(1, np.inf)  # later than all of them
+    return CovarianceReadings(
+        np.concatenate([ends, at]),
+        np.concatenate([readings.mean, nominal + system.partials @ errors.mean]),
+        np.concatenate([readings.covariance, system.covariance(errors.covariance)]),
+        joined(readings.own, system.own),
+        joined(readings.nominal, nominal),
+        joined(readings.origin, system.origin),
+    )
 
 
 def _linear_model(campaign: Campaign, shared: SharedTables) -> LinearModel:

@@ -57,6 +57,29 @@ class Cubic:
 """
 
 
+@pytest.mark.parametrize(
+    ("name", "key", "output", "times"),
+    [("11_cruise", "errors.gyro_drift", "range", [0.0, 1800.0]),
+     ("01_tn_d1772_trajectory_4", "errors.altitude", "altitude", [-600.0, 60.0]),
+     ("29_orbit_correction", "errors.true_position", "position_radial", [30.0])],
+)  # fmt: skip
+def test_times_of_any_system_are_those_of_its_linear_analysis(
+    name: str, key: str, output: str, times: list[float]
+) -> None:
+    """As `lincov --at` has them, between epochs and without any."""
+    file = CAMPAIGNS / f"{name}.toml"
+    size = tomllib.loads(file.read_text())["errors"][key.removeprefix("errors.")]
+    swept = run_sweep(
+        file,
+        SweepPlan({key: [f"0 {size.partition(' ')[2]}", size]}, [output], 2, times, 1),
+    )
+    asked = mcnav.linear_covariance(file, np.array(times)).asked
+    assert asked is not None
+    number = [each.name for each in read_campaign(file).scenario.outputs].index(output)
+    found = [swept.values[1, place] for place, time in enumerate(swept.times) if time is not None]
+    np.testing.assert_allclose(found, asked.sigma[:, number], rtol=1e-12)
+
+
 @pytest.fixture
 def aided(tmp_path: Path) -> Path:
     path = tmp_path / "aided.toml"
