@@ -68,7 +68,7 @@ def _paragraph(answer: Answer, indent: int) -> list[Text]:
     word, *rest = textwrap.wrap(answer.sentence, WIDTH - indent)
     style, margin = f"bold {COLOURS[answer.tone]}", " " * indent
     lines = [Text(f"{answer.word:<{indent}}{word}", style=style), *(Text(margin + line, style=style) for line in rest)]
-    sentences_below = [*answer.further, *([f"Cause: {answer.cause}."] if answer.cause else [])]
+    sentences_below = [*answer.further, *answer.warnings, *([f"Cause: {answer.cause}."] if answer.cause else [])]
     further = [line for sentence in sentences_below for line in textwrap.wrap(sentence, WIDTH - indent)]
     return [*lines, *(Text(margin + line) for line in further)]
 

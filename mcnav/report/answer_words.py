@@ -43,7 +43,7 @@ TOGETHER: Final = ("all", "navigation")
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer: its word, its tone, its sentence, further sentences, what to do about it, the cause, its subject."""
+    """An answer: its word, tone and sentence, further sentences, what to do about it, the cause, subject, warnings."""
 
     word: str
     tone: str
@@ -52,6 +52,7 @@ class Answer:
     advice: str = ""
     cause: str = ""
     subject: Subject = "linear"
+    warnings: tuple[str, ...] = ()
 
 
 def answers(summary: Summary, epochs: Mapping[str, Array]) -> list[Answer]:
@@ -88,10 +89,10 @@ def _linear(summary: Summary, statement: Statement) -> Answer:
     """Say whether the linear sigmas are right, and whether the covariance matrix is."""
     tone = sentences.tone(summary)
     if summary.unsettled or summary.beyond_range or not (summary.verdicts and any(summary.sigma_linear)):
-        return Answer(WORDS[tone], tone, statement.words, statement.warnings)
+        return Answer(WORDS[tone], tone, statement.words, warnings=statement.warnings)
     said = {"agrees": _agreeing, "partly": _partly, "differs": _differing, "undecided": _undecided}
     sentence, advice = said[tone](summary)
-    return Answer(WORDS[tone], tone, sentence, statement.warnings, advice)
+    return Answer(WORDS[tone], tone, sentence, (), advice, warnings=statement.warnings)
 
 
 def _agreeing(summary: Summary) -> tuple[str, str]:

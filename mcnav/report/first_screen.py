@@ -29,7 +29,7 @@ WHOLE: Final = "combination"
 DIGITS: Final = 3
 """Significant digits of its numbers."""
 
-LONGEST: Final = 24
+LONGEST: Final = 12
 """Words of a warning that is written out; of longer ones the first screen says that there are some."""
 
 MORE: Final = Markup('<a href="#requirements">and {} more</a>').format

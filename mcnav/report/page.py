@@ -24,7 +24,7 @@ from mcnav.report.first_screen import WHOLE, first_screen
 from mcnav.report.html import page_html
 from mcnav.report.left_out import not_modelled
 from mcnav.report.model import RunAnalysis
-from mcnav.report.sections.answers import answers
+from mcnav.report.sections.answers import FILTERED, answers
 from mcnav.report.sections.budget import budget_section
 from mcnav.report.sections.causes import causes_section
 from mcnav.report.sections.filter import filter_sections
@@ -59,6 +59,12 @@ FOLDS: Final = {
     "Provenance": ("provenance",),
 }
 """Folds below the first screen, and the sections in each."""
+
+LINES: Final = {
+    "Requirements": "Each requirement with its estimate and bounds",
+    "Provenance": "Samples, what is left out, campaign file, versions, checksums",
+}
+"""What is inside of folds whose one section has their own name; of others the titles of the sections say it."""
 
 FIRST: Final = (
     "Sigmas, ratios, biases, mean NEES, correlations, skewness, kurtosis and their intervals are computed from all "
@@ -112,7 +118,8 @@ def _folds(
     A figure that has moved to the first screen leaves its words in the fold that it comes from.
     """
     verdicts = {tile.subject: tile for tile in made}
-    table, of_filter = answers(content), content.filter is not None
+    table = answers(content)
+    of_filter = table is not None and table.style == FILTERED
     parts: dict[str, Sequence[Part]] = {
         "Filter": joined(_tiles(verdicts, "filter", "smoother"), table if of_filter else None),
         "Linear analysis": joined(
@@ -126,9 +133,14 @@ def _folds(
         own = [sections[name] for name in names if name in sections]
         above = parts.get(title, [])
         if own or above:
-            line = ", ".join(section.title for section in own) or "The verdict"
+            line = LINES.get(title) or _listed([section.title for section in own])
             folds.append(Fold(f"fold-{title.lower().replace(' ', '-')}", title, line, above, own))
     return folds
+
+
+def _listed(titles: list[str]) -> str:
+    """List titles of sections in one line."""
+    return ", ".join(titles[:1] + [title[:1].lower() + title[1:] for title in titles[1:]]) or "The verdict"
 
 
 def _words(figure: Figure) -> Note:

@@ -206,7 +206,8 @@ def requirement_in_brief(row: RequirementRow) -> str:
         value = value.removesuffix(f" {row.unit}")
     measure = f"{100.0 * (entry.probability or 0.0):g} %" if entry.kind == "quantile" else _measure(row)
     what = f"{names}, {measure}" if entry.kind == "quantile" else f"{measure} of {names}" if names else measure
-    return f"{what}: {value}, {limit}"
+    when = f", {entry.when}" if entry.when else ""
+    return f"{what}{when}: {value}, {limit}"
 
 
 def _together(outputs: Sequence[str]) -> str:
