@@ -68,7 +68,8 @@ def _paragraph(answer: Answer, indent: int) -> list[Text]:
     word, *rest = textwrap.wrap(answer.sentence, WIDTH - indent)
     style, margin = f"bold {COLOURS[answer.tone]}", " " * indent
     lines = [Text(f"{answer.word:<{indent}}{word}", style=style), *(Text(margin + line, style=style) for line in rest)]
-    further = [line for told in answer.further for line in textwrap.wrap(told, WIDTH - indent)]
+    sentences_below = [*answer.further, *answer.warnings, *([f"Cause: {answer.cause}."] if answer.cause else [])]
+    further = [line for sentence in sentences_below for line in textwrap.wrap(sentence, WIDTH - indent)]
     return [*lines, *(Text(margin + line) for line in further)]
 
 

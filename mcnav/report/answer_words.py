@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from mcnav.analysis.filter_causes import shares_by_kind
 from mcnav.analysis.filter_consistency import cause_words
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.verdict import NUMERICAL
@@ -17,8 +18,9 @@ from mcnav.report.filter_verdict import LEAST, NAMED
 from mcnav.report.format import rounded
 from mcnav.report.joint_words import joined
 from mcnav.report.names import humanize, shown_units
-from mcnav.report.sentences import Statement, more_samples
-from mcnav.report.tiles import worst_departure, worst_requirement
+from mcnav.report.requirements import listed
+from mcnav.report.sentences import WORST, Statement, Subject, more_samples
+from mcnav.report.tiles import NAMES, requirement_in_brief, worst_departure, worst_requirement
 
 if TYPE_CHECKING:
     from mcnav._types import Array
@@ -41,13 +43,16 @@ TOGETHER: Final = ("all", "navigation")
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer: its word, its tone, its sentence, further sentences, and what to do about it."""
+    """An answer: its word, tone and sentence, further sentences, what to do about it, the cause, subject, warnings."""
 
     word: str
     tone: str
     sentence: str
     further: tuple[str, ...] = ()
     advice: str = ""
+    cause: str = ""
+    subject: Subject = "linear"
+    warnings: tuple[str, ...] = ()
 
 
 def answers(summary: Summary, epochs: Mapping[str, Array]) -> list[Answer]:
@@ -58,7 +63,10 @@ def answers(summary: Summary, epochs: Mapping[str, Array]) -> list[Answer]:
     epochs : mapping
         Columns over time as `mcnav.store.run_folder.RunFolder.epochs` returns them; empty where none are stored.
     """
-    return [_answer(summary, statement, epochs) for statement in sentences.statements(summary)]
+    given = [replace(_answer(summary, each, epochs), subject=each.subject) for each in sentences.statements(summary)]
+    order = [*NAMES]
+    return sorted(given, key=lambda answer: (
+        answer.subject != "means", WORST.index(answer.tone), order.index(answer.subject)))  # fmt: skip
 
 
 def _answer(summary: Summary, statement: Statement, epochs: Mapping[str, Array]) -> Answer:
@@ -69,9 +77,10 @@ def _answer(summary: Summary, statement: Statement, epochs: Mapping[str, Array])
             return _filter(summary, summary.filter, statement, epochs)
         case "requirements":
             worst = worst_requirement(summary)
-            least = () if worst is None else (f"Least margin: {worst.words}.",)
+            least = () if worst is None else (f"Least margin: {requirement_in_brief(worst)}.",)
+            cause = "" if worst is None or not worst.causes else listed(worst.causes)
             words = statement.words.removeprefix("Requirements: ")
-            return Answer(OF_REQUIREMENTS[statement.tone], statement.tone, f"Requirements: {words}", least)
+            return Answer(OF_REQUIREMENTS[statement.tone], statement.tone, f"Requirements: {words}", least, "", cause)
         case _:
             return Answer(WORDS[statement.tone], statement.tone, statement.words)
 
@@ -80,10 +89,10 @@ def _linear(summary: Summary, statement: Statement) -> Answer:
     """Say whether the linear sigmas are right, and whether the covariance matrix is."""
     tone = sentences.tone(summary)
     if summary.unsettled or summary.beyond_range or not (summary.verdicts and any(summary.sigma_linear)):
-        return Answer(WORDS[tone], tone, statement.words, statement.warnings)
+        return Answer(WORDS[tone], tone, statement.words, warnings=statement.warnings)
     said = {"agrees": _agreeing, "partly": _partly, "differs": _differing, "undecided": _undecided}
     sentence, advice = said[tone](summary)
-    return Answer(WORDS[tone], tone, sentence, statement.warnings, advice)
+    return Answer(WORDS[tone], tone, sentence, (), advice, warnings=statement.warnings)
 
 
 def _agreeing(summary: Summary) -> tuple[str, str]:
@@ -141,16 +150,17 @@ def _filter(summary: Summary, result: FilterSummary, statement: Statement, epoch
     word, worst = WORDS[statement.tone], worst_departure(result)
     if result.verdict == "consistent":
         within = "" if result.tolerance is None else f", within {100.0 * result.tolerance:g} %"
-        return Answer(word, statement.tone, f"The covariance that the filter computes is that of its errors{within}.")
+        sentence = f"The covariance that the filter computes is that of its errors{within}."
+        return Answer(word, statement.tone, sentence, (), "Its sigmas can be used as the filter computes them.")
     if result.verdict not in ("optimistic", "pessimistic") or worst is None or result.factor is None:
         return Answer(word, statement.tone, statement.words)
     whose = "its" if result.group in TOGETHER else group_words(result.group) if result.group else humanize(worst.name)
     errors = f"{whose} errors are {rounded(result.factor, 2)} times what it computes."
     if result.verdict == "pessimistic":
         return Answer(word, statement.tone, f"This filter's covariance is larger than its errors: {errors}")
-    further = (_worst_output(summary, result, epochs), _silent(result), _causes(result))
+    further = (_worst_output(summary, result, epochs), _silent(result))
     sentence = f"Do not trust this filter's covariance: {errors}"
-    return Answer(word, statement.tone, sentence, tuple(filter(None, further)))
+    return Answer(word, statement.tone, sentence, tuple(filter(None, further)), "", _causes(result))
 
 
 def _worst_output(summary: Summary, result: FilterSummary, epochs: Mapping[str, Array]) -> str:
@@ -192,6 +202,6 @@ def _silent(result: FilterSummary) -> str:
 
 
 def _causes(result: FilterSummary) -> str:
-    named = [each for each in result.neglected if each.share >= LEAST][:NAMED]
-    shares = ", ".join(f"{cause_words(each.name)} {100.0 * each.share:.0f} %" for each in named)
-    return f"Cause: {shares}." if named else ""
+    kinds = shares_by_kind((cause.name, cause.share) for cause in result.neglected)
+    named = [(kind, share) for kind, share in kinds.items() if share >= LEAST][:NAMED]
+    return ", ".join(f"{cause_words(kind)} {100.0 * share:.0f} %" for kind, share in named)

@@ -336,10 +336,11 @@ class Facts:
 
 @dataclass(frozen=True)
 class Findings:
-    """Requirements in one line each: finding, its tone, and words; ``further`` says where there are more."""
+    """Requirements, or what ``name`` says, in one line each: finding, its tone, words; ``further``: where more are."""
 
     entries: Sequence[tuple[str, str, str]]
     further: str = ""
+    name: str = "Requirements"
 
 
 @dataclass(frozen=True)
@@ -368,9 +369,10 @@ class Folded:
 
 @dataclass(frozen=True)
 class Beside:
-    """Figures beside each other."""
+    """Figures beside each other, and parts beside them."""
 
     figures: Sequence[Figure]
+    parts: Sequence[Part] = ()
 
 
 @dataclass(frozen=True)
@@ -434,6 +436,22 @@ class Section:
 
 
 @dataclass(frozen=True)
+class Fold:
+    """Parts and sections that the reader unfolds; ``line`` says what is inside, ``name`` is that of its link."""
+
+    name: str
+    title: str
+    line: str
+    parts: Sequence[Part]
+    sections: Sequence[Section]
+
+    @property
+    def measured(self) -> bool:
+        """Return whether it has the foremost table, above which readers choose the unit of numbers."""
+        return any(table.measured for part in self.parts if isinstance(part, Answers) for table in part.tables)
+
+
+@dataclass(frozen=True)
 class Page:
     """A page.
 
@@ -447,6 +465,8 @@ class Page:
         Heading, which may have names that are the user's.
     head, foot : sequence of Part
         Parts above and below the sections.
+    folds : sequence of Fold
+        Sections that are folded, below the others.
     status, tone : str
         The foremost answer in words, which the title of the window begins with, and its tone, which colours the
         window's icon; empty: none.
@@ -460,11 +480,17 @@ class Page:
     foot: Sequence[Part] = ()
     status: str = ""
     tone: str = ""
+    folds: Sequence[Fold] = ()
 
     @property
     def measured(self) -> bool:
         """Return whether a foremost table has numbers of which readers may choose the unit."""
         return any(each.measured for part in self.head if isinstance(part, Answers) for each in part.tables)
+
+    @property
+    def all_sections(self) -> list[Section]:
+        """All sections, those that are folded as well."""
+        return [*self.sections, *(section for fold in self.folds for section in fold.sections)]
 
 
 def joined(*parts: Part | None) -> tuple[Part, ...]:

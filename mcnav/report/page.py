@@ -1,17 +1,15 @@
-"""The report of a run as a page: tiles with the verdicts, answers, and the sections of `mcnav.report.sections`."""
+"""The report of a run as a page: a first screen with the answers, and folds with the sections below it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 from typing import Final
 
-from markupsafe import Markup
-
 from mcnav.analysis.heading import heading_remark
 from mcnav.report import filter_tables, sentences
-from mcnav.report.document import Beside, Findings, Folded, Note, Page, Part, Section, Tiles, joined
+from mcnav.report.document import Beside, Fold, Folded, Note, Page, Part, Section, Tile, Tiles, joined
 from mcnav.report.figure_words import words_on
 from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios, truth
 from mcnav.report.figures.combination import combination
@@ -22,11 +20,11 @@ from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
 from mcnav.report.figures.requirements import requirements_over_time
 from mcnav.report.figures.tail import tails
+from mcnav.report.first_screen import WHOLE, first_screen
 from mcnav.report.html import page_html
 from mcnav.report.left_out import not_modelled
 from mcnav.report.model import RunAnalysis
-from mcnav.report.requirements import requirement_rows
-from mcnav.report.sections.answers import answers
+from mcnav.report.sections.answers import FILTERED, answers
 from mcnav.report.sections.budget import budget_section
 from mcnav.report.sections.causes import causes_section
 from mcnav.report.sections.filter import filter_sections
@@ -37,8 +35,8 @@ from mcnav.report.sections.provenance import provenance_section, simulated_per_s
 from mcnav.report.sections.smoother import smoother_section
 from mcnav.report.sections.truth import truth_section
 from mcnav.report.sections.what_if import linear_fails, what_if_section
-from mcnav.report.sentences import Statement
-from mcnav.report.tiles import headline, tiles
+from mcnav.report.sentences import Statement, Subject
+from mcnav.report.tiles import NAMES, headline, tiles
 
 FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices,
@@ -52,11 +50,21 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
 
-FOREMOST: Final = ("not met", "undecided", "met for the known ways", "met")
-"""Findings in the order in which requirements are listed above everything else."""
+FOLDS: Final = {
+    "Filter": ("filter", "estimation", "smoother"),
+    "Linear analysis": ("combination", "linear", "causes", "joint", "dispersion", "truth"),
+    "Requirements": ("requirements",),
+    "Budget": ("budget", "improve"),
+    "Explore": ("what-if", "deck", "throughout", "flight"),
+    "Provenance": ("provenance",),
+}
+"""Folds below the first screen, and the sections in each."""
 
-REQUIREMENTS: Final = 3
-"""Requirements listed there where there are more than one more; the section on requirements has all."""
+LINES: Final = {
+    "Requirements": "Each requirement with its estimate and bounds",
+    "Provenance": "Samples, what is left out, campaign file, versions, checksums",
+}
+"""What is inside of folds whose one section has their own name; of others the titles of the sections say it."""
 
 FIRST: Final = (
     "Sigmas, ratios, biases, mean NEES, correlations, skewness, kurtosis and their intervals are computed from all "
@@ -81,33 +89,88 @@ def render(content: RunAnalysis) -> str:
 
 
 def page(content: RunAnalysis) -> Page:
-    """Return the report."""
-    name, sections = content.summary.campaign, _numbered(_sections(content, figures(content)))
+    """Return the report: one screen that answers, and everything else in folds."""
+    name, drawn = content.summary.campaign, figures(content)
+    sections = {section.name: section for section in _sections(content, drawn)}
     consistent = None if content.filter is None else filter_tables.interval_at_worst(content.filter)
-    made = tiles(content.summary, _stated(content), {each.name for each in sections}, content.time_unit, consistent)
-    head = [Tiles(made), *joined(_requirements(content), answers(content)), *map(Note, _notes(content))]
-    kind, foremost = "Linear covariance analysis and Monte Carlo", made[0]
-    return Page(name, kind, name, head, sections, status=headline(foremost), tone=foremost.tone)
-
-
-def _numbered(sections: Sequence[Section]) -> list[Section]:
-    """Give the figures their numbers, in the order of the page."""
+    made = tiles(content.summary, _stated(content), sections, content.time_unit, consistent)
+    first = first_screen(content, drawn, made)
+    moved = None
+    if first.moved is not None:
+        sections.pop(WHOLE, None)
+        moved = replace(drawn[WHOLE], number=1)
+        made = [replace(tile, link="linear") if tile.link == WHOLE else tile for tile in made]
     numbers = count(1)
+    head = _numbered(first.parts, numbers)
+    folds = [
+        replace(fold, sections=[replace(section, parts=_numbered(section.parts, numbers)) for section in fold.sections])
+        for fold in _folds(content, sections, made, moved)
+    ]
+    kind, foremost = "Run", made[0]
+    return Page(name, kind, name, head, status=headline(foremost), tone=foremost.tone, folds=folds)
+
+
+def _folds(
+    content: RunAnalysis, sections: Mapping[str, Section], made: Sequence[Tile], moved: Figure | None
+) -> list[Fold]:
+    """Put sections in folds, each with its verdicts first; folds that would be empty are left out.
+
+    A figure that has moved to the first screen leaves its words in the fold that it comes from.
+    """
+    verdicts = {tile.subject: tile for tile in made}
+    table = answers(content)
+    of_filter = table is not None and table.style == FILTERED
+    parts: dict[str, Sequence[Part]] = {
+        "Filter": joined(_tiles(verdicts, "filter", "smoother"), table if of_filter else None),
+        "Linear analysis": joined(
+            _tiles(verdicts, "means", "linear"), None if of_filter else table, None if moved is None else _words(moved)
+        ),
+        "Requirements": joined(_tiles(verdicts, "requirements")),
+        "Provenance": [*map(Note, _notes(content))],
+    }
+    folds = []
+    for title, names in FOLDS.items():
+        own = [sections[name] for name in names if name in sections]
+        above = parts.get(title, [])
+        if own or above:
+            line = LINES.get(title) or _listed([section.title for section in own])
+            folds.append(Fold(f"fold-{title.lower().replace(' ', '-')}", title, line, above, own))
+    return folds
+
+
+def _listed(titles: list[str]) -> str:
+    """List titles of sections in one line."""
+    return ", ".join(titles[:1] + [title[:1].lower() + title[1:] for title in titles[1:]]) or "The verdict"
+
+
+def _words(figure: Figure) -> Note:
+    """Return what a figure shows and its caption."""
+    return Note(f"Figure {figure.number}. {figure.shows} {figure.caption}")
+
+
+def _tiles(verdicts: Mapping[str, Tile], *subjects: Subject) -> Tiles | None:
+    """Return the tiles on some subjects; none where there is no such verdict."""
+    chosen = [verdicts[NAMES[subject]] for subject in subjects if NAMES[subject] in verdicts]
+    return Tiles(chosen) if chosen else None
+
+
+def _numbered(parts: Sequence[Part], numbers: Iterator[int]) -> list[Part]:
+    """Give figures their numbers, in the order of the page; one that says nothing, a panel of another, has none."""
 
     def counted(figure: Figure) -> Figure:
-        return replace(figure, number=next(numbers))
+        return replace(figure, number=next(numbers)) if figure.shows else figure
 
     def with_numbers(part: Part) -> Part:
         match part:
             case Figure():
                 return counted(part)
             case Beside():
-                return Beside([counted(figure) for figure in part.figures])
+                return replace(part, figures=[counted(figure) for figure in part.figures])
             case Folded():
-                return replace(part, parts=[*map(with_numbers, part.parts)])
+                return replace(part, parts=_numbered(part.parts, numbers))
         return part
 
-    return [replace(section, parts=[*map(with_numbers, section.parts)]) for section in sections]
+    return [with_numbers(part) for part in parts]
 
 
 def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section]:
@@ -160,21 +223,6 @@ def _further(content: RunAnalysis) -> list[str]:
     """Return the findings that are not beside the verdict: the second, where the joint distribution agrees."""
     failing = content.summary.verdict_matrix not in ("agrees", None)
     return [] if failing else sentences.findings(content.summary)[1:]
-
-
-def _requirements(content: RunAnalysis) -> Findings | None:
-    """List the foremost requirements with their estimates; none where a tile has the only one, or none is asked."""
-    rows = sorted(
-        requirement_rows(content.summary, "shown", content.time_unit),
-        key=lambda row: FOREMOST.index(row.entry.finding),
-    )
-    if len(rows) < 2:
-        return None
-    more = len(rows) - REQUIREMENTS if len(rows) > REQUIREMENTS + 1 else 0
-    further = Markup('<a href="#requirements">and {} more</a>').format(more) if more > 0 else ""
-    listed = rows[:REQUIREMENTS] if more else rows
-    entries = [(row.entry.finding, row.tone, f"{row.words}: {row.estimate.text}") for row in listed]
-    return Findings(entries, further)
 
 
 def _notes(content: RunAnalysis) -> list[str]:

@@ -48,6 +48,10 @@ FINDINGS: Final = ("not met", "undecided", "met for the known ways", "met")
 """Findings on requirements, the worst first."""
 
 
+NAMED: Final = 2
+"""Outputs of a requirement that its short form names."""
+
+
 @dataclass(frozen=True)
 class Worst:
     """The number farthest off: in three digits, what it is of, and its interval; of a ratio its mark."""
@@ -143,8 +147,12 @@ def _sentence(summary: Summary, statement: Statement, time_unit: str) -> str:
 
 def worst_requirement(summary: Summary, time_unit: str = "") -> RequirementRow | None:
     """Return the requirement with the worst finding, of several the one that uses most of its limit."""
-    rows = requirement_rows(summary, "shown", time_unit)
-    return min(rows, key=lambda row: (FINDINGS.index(row.entry.finding), -_used(row)), default=None)
+    return min(requirement_rows(summary, "shown", time_unit), key=worst_first, default=None)
+
+
+def worst_first(row: RequirementRow) -> tuple[int, float]:
+    """Return by what requirements are sorted, the worst first."""
+    return FINDINGS.index(row.entry.finding), -_used(row)
 
 
 def _used(row: RequirementRow) -> float:
@@ -186,6 +194,32 @@ def _requirement(summary: Summary, time_unit: str) -> Worst:
     limit = f"at least {100.0 * (entry.probability or 0.0):g} %" if entry.kind == "box" else _limit(row)
     when = f" at {instant(entry.time, f'time [{row.time_unit}]')}" if entry.time is not None else ""
     return Worst(_three(row, entry.estimate), f"{_measure(row)}{when}{_between(row)}; {limit}")
+
+
+def requirement_in_brief(row: RequirementRow) -> str:
+    """Write a requirement in one short row: what it limits, the estimate, and the limit."""
+    entry = row.entry
+    names = _together(entry.outputs) if entry.outputs else ""
+    limit = f"at least {100.0 * (entry.probability or 0.0):g} %" if entry.kind == "box" else _limit(row)
+    value = "–" if entry.estimate is None else _three(row, entry.estimate)
+    if row.unit and limit.endswith(f" {row.unit}"):
+        value = value.removesuffix(f" {row.unit}")
+    measure = f"{100.0 * (entry.probability or 0.0):g} %" if entry.kind == "quantile" else _measure(row)
+    what = f"{names}, {measure}" if entry.kind == "quantile" else f"{measure} of {names}" if names else measure
+    when = f", {entry.when}" if entry.when else ""
+    return f"{what}{when}: {value}, {limit}"
+
+
+def _together(outputs: Sequence[str]) -> str:
+    """Name outputs, what their names begin with alike once.
+
+    >>> _together(["position_north", "position_east"]), _together(["altitude", "range"]), _together(["x", "y", "z"])
+    ('position north, east', 'altitude, range', 'x, y and 1 more')
+    """
+    first, *others = (humanize(name) for name in outputs[:NAMED])
+    start = f"{first.rpartition(' ')[0]} "
+    more = f" and {len(outputs) - NAMED} more" if len(outputs) > NAMED else ""
+    return ", ".join([first, *(name.removeprefix(start) for name in others)]) + more
 
 
 def _measure(row: RequirementRow) -> str:

@@ -53,6 +53,9 @@ REPRODUCED = "reproduction"
 """Kind of a folder that is no page."""
 
 
+UNFOLD = "document.querySelectorAll('details.fold').forEach((fold) => { fold.open = true; })"
+"""Opens the folds of a run's report."""
+
 AXES = ("north", "east", "down")
 SOURCES = [
     f"{kind}_{axis}"
@@ -161,6 +164,7 @@ class Browser:
         scripts: bool = True,
         silent: bool = True,
         folder: Path | None = None,
+        folded: bool = False,
     ) -> Iterator[Any]:
         """Open a page; at the end, it has said nothing if it is to be silent, and asked for nothing but itself.
 
@@ -168,15 +172,17 @@ class Browser:
         ----------
         folder : Path, optional
             Folder of files that the page may ask for as well.
+        folded : bool
+            Whether the folds of a run's report stay closed, as readers find them.
         """
         own = (path.as_uri(), "data:") if folder is None else (folder.as_uri(), "data:")
-        with self.visited(path.as_uri(), width, height, scripts, silent, own) as window:
+        with self.visited(path.as_uri(), width, height, scripts, silent, own, folded) as window:
             yield window
 
     @contextmanager
     def visited(
         self, address: str, width: int = 1280, height: int = 900, scripts: bool = True, silent: bool = True,
-        own: tuple[str, ...] | None = None,
+        own: tuple[str, ...] | None = None, folded: bool = False,
     ) -> Iterator[Any]:  # fmt: skip
         """Open an address in the same way; ``own`` begins all addresses that it may ask for, by default itself."""
         window, said, asked = self._window(scripts), list[str](), list[str]()
@@ -192,6 +198,8 @@ class Browser:
             window.on(event, hear)
         try:
             window.goto(address)
+            if not folded:
+                window.evaluate(UNFOLD)
             yield window
         finally:
             for event, hear in heard.items():

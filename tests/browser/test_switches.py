@@ -12,7 +12,7 @@ import pytest
 
 from mcnav.report.format import number
 from mcnav.units import conversion
-from tests.browser.conftest import Browser
+from tests.browser.conftest import UNFOLD, Browser
 
 NUMBERS = """() => Array.from(document.querySelectorAll("tr:has([data-unit]) data")).map((each) => {
   const unit = each.closest("tr").querySelector("[data-unit]");
@@ -70,6 +70,7 @@ def test_tables(browser: Browser, page_of: Callable[[str], Path]) -> None:
         for (value, unit), (other, now) in zip(said, changed, strict=True):
             assert other == pytest.approx(value * size(unit, now), rel=6e-3)  # both have three digits
         page.reload()
+        page.evaluate(UNFOLD)
         assert page.evaluate(NUMBERS) == shown
         page.get_by_label("1σ", exact=True).press("Space")
         page.get_by_label("as computed", exact=True).check()

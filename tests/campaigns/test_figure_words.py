@@ -38,7 +38,9 @@ def test_every_figure_has_its_sentence(content: RunAnalysis) -> None:
     assert {"flight", *FIGURES} == {"deck", *WORDS}
     drawn = figures(content)
     assert all(re.fullmatch(r"[A-Z\d].*\.", each.shows) for each in drawn.values())
-    shown = [part for section in page(content).sections for part in section.parts if isinstance(part, Figure)]
+    report = page(content)
+    parts = [*report.head, *(part for section in report.all_sections for part in section.parts)]
+    shown = [part for part in parts if isinstance(part, Figure)]
     assert [each.number for each in shown] == list(range(1, len(shown) + 1))
 
 

@@ -119,7 +119,7 @@ def test_the_failing_part_comes_first(options: tuple[str, ...], tmp_path: Path) 
         assert float(words[1]) == pytest.approx(2.0 * 2.0**0.5, rel=0.12)
         assert then.startswith("In every output the Monte Carlo sigma")
     assert found.summary["verdict_matrix"] == "differs"
-    assert found.page.index('id="combination"') < found.page.index('id="joint"')
+    assert found.page.index('id="figure-combination"') < found.page.index('<details class="fold"')
     assert "Samples along second − 3 first" in html.unescape(found.page)
 
 

@@ -71,7 +71,7 @@ def sigma_ratios(content: RunAnalysis) -> Figure:
         description="Difference between Monte Carlo and linear sigma of each output with its interval, and the "
         "tolerance around zero.",
         panels=[
-            Panel("Compared with the tolerance", whole, Axis(names=names), [span, even, *both]),
+            Panel("Against the tolerance", whole, Axis(names=names), [span, even, *both]),
             Panel("Paired estimate, magnified", across, Axis(names=names),
                   [*([span] if tolerance < np.abs(own).max(initial=0.0) else []), even, *alone]),
         ],

@@ -19,10 +19,10 @@ from mcnav.report.filter_columns import GROUP_TITLES
 from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
 
-FLOWN_MEAN: Final = Series("flown", "mean of all samples", FLOWN)
-INTERVAL: Final = Series("interval", "its interval at each epoch", AREA, "area")
+FLOWN_MEAN: Final = Series("flown", "Monte Carlo", FLOWN)
+INTERVAL: Final = Series("interval", "its interval", AREA, "area")
 BY_LINEAR: Final = Series("linear", "linear analysis", LINEAR, "dashed")
-BOUNDS: Final = Series("bounds", "bounds of a consistent filter, all epochs together", BAND, "area")
+BOUNDS: Final = Series("bounds", "if consistent", BAND, "area")
 
 Columns = dict[str, Sequence[Any] | NDArray[Any]]
 
@@ -51,8 +51,8 @@ def nees_over_time(content: RunAnalysis) -> Figure | None:
         key=[FLOWN_MEAN, INTERVAL, *([BY_LINEAR] if linear else []), BOUNDS, *shading_key(shaded)],
         columns=columns,
         size=side_by_side(len(groups), 230.0),
-        caption="The NEES of a consistent filter is the number of states on average. Above the bounds the filter is "
-        "optimistic, below pessimistic.",
+        caption="The NEES of a consistent filter is the number of states on average. Above the bounds, which hold "
+        "for all epochs together, the filter is optimistic, below pessimistic.",
     )
 
 

@@ -28,6 +28,9 @@ LEAST: Final = 0.005
 
 NOTHING: Final = Cell()
 
+FILTERED: Final = "filtered"
+"""Style of the table that has the sigmas of a filter."""
+
 Causes = Sequence[tuple[str, float]]
 """Names with shares."""
 
@@ -38,7 +41,7 @@ def answers(content: RunAnalysis) -> Answers | None:
         return None
     entries = entries_of({"": content.summary}, "shown")
     if filtered := filter_answers(content, entries):
-        return Answers([_filter_table(content, filtered)], "filtered")
+        return Answers([_filter_table(content, filtered)], FILTERED)
     return Answers([_table(content, entries)])
 
 

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
+from markupsafe import Markup
+
 from mcnav.analysis.filter_causes import shares_by_kind
 from mcnav.analysis.filter_consistency import cause_words
 from mcnav.analysis.filter_remarks import instant
@@ -149,6 +151,25 @@ def improvements_section(
     return Section("improve", "Which number to improve", [*joined(first, unsized, table), *more])
 
 
+def remedy(what_if: WhatIf | None, outputs: Sequence[Output | Variable], failing: Failing) -> str:
+    """Name the number whose improvement helps most against what fails, and its effect; empty where none does."""
+    if what_if is None:
+        return ""
+    ranked = improvements(what_if, failing.departing if failing.foremost else None)
+    row = next((row for row in (_Row(each, ranked.used, outputs) for each in ranked.listed) if row.matters), None)
+    if row is None:
+        return ""
+    if not failing.foremost and (ranked.used is None or row.improvement.used is None):
+        return ""
+    if failing.departing is not None and failing.foremost:
+        output = humanize(outputs[failing.departing.output].name)
+        effect = f"σ of {output} {_change(row.improvement.departing)}"
+    else:
+        effect = f"{_percent(row.improvement.used)} of the limit used, {_percent(ranked.used)} now"
+    size = _size(row, row.improvement.factor)
+    return Markup('<a href="#improve">{}</a> at {}: {}').format(CODE(row.improvement.slider.path), size, effect)
+
+
 def _ranked_by(outputs: Sequence[Output | Variable], failing: Failing) -> str:
     """Name what numbers are ranked by."""
     if failing.departing is None or not failing.foremost:
@@ -198,13 +219,14 @@ def _shared(rows: Iterable[_Row]) -> bool:
     return any(not math.isnan(row.improvement.share) for row in rows)
 
 
+def _size(row: _Row, factor: float) -> str:
+    shown = row.improvement.slider.sizes[row.improvement.slider.shown]
+    return f"{number(abs(shown.value) * factor, 3)} {shown.unit or ''}".rstrip()
+
+
 def _table(
     caption: str, rows: Sequence[_Row], before: float | None, outputs: Sequence[Output | Variable], failing: Failing
 ) -> Table[_Row]:
-    def size(row: _Row, factor: float) -> str:
-        shown = row.improvement.slider.sizes[row.improvement.slider.shown]
-        return f"{number(abs(shown.value) * factor, 3)} {shown.unit or ''}".rstrip()
-
     def below(row: _Row) -> str:
         finest = "half; no finer grade" if row.improvement.slider.grades else "half"
         return row.improvement.grade or finest
@@ -219,8 +241,8 @@ def _table(
     columns: list[Column[_Row]] = [
         Column("Number", lambda row: Cell(CODE(row.improvement.slider.path)), kind="words"),
         *(share if _shared(rows) else []),
-        Column("Now", lambda row: size(row, 1.0), kind="label"),
-        Column("Improved to", lambda row: Cell(size(row, row.improvement.factor), below=below(row)), kind="label"),
+        Column("Now", lambda row: _size(row, 1.0), kind="label"),
+        Column("Improved to", lambda row: Cell(_size(row, row.improvement.factor), below=below(row)), kind="label"),
         *departing,
         *([] if before is None else used),
         *([] if departing else [effect]),

@@ -116,7 +116,7 @@
       const zoom = (asked.get("zoom") || "").split("~").map(Number);
       if (zoom.length === 2 && zoom[1] > zoom[0]) plots.filter((each) => each.link === link).forEach((each) => each.window(zoom));
       show(nearest(at));
-      figure.scrollIntoView();
+      reveal(figure);
     };
 
     const stop = () => {

@@ -4,6 +4,10 @@
 (() => {
   document.documentElement.classList.add("ready"); // see the style of sections
   const all = (selector, root = document) => Array.from(root.querySelectorAll(selector));
+  const reveal = (element) => {
+    for (let fold = element.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
+    element.scrollIntoView();
+  };
   const button = (label, action) => {
     const made = document.createElement("button");
     made.type = "button";
@@ -586,7 +590,7 @@
       }
       return made_.length ? [...made_, text.slice(from)] : null;
     };
-    all("main > header, main > section").forEach((part) => {
+    all("main > header, main section, .fold > :not(section, summary)").forEach((part) => {
       const seen = new Set();
       textsOf(part).filter((each) => each.data.trim() && !each.parentElement.closest("script, style, svg, math, code, pre, select, h1, .hidden, .switches, .key, .what-if, .live, details.data")).forEach((each) => {
         const made_ = pieces(each.data, seen, each.parentElement.closest("button, a, summary, label"));
@@ -681,6 +685,22 @@
       });
     });
   });
+
+  // Folds: a link to what is in a fold opens it, and the contents list the sections of open folds alone.
+  const fold_ = (name) => all("nav.contents > ul > li").find((item) => item.firstElementChild.hash === `#${name}`);
+  all("details.fold").forEach((fold) => {
+    const inside = fold_(fold.id)?.querySelector("ul");
+    if (!inside) return;
+    inside.hidden = !fold.open;
+    fold.addEventListener("toggle", () => { inside.hidden = !fold.open; });
+  });
+  const follow = () => {
+    const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    if (target) reveal(target);
+  };
+  all('a[href^="#"]').forEach((link) => link.addEventListener("click", () => queueMicrotask(() => { if (link.hash === location.hash) follow(); })));
+  window.addEventListener("hashchange", follow);
+  follow();
 
   // Contents: the section that is being read.
   const links = new Map(all("nav.contents a").map((link) => [link.hash.slice(1), link]));

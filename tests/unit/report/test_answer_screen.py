@@ -118,8 +118,9 @@ def test_an_optimistic_filter_comes_first(reentry: Summary) -> None:
     assert first.further == (
         "Worst: range at 3 min, true 2.5 km, filter 1.0: 2.5 times (95 %: 2.1 to 3.0).",
         "NIS hardly shows it: 2.0 where 2 is expected.",
-        "Cause: gyro drift 80 %.",
     )
+    assert first.cause == "gyro drift 80 %"
+    assert "Cause: gyro drift 80 %." in _printed(wrong)
     assert second.word == "YES"
     assert second.sentence.startswith("Linear covariance predicts every sigma within 0.")
     shown = _printed(wrong)
