@@ -116,7 +116,7 @@ def filter_floor(
         `Output.limit`, infinite without one.
 
     >>> filter_floor(np.array([[5.0, 1e-8, 1e-6]]), np.zeros((1, 3)), ("m", "m", "rad"))
-    array([1.e-06, 1.e-06, 2.e-13])
+    array([9.99600281e-07, 9.99600281e-07, 1.99920056e-13])
     """
     largest = np.maximum(*(np.max(np.nan_to_num(each), axis=0, initial=0.0) for each in (true, own)))
     beside = np.array(

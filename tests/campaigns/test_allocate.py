@@ -271,7 +271,7 @@ def test_a_campaign_needs_requirements_that_linear_analysis_can_judge() -> None:
 
 
 def test_files(tmp_path: Path) -> None:
-    found, (table, page) = write_allocation(hover("500 m"), tmp_path)
+    found, (table, page) = write_allocation(hover("500 m"), tmp_path, confirm=0)
     stored = json.loads(table.read_text())
     (row,) = stored["changes"]
     assert row["number"] == "errors.gyro_drift"

@@ -408,10 +408,10 @@ def test_a_correlation_with_an_absent_error() -> None:
 
 def test_several_mistakes_are_listed_together() -> None:
     described = content() | {"seeds": 3, "samples": "ten"}
-    described["errors"] |= {"gyro_drift": "5 km", "speed": "1 m/s"}
+    described["errors"] |= {"gyro_drift": "5 km", "sped": "1 m/s"}
     described["scenario"] = {"type": "reentry", "trajectory": 4, "start": -20}
     keys = [line.split(": ")[1] for line in _mistakes(described)]
-    assert sorted(keys) == ["errors.gyro_drift", "errors.speed", "samples", "scenario.start", "seeds"]
+    assert sorted(keys) == ["errors.gyro_drift", "errors.sped", "samples", "scenario.start", "seeds"]
 
 
 QUANTITIES = st.sampled_from(["5 km", "1 g", "nan m"])

@@ -31,7 +31,7 @@ from tests.worker_server import load_kernels
 RUN: Final = ("run", "navigation.toml", "--jobs", "2", "--out", "run")
 SWEEP: Final = ("sweep", "navigation.toml", "--vary", "imu.gyro.angle_random_walk=0.01, 0.02 deg/sqrt(h)",
                 "--against", "position_horizontal", "--out", "swept")  # fmt: skip
-CALIBRATE: Final = ("calibrate", "--trials", "2", "--out", "rates")
+CALIBRATE: Final = ("dev", "calibrate", "--trials", "2", "--out", "rates")
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def _command(name: str, case: Case, folder: Path) -> None:
     with ExitStack() as patches:
         patches.enter_context(small_summaries(HALF))
         if name == "compiling":  # what is stored on disk is not loaded
-            patches.enter_context(patch("numba.core.caching.Cache.load_overload", lambda *_: None))
+            patches.enter_context(patch("mcnav.compiled.objects.Code.load_overload", lambda *_: None))
         if case.command == CALIBRATE:
             patches.enter_context(patch(case.at, linger))
             threading.Thread(target=_interrupt_busy_workers, args=(case.number,), daemon=True).start()

@@ -205,7 +205,7 @@ if any(name in " ".join(sys.orig_argv) for name in ("popen_loky", "spawn_main"))
         ("run", "campaigns/01_tn_d1772_trajectory_4.toml", "--engine", "reference", "--samples", "70", "--jobs", "2"),
         ("run", "campaigns/13_boost.toml", "--samples", "2"),
         ("run", "campaigns/01_tn_d1772_trajectory_4.toml", "--samples", "70", "--dask", "2"),
-        ("calibrate", "--trials", "2", "--jobs", "2"),
+        ("dev", "calibrate", "--trials", "2", "--jobs", "2"),
     ],
     ids=["pool", "one worker", "dask", "calibrate"],
 )

@@ -164,7 +164,7 @@ def test_an_instrument_that_filters_its_readings() -> None:
         (np.zeros(10), 1.0, "at least 1,000 readings"),
         (np.zeros(2_000), 1.0, "all readings are 0"),
         (np.where(np.arange(2_000) == 7, np.nan, np.arange(2_000.0)), 1.0, "reading 7 is not finite"),
-        (np.arange(2_000.0), 0.0, "a positive interval"),
+        (np.arange(2_000.0), 0.0, "interval must be a positive number"),
     ],
 )
 def test_mistakes_are_told(readings: Array, interval: float, told: str) -> None:
