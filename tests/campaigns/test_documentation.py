@@ -287,7 +287,7 @@ def test_requirements_in_report_index_summary_and_notebook(tmp_path: Path) -> No
     report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     index = write_index(tmp_path)[0].read_text(encoding="utf-8")
     for page, marks in (
-        (report, ('<div class="tile differs" role="group" aria-label="Requirements: not met">',
+        (report, (f'<div class="verdict differs"><p class="headline">{no}</p>',
                   '<div class="tile partly" role="group" aria-label="Linear analysis: holds">')),
         (index, (f'<span class="tag differs" title="{no}">0 of 2 met</span>',
                  f'<span class="tag partly" title="{yes}">linear agrees</span>')),
