@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from mcnav.frames.allocation import AllocationResult, allocate
     from mcnav.frames.answers import LinearResult, lincov
     from mcnav.frames.campaigns import Campaign, read_campaign
-    from mcnav.frames.comparison import CovarianceVerdict, compare
+    from mcnav.frames.comparison import compare
+    from mcnav.frames.covariance_verdict import CovarianceVerdict
     from mcnav.frames.linear import partials, propagate_covariance
     from mcnav.frames.simulation import simulate
     from mcnav.identification.identify import IdentifiedNoise, identify_noise
@@ -113,7 +114,7 @@ _HOMES = {
     "sweep": "mcnav.notebook",
     "Track": "mcnav.logs.track",
     "Errors": "mcnav.sampler.errors",
-    "CovarianceVerdict": "mcnav.frames.comparison",
+    "CovarianceVerdict": "mcnav.frames.covariance_verdict",
     "compare": "mcnav.frames.comparison",
     "fixed": "mcnav.sampler.sizes",
     "LinearResult": "mcnav.frames.answers",

@@ -14,6 +14,9 @@ from mcnav.errors import CampaignError, Problem
 ENDINGS: Final = (".csv", ".html", ".json", ".mat", ".npz", ".parquet", ".pdf", ".png", ".svg", ".toml", ".txt")
 """Endings of files, which no folder is given by mistake."""
 
+OF_OTHERS: Final = (".doc", ".docx", ".eps", ".gif", ".jpeg", ".jpg", ".ps", ".tif", ".tiff", ".xls", ".xlsx")
+"""Endings of files that mcnav does not write, and that no folder is given by mistake either."""
+
 OPTION: Final = "--out"
 
 
@@ -30,7 +33,7 @@ def output_folder(given: Path | None, default: Path) -> Path:
     """
     if given is None:
         return default
-    if given.is_file() or (given.suffix.lower() in ENDINGS and not given.is_dir()):
+    if given.is_file() or (given.suffix.lower() in (*ENDINGS, *OF_OTHERS) and not given.is_dir()):
         other = given.with_suffix("")
         kind, remedy = ("which is a file; ", "") if other == given else ("", f", such as {other}")
         raise _wrong(given, f"{kind}expected a folder{remedy}")
@@ -54,7 +57,7 @@ def output_file(given: Path, name: str, endings: Sequence[str]) -> Path:
         return given / name
     if given.suffix.lower() in endings:
         return given
-    if given.suffix.lower() in ENDINGS or given.is_file():
+    if given.suffix.lower() in (*ENDINGS, *OF_OTHERS) or given.is_file():
         known = " or ".join([", ".join(endings[:-1]), endings[-1]] if endings[1:] else endings)
         raise _wrong(given, f"expected a folder, or a file that ends in {known}")
     return given / name

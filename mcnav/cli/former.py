@@ -56,4 +56,4 @@ FORMER: Final[dict[str, Callable[[Words], Words]]] = {
     "compile": _as("dev", "compile"),
     "calibrate": _as("dev", "calibrate"),
 }
-"""How the words after a former name are put, by that name."""
+"""Functions that turn the words after a former name into those of today, by that name."""

@@ -125,7 +125,7 @@ def export(
 
 @dataclass(frozen=True)
 class PaperSize:
-    """How large a figure is drawn: ``WxH`` or a width in cm, text over the page's, panels side by side."""
+    """Size of a drawn figure: ``WxH`` or a width in cm, text relative to the page's, panels side by side."""
 
     size: str | None
     width: float | None
@@ -143,6 +143,7 @@ def _draw(folder: Path, name: str, into: Path, paper: PaperSize, panels: Sequenc
     except ValueError as wrong:
         raise failure(f"--size: {wrong}") from None
     file = output_file(into, f"{name}.pdf", ENDINGS)
+    file.parent.mkdir(parents=True, exist_ok=True)
     print_notes(draw_figure(folder, name, file, wide, high, paper.font_scale, panels, paper.columns))
     print_written([file])
     print_next(next_command.written("export", folder))

@@ -33,7 +33,7 @@ PARSERS_WORDS: Final = {
     "Input should be less than or equal to": "expected at most",
     "Got unexpected extra argument(s)": "unexpected words",
 }
-"""What is said in place of messages of the parser."""
+"""Our words for messages of the parser."""
 
 LONGEST_CHOICE = 60
 """Characters of an unknown choice that are shown."""
@@ -237,6 +237,13 @@ def _with_suggestion(message: str) -> str:
     return f"'{printable(name, LONGEST_CHOICE)}' is unknown{suggestion(name, known)}"
 
 
+def set_resumes(resumes: bool) -> None:
+    """Note whether the command that runs stores samples, and continues where it was interrupted."""
+    interrupts.resumes = resumes
+    if (notes := own_notes()) is not None:
+        notes.numbers[STORES] = resumes
+
+
 def command(
     name: str | None = None, group: typer.Typer = app, resumes: bool = False
 ) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
@@ -248,9 +255,7 @@ def command(
     def add(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
         @wraps(function)
         def command(*arguments: Parameters.args, **options: Parameters.kwargs) -> Result:
-            interrupts.resumes = resumes
-            if (notes := own_notes()) is not None:
-                notes.numbers[STORES] = resumes
+            set_resumes(resumes)
             file, folder = (
                 each if isinstance(each := options.get(name), Path) else None for name in ("campaign", "folder")
             )

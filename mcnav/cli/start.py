@@ -260,14 +260,14 @@ def _describe_trajectory(file: Path, columns: dict[str, str], page: Path | None,
 
     if file.suffix == ".toml" and columns:
         raise failure("--column: belongs to a trajectory file; the campaign names its columns itself")
+    target = None if page is None else output_file(page, f"{file.stem}_trajectory.html", [".html"])
     result = describe_campaign(file) if file.suffix == ".toml" else describe_file(file, columns)
     if form != "table":
         rows = [vars(row) for row in described.fact_rows(result)]
         print_rows(form, rows, {"trajectory": rows})
     else:
         out.print(printed(described.terminal(result)))
-    if page is not None:
-        target = output_file(page, f"{file.stem}_trajectory.html", [".html"])
+    if target is not None:
         print_written(write_texts(target.parent, {target.name: page_html(described.page(result))}))
     if form == "table":
         print_next(next_command.after_trajectory(file))

@@ -11,11 +11,11 @@ from mcnav import next_command
 from mcnav import shell_completion as completion
 from mcnav.cli.options import CampaignFile, ChosenAxes, FormatOption, Jobs, out_folder
 from mcnav.cli.printing import Format, err, out, print_next, print_rows, print_written
-from mcnav.cli.program import command, failure
+from mcnav.cli.program import command, failure, set_resumes
 from mcnav.output_place import output_folder
 
 START: Final = "start"
-"""What ``--vary`` names to vary the start of navigation, in place of a key and its values."""
+"""Word after ``--vary``, in place of a key and its values, that varies the start of navigation."""
 
 BELONGING: Final = {
     "tolerance": "--scale",
@@ -103,6 +103,7 @@ def sweep(
         if value is not None and BELONGING[option] != way:
             raise failure(f"--{option}: belongs to {BELONGING[option]}; leave it out")
     if way:
+        set_resumes(False)  # only points of keys are stored
         for option, given in {"against": against, "at": at, "format": form if form != "table" else None}.items():
             if given:
                 raise failure(f"--{option}: does not go with {way}; leave it out")

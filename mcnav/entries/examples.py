@@ -19,7 +19,7 @@ ENDINGS: Final = (".toml", ".py", ".csv", ".md")
 
 _HEADER: Final = re.compile(r"\A(?:#.*\n)+")
 _ANSWER: Final = re.compile(r"Expected answer(?: \((.*?)\))?:")
-"""What answers the question stands in brackets, where it is another command than ``mcnav run``."""
+"""Begin of an answer; brackets hold the command that gives it, unless this is ``mcnav run``."""
 
 
 def examples_folder() -> Path:

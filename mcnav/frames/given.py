@@ -101,9 +101,9 @@ def _warn_of_noise(loop: type[ClosedLoop]) -> None:
 
 
 def remedy_for(given: Any) -> str:
-    """Return what would do where a loop lacks sizes; empty for other systems."""
+    """Name the campaign that gives a closed loop its sizes, as the end of a message; empty for other systems."""
     loop = given if isinstance(given, type) else type(given)
     if not issubclass(loop, ClosedLoop):
         return ""
-    sizes = ", ".join(f"{each.name!r}: '1 {each.unit}'" for each in loop.measurements)
+    sizes = ", ".join(f"{measurement.name!r}: '1 {measurement.unit}'" for measurement in loop.measurements)
     return f"; a campaign has sizes: mcnav.Campaign({loop.__name__}, measurements={{{sizes}}})"

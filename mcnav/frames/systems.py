@@ -161,7 +161,7 @@ def batch_of(errors: Array, seed: int = 0) -> Batch:
 
 
 class OutputsError(ValueError):
-    """What a function returned is not a row of numbers for each sample: a mistake of its own, and of no sample."""
+    """Mistake of a function that does not return a row of numbers for each sample. No single sample causes it."""
 
 
 def _numbers(returned: Any) -> Array:

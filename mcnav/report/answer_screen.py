@@ -50,16 +50,16 @@ def screen(
     closing : sequence of str
         Last lines.
     """
-    given = answers(summary, epochs)
+    shown = answers(summary, epochs)
     effort = f"{summary.samples:,} samples, " + ("stored" if seconds is None else f"{rounded(seconds, 2)} s")
     *above, title = textwrap.wrap(summary.campaign, WIDTH - len(effort) - 2)
     lines: list[RenderableType] = [Text(line, style="bold") for line in above]
     lines.append(Text(f"{title:<{WIDTH - len(effort)}}{effort}", style="bold"))
-    indent = 2 + max(len(each.word) for each in given)
-    for each in given:
-        lines += _paragraph(each, indent)
+    indent = 2 + max(len(answer.word) for answer in shown)
+    for answer in shown:
+        lines += _paragraph(answer, indent)
     lines += ["", _table(summary)]
-    advice = [each.advice for each in given if each.advice]
+    advice = [answer.advice for answer in shown if answer.advice]
     return Group(*lines, "", *advice, *closing)
 
 
@@ -86,10 +86,10 @@ def _linear_table(summary: Summary) -> FittedTable:
     columns = [*texts(f"{INDENT}1 sigma at the end", ""), *numbers("P S P'", "Monte Carlo", confidence), *texts("")]
     table = FittedTable("", columns, keys=2)
     entries = entries_of({"": summary}, "shown")
-    farthest = sorted(entries, key=lambda each: -abs((each.ratio_paired or 1.0) - 1.0))[:LONGEST]
-    for each in (each for each in entries if each in farthest):
-        sigmas = (number(each.sigma_linear, DIGITS), number(each.sigma_paired, DIGITS))
-        table.add(f"{INDENT}{humanize(each.name)}", f"[{each.unit}]", *sigmas, *_difference(each))
+    farthest = sorted(entries, key=lambda output: -abs((output.ratio_paired or 1.0) - 1.0))[:LONGEST]
+    for output in filter(farthest.__contains__, entries):
+        sigmas = (number(output.sigma_linear, DIGITS), number(output.sigma_paired, DIGITS))
+        table.add(f"{INDENT}{humanize(output.name)}", f"[{output.unit}]", *sigmas, *_difference(output))
     joint = summary.joint
     if joint is not None and joint.foremost is not None and sentences.tone(summary) == "partly":
         scale, unit = shown_units(summary)[joint.foremost.lead]
@@ -122,10 +122,10 @@ def _signed(ratio: float) -> str:
     return f"{off:+.{0 if abs(off) >= 10.0 else 1}f} %".replace("-", "−")
 
 
-def _difference(each: OutputEntry) -> tuple[str, Text]:
+def _difference(output: OutputEntry) -> tuple[str, Text]:
     """Return the difference of an output's sigmas, and the verdict on it."""
-    ends = [end for end in each.ratio_paired_ends if end is not None]
-    verdict, ratio = each.verdict, each.ratio_paired
+    ends = [end for end in output.ratio_paired_ends if end is not None]
+    verdict, ratio = output.verdict, output.ratio_paired
     if verdict == "agrees":
         return f"< {difference_bound(ends)} %" if ends else "", Text("ok", style=COLOURS["agrees"])
     words = "DIFFERS" if verdict == "differs" else verdict or ""
@@ -138,13 +138,13 @@ def _filter_table(summary: Summary, outputs: Mapping[str, FilterRatio]) -> Fitte
     table, units = FittedTable("", columns, keys=2), shown_units(summary)
     farthest = sorted(outputs, key=lambda name: -(outputs[name].factor or 0.0))[:LONGEST]
     for name in (name for name in outputs if name in farthest):
-        each, (scale, unit) = outputs[name], units[name]
-        sigmas = [number(None if s is None else s * scale, 3) for s in (each.sigma_filter, each.sigma_true)]
-        low, high = (rounded(end, 2) for end in each.ratio_interval)
-        right = each.verdict == "consistent"
-        word = Text("ok" if right else each.verdict.upper(), style=COLOURS[TONES[each.verdict]])
-        ratio = f"{rounded(each.ratio, 2)} ({low} to {high})"
-        table.add(f"{INDENT}{humanize(name)}", f"[{unit}]", *sigmas, ratio, rounded(each.factor, 2), word)
+        departure, (scale, unit) = outputs[name], units[name]
+        sigmas = [number(None if s is None else s * scale, 3) for s in (departure.sigma_filter, departure.sigma_true)]
+        low, high = (rounded(end, 2) for end in departure.ratio_interval)
+        right = departure.verdict == "consistent"
+        word = Text("ok" if right else departure.verdict.upper(), style=COLOURS[TONES[departure.verdict]])
+        ratio = f"{rounded(departure.ratio, 2)} ({low} to {high})"
+        table.add(f"{INDENT}{humanize(name)}", f"[{unit}]", *sigmas, ratio, rounded(departure.factor, 2), word)
     return _shortened(table, summary, len(outputs))
 
 

@@ -35,7 +35,7 @@ LISTED: Final = 3
 """Outputs that a sentence lists."""
 
 FINEST: Final = 0.1
-"""Smallest difference that is told, per cent."""
+"""Smallest difference that a sentence states, per cent."""
 
 TOGETHER: Final = ("all", "navigation")
 """Groups of states that need no name beside a filter's errors."""
@@ -63,9 +63,12 @@ def answers(summary: Summary, epochs: Mapping[str, Array]) -> list[Answer]:
     epochs : mapping
         Columns over time as `mcnav.store.run_folder.RunFolder.epochs` returns them; empty where none are stored.
     """
-    given = [replace(_answer(summary, each, epochs), subject=each.subject) for each in sentences.statements(summary)]
+    unordered = [
+        replace(_answer(summary, statement, epochs), subject=statement.subject)
+        for statement in sentences.statements(summary)
+    ]
     order = [*NAMES]
-    return sorted(given, key=lambda answer: (
+    return sorted(unordered, key=lambda answer: (
         answer.subject != "means", WORST.index(answer.tone), order.index(answer.subject)))  # fmt: skip
 
 
@@ -104,7 +107,8 @@ def _agreeing(summary: Summary) -> tuple[str, str]:
 
 def _bound(summary: Summary) -> str:
     """Bound the differences of all sigmas, per cent."""
-    ends = [end for each in summary.sigma_ratio_paired_interval if each is not None for end in each if end is not None]
+    intervals = [interval for interval in summary.sigma_ratio_paired_interval if interval is not None]
+    ends = [end for interval in intervals for end in interval if end is not None]
     return f"{difference_bound(ends)} %" if ends else f"{100.0 * summary.tolerance:g} %"
 
 
@@ -140,7 +144,7 @@ def _differing(summary: Summary) -> tuple[str, str]:
 
 
 def _undecided(summary: Summary) -> tuple[str, str]:
-    needed = [each for each in summary.samples_needed if each]
+    needed = [samples for samples in summary.samples_needed if samples]
     run = f"Run {more_samples(max(needed), summary.samples)} to decide." if needed else ""
     return f"{summary.samples - summary.failed:,} samples do not decide whether every linear sigma is right.", run
 
@@ -165,8 +169,11 @@ def _filter(summary: Summary, result: FilterSummary, statement: Statement, epoch
 
 def _worst_output(summary: Summary, result: FilterSummary, epochs: Mapping[str, Array]) -> str:
     """Compare true and filter sigma of the output that the filter is most wrong about, at its worst time."""
-    outputs = [each for each in result.departures if each.of == "output" and each.verdict == result.verdict]
-    worst = max(outputs, key=lambda each: each.factor or 0.0, default=None)
+    outputs = [
+        departure for departure in result.departures
+        if departure.of == "output" and departure.verdict == result.verdict
+    ]  # fmt: skip
+    worst = max(outputs, key=lambda departure: departure.factor or 0.0, default=None)
     if worst is None or worst.factor is None or worst.worst is None:
         return ""
     when = f"{humanize(worst.name)} at {instant(worst.worst, result.time)}"
@@ -194,11 +201,11 @@ def _sigmas(summary: Summary, result: FilterSummary, worst: Departure, epochs: M
 
 def _silent(result: FilterSummary) -> str:
     """Say that NIS of every sensor stays near its number of measurements, though the filter is wrong."""
-    known = [(name, each) for name, each in result.sensors.items() if each.nis_mean is not None]
-    if not known or any(each.verdict != "consistent" for _, each in known):
+    known = [sensor for sensor in result.sensors.values() if sensor.nis_mean is not None]
+    if not known or any(sensor.verdict != "consistent" for sensor in known):
         return ""
-    told = ", ".join(f"{each.nis_mean:.1f} where {each.size} is expected" for _, each in known)
-    return f"NIS hardly shows it: {told}." if len(known) == 1 else ""
+    means = ", ".join(f"{sensor.nis_mean:.1f} where {sensor.size} is expected" for sensor in known)
+    return f"NIS hardly shows it: {means}." if len(known) == 1 else ""
 
 
 def _causes(result: FilterSummary) -> str:

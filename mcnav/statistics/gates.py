@@ -68,7 +68,7 @@ SEARCHED: Final = 1e-4
 """Error of the probability of an unnoticed error to search with, as a share of it."""
 
 CONFIRMED: Final = 1e-3
-"""Departure, as a share, of the exact probability to be accepted from the one that was searched for.
+"""Largest relative difference between the exact probability of acceptance and the wanted one.
 
 At most a bracket of `WIDTH` wide, in sigmas, times the slope of the logarithm, up to `EDGE` or so, and 1e-6.
 """

@@ -44,7 +44,7 @@ def draw_figure(
     with one_thread(), reading_file(folder):
         figure = figures(analyse(RunFolder(folder)))
     if name not in figure:
-        raise RunFolderError(f"NAME: the report has no figure {name!r:.60}{suggestion(name, list(figure))}")
+        raise RunFolderError(f"--figure: the report has no figure {name!r:.60}{suggestion(name, list(figure))}")
     from mcnav.report.figures.on_axes import crowded, save
 
     try:

@@ -495,8 +495,8 @@ def test_a_figure_by_itself(tmp_path: Path) -> None:
     assert (tmp_path / "figure.pdf").read_bytes().startswith(b"%PDF")
     assert figure("scatter", "--width", "8", out="figure.doc").returncode == 2
     for arguments, told in (
-        (["none"], "NAME: the report has no figure 'none'; expected one of ratios, "),
-        (["histogram"], "NAME: the report has no figure 'histogram'; did you mean 'histograms'?"),
+        (["none"], "--figure: the report has no figure 'none'; expected one of ratios, "),
+        (["histogram"], "--figure: the report has no figure 'histogram'; did you mean 'histograms'?"),
         (["scatter", "--size", "88"], "--size: got '88'; expected WIDTHx"),
         (["ratios", "--panel", "none"], "ratios: the figure has no panel 'none'"),
         (["histograms", "--size", "20x20mm"], "histograms: panels and text do not fit"),

@@ -148,7 +148,7 @@ def check_output(stdout: str, stderr: str, status: int, folder: Path) -> None:
         assert told, f"refused without a word: {stderr[:300]}"
         assert len(told) <= 60, f"{len(told)} lines"
         assert all(len(line) < 2_500 for line in told), "a line without an end"
-        of_options = ("error: --table", "error: NAME: the report has no figure")
+        of_options = ("error: --table", "error: --figure: the report has no figure")
         named = all(str(folder) in line or line.startswith(of_options) or "and more" in line for line in told)
         assert named, f"no file: {told[0][:300]}"
 

@@ -179,6 +179,10 @@ OPTIONS = {
         "--record: takes a campaign",
     ),
     "a unit of another page": (["docs", "guide", "STIM300"], "STIM300: belongs to the page imu"),
+    "a figure for a text": (
+        ["export", "good", "--figure", "scatter", "--out", "x.docx"],
+        "--out: got x.docx; expected a",
+    ),
     "no such command": (["rnu", "good.toml"], "mcnav has no command 'rnu'; did you mean 'run'? mcnav --help lists all"),
     "no such option": (["run", "good.toml", "--sampels", "3"], "--sampels: no such option; did you mean '--samples'?"),
     "an option without its value": (["run", "good.toml", "-n"], "-n: needs a value"),

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import shlex
+from contextlib import ExitStack
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 from typer.main import get_command
 
-from mcnav.cli import app
+from mcnav._interrupts import interrupts
+from mcnav.cli import app, vary
 from mcnav.cli.former import FORMER, current
 from mcnav.cli.program import GROUPS
 from tests.commands import invoke
@@ -82,6 +85,22 @@ def test_a_former_name_still_works(former: str) -> None:
     done = invoke(former, "--help", cwd=ROOT)
     assert done.returncode == 0
     assert done.stderr.startswith(f"note: mcnav {former} is now: mcnav ")
+
+
+@pytest.mark.parametrize(("words", "resumes"), [(["--scale"], False), (["--vary", "start"], False),
+                                               (["--vary", "errors.altitude=1, 2 km"], True)])  # fmt: skip
+def test_a_sweep_promises_to_resume_where_it_does(words: list[str], resumes: bool) -> None:
+    """An interrupted one says so; only runs at points of keys are stored."""
+    promised = []
+
+    def note_promise(*_: object, **__: object) -> None:
+        promised.append(interrupts.resumes)
+
+    with ExitStack() as patches:
+        for name in ("_show_sweep", "_show_linearity", "_show_start_times"):
+            patches.enter_context(patch.object(vary, name, note_promise))
+        invoke("sweep", ROOT / "campaigns" / "11_cruise.toml", *words, cwd=ROOT)
+    assert promised == [resumes]
 
 
 def test_options_of_former_names_are_those_of_today() -> None:

@@ -148,8 +148,8 @@ OTHERS: Final[Mapping[str, tuple[Markup, ...]]] = {
     "rare": (
         Markup(
             "Rare events: functions of standard normals whose probabilities, from 1e-7 to 1e-4, are known exactly. "
-            "The linear model is one normal alone: it knows nothing of curvature, jumps, second ways to fail and the "
-            "outsides of balls. <em>Random</em> events have directions, limits and probabilities of their own for each "
+            "The linear model is one normal alone. It has no curvature, no jump, no second way to fail and no outside "
+            "of a ball. <em>Random</em> events have directions, limits and probabilities of their own for each "
             "seed. Each is estimated by lines, levels and widened errors. With <em>noise</em>, normals that no "
             "simulation chooses, and with <em>few flights</em>, some thousand samples of lines and widened errors are "
             "all there is. Refused estimates count as not called met. The file rare_events.csv has every run."
