@@ -47,8 +47,8 @@ from mcnav.systems.user.code import UserScenarioSpec, ask
 
 Read = TypeVar("Read")
 
-REVISION: Final = 1
-"""Counts the changes of the samples' last digits: before, products of a library were of all samples at once."""
+REVISION: Final = 2
+"""Counts the changes of the samples: 0 had products of a library of all samples at once, 1 numpy's normal variates."""
 
 LABEL: Final = "time [s]"
 

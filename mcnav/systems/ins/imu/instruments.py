@@ -50,6 +50,8 @@ ACCELEROMETER: Final = tuple(_constants("accelerometer", "nonlinearity"))
 CONSTANTS: Final = (*OUTPUTS, *GYRO, *ACCELEROMETER)
 """Constant error sources in order."""
 
+IMU_STREAM: Final = 1
+"""Stream of the variates of the instruments' processes (`mcnav.sampler.normals`)."""
 
 READING_INTERVAL: Final = 0.01
 """Usual interval between readings of an instrument, s."""
