@@ -16,8 +16,8 @@ import pytest
 import mcnav
 from mcnav.config.read import read_campaign
 from mcnav.files import write_texts
-from mcnav.report.html import page_html
-from mcnav.report.trajectory import page as trajectory_page
+from mcnav.report.document.html import page_html
+from mcnav.report.pages.trajectory import page as trajectory_page
 from mcnav.studies.allocate import write_allocation
 from mcnav.studies.lincov import write_lincov
 from mcnav.studies.linearity import write_linearity

@@ -65,7 +65,7 @@ CASES: Final = {
     "amid chunks": Case(RUN, "free", "mcnav.runner.chunks.simulate_batch", 2),
     "terminated": Case(RUN, "aided", "mcnav.runner.chunks.write_chunk", 2, signal.SIGTERM),
     "summary": Case(RUN, "aided, summary", "mcnav.workflow.run.analyse"),
-    "report": Case(RUN, "aided", "mcnav.report.page.render"),
+    "report": Case(RUN, "aided", "mcnav.report.pages.run.page.render"),
     "lincov": Case(("lincov", "navigation.toml", "--out", "linear"), "aided", "mcnav.studies.lincov._linearize"),
     "sweep": Case(SWEEP, "free", "mcnav.studies.sweep_points.LinearPoints._answer", 2),
     "confirming": Case((*SWEEP, "--confirm", "2"), "free", "mcnav.runner.chunks.simulate_batch"),

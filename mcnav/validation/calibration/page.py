@@ -11,22 +11,12 @@ import numpy as np
 from markupsafe import Markup
 
 from mcnav.files import write_texts
-from mcnav.report.document import (
-    Cell,
-    Column,
-    Folded,
-    Note,
-    Page,
-    Section,
-    Sentence,
-    Table,
-    counted,
-    label,
-)
-from mcnav.report.figures.figure import HALF, Figure
-from mcnav.report.figures.marks import Axis, Mark, Panel, Points, Rule, Series
-from mcnav.report.figures.palette import FLOWN, INK, LINEAR, MUTED
-from mcnav.report.html import page_html
+from mcnav.report.document.html import page_html
+from mcnav.report.document.parts import Folded, Note, Page, Section, Sentence
+from mcnav.report.document.table import Cell, Column, Table, counted, label
+from mcnav.report.drawing.figure import HALF, Figure
+from mcnav.report.drawing.marks import Axis, Mark, Panel, Points, Rule, Series
+from mcnav.report.drawing.palette import FLOWN, INK, LINEAR, MUTED
 from mcnav.sampler.designs import DESIGNS
 from mcnav.validation.calibration.filter_trials import FILTER, run_filter_trials
 from mcnav.validation.calibration.identification_trials import IDENTIFY, run_identification_trials
