@@ -431,13 +431,12 @@ def caveat(summary: Summary) -> str:
         of = f" of {_join(concerned)}" if len(concerned) < len(summary.names) else ""
         return (
             f"No interval and no verdict is given{of} because of heavy tails ({_join(heavy)}): with such errors and "
-            "this design, nominal 95 % intervals cover far less in calibration (mcnav dev calibrate)."
+            "this design, nominal 95 % intervals cover far less in calibration."
         )
     long = [labels[name] for name in summary.long_tailed]
     if long:
         return (
             f"The intervals are approximate because of long tails ({_join(long)}): with such errors, nominal 95 % "
-            "intervals cover 90 to 95 % in calibration, with 100 samples 86 %, and those of skewness as little as 84 % "
-            "(mcnav dev calibrate)."
+            "intervals cover 90 to 95 % in calibration, with 100 samples 86 %, and those of skewness as little as 84 %."
         )
     return ""

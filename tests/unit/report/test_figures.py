@@ -274,7 +274,7 @@ def test_reports_do_without_matplotlib() -> None:
     """Neither the page nor any figure imports it."""
     program = (
         "import sys, mcnav.report.pages.run.page, mcnav.report.pages.start_times, mcnav.report.pages.linearity, "
-        "mcnav.report.pages.comparison, mcnav.report.pages.replay, mcnav.validation.calibration.page, "
+        "mcnav.report.pages.comparison, mcnav.report.pages.replay, tests.calibration.page, "
         "mcnav.validation.reproduce.tn_d1772.page, mcnav.notebook, mcnav.cli, "
         "mcnav.validation.reproduce.story_of_84_minutes.page; sys.exit('matplotlib' in sys.modules)"
     )

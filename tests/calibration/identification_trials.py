@@ -1,7 +1,7 @@
 """Simulated static records of the catalogue's grades, and whether what is identified from them is right.
 
 A record has a day of readings, one a second, of white noise and a Gauss-Markov process as the grade's instrument has
-them; see `mcnav.validation.calibration.static_records`, which shares nothing with the estimator.
+them; see `tests.calibration.static_records`, which shares nothing with the estimator.
 
 `identify, GRADE INSTRUMENT`
     Intervals of what is identified, with the model that is chosen; false alarms of the test of fit, and of
@@ -29,8 +29,8 @@ from mcnav.identification.fit import Estimate
 from mcnav.identification.identify import IdentifiedNoise, identify_noise
 from mcnav.systems.ins.imu.instruments import Noise
 from mcnav.systems.ins.tables.imu import grade_sizes
-from mcnav.validation.calibration.cells import Cell, Tally, tally
-from mcnav.validation.calibration.static_records import TrueNoise, simulate_record
+from tests.calibration.cells import Cell, Tally, tally
+from tests.calibration.static_records import TrueNoise, simulate_record
 
 IDENTIFY: Final = "identify"
 """Beginning of the names of the systems."""
@@ -46,7 +46,7 @@ EVERY: Final = 10
 """Records of which one is simulated again with each disturbance."""
 
 SHARE: Final = 3
-"""Campaigns of other kinds for which there is one record of each grade in `mcnav dev calibrate`."""
+"""Campaigns of other kinds for which there is one record of each grade in `make calibrate`."""
 
 DRIFT: Final = 0.1
 """Change of the bias for 1 °C, as a share of the grade's bias; the temperature rises by 1 °C in an hour."""

@@ -18,17 +18,17 @@ from mcnav.report.drawing.figure import HALF, Figure
 from mcnav.report.drawing.marks import Axis, Mark, Panel, Points, Rule, Series
 from mcnav.report.drawing.palette import FLOWN, INK, LINEAR, MUTED
 from mcnav.sampler.designs import DESIGNS
-from mcnav.validation.calibration.filter_trials import FILTER, run_filter_trials
-from mcnav.validation.calibration.identification_trials import IDENTIFY, run_identification_trials
-from mcnav.validation.calibration.identification_trials import SHARE as RECORDS_SHARE
-from mcnav.validation.calibration.kalman_trials import KALMAN, run_kalman_trials
-from mcnav.validation.calibration.navigation_trials import AIDED, NAVIGATION, SHARE, run_navigation_trials
-from mcnav.validation.calibration.noise_trials import NOISE, run_noise_trials
-from mcnav.validation.calibration.rare_trials import CSV as RARE_CSV
-from mcnav.validation.calibration.rare_trials import RARE, run_rare_trials
-from mcnav.validation.calibration.table import rates
-from mcnav.validation.calibration.tail_trials import TAILS, run_tail_trials
-from mcnav.validation.calibration.trials import run_trials
+from tests.calibration.filter_trials import FILTER, run_filter_trials
+from tests.calibration.identification_trials import IDENTIFY, run_identification_trials
+from tests.calibration.identification_trials import SHARE as RECORDS_SHARE
+from tests.calibration.kalman_trials import KALMAN, run_kalman_trials
+from tests.calibration.navigation_trials import AIDED, NAVIGATION, SHARE, run_navigation_trials
+from tests.calibration.noise_trials import NOISE, run_noise_trials
+from tests.calibration.rare_trials import CSV as RARE_CSV
+from tests.calibration.rare_trials import RARE, run_rare_trials
+from tests.calibration.table import rates
+from tests.calibration.tail_trials import TAILS, run_tail_trials
+from tests.calibration.trials import run_trials
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -26,7 +26,7 @@ from mcnav.analysis.tails import tails
 from mcnav.sampler.designs import SamplingDesign, standard_normals
 from mcnav.statistics.normal_box import normal_box_probability
 from mcnav.statistics.normal_size import size_quantile
-from mcnav.validation.calibration.cells import LEVEL, Cell, Tally, tally
+from tests.calibration.cells import LEVEL, Cell, Tally, tally
 
 TAILS: Final = "errors"
 """Beginning of the names of the systems."""

@@ -4,7 +4,7 @@
 
     P(y > c) = P(chi^2_d(1 / (4 a^2)) > (c + a d + 1 / (4 a)) / a).
 
-`mcnav.validation.calibration.rare_random` draws more of them at random.
+`tests.calibration.rare_random` draws more of them at random.
 """
 
 from __future__ import annotations

@@ -37,11 +37,11 @@ from mcnav.numerics.power_sums import sum_powers_about_zero
 from mcnav.runner.chunks import DrawPlan
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
-from mcnav.validation.calibration.cells import LEVEL, Cell, Tally, tally
-from mcnav.validation.calibration.kalman_trials import alarms, covered, detected, out_of_bounds
 from mcnav.workflow.analyse import linear_filter, linear_model
 from mcnav.workflow.linear_extremes import linear_moments
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
+from tests.calibration.cells import LEVEL, Cell, Tally, tally
+from tests.calibration.kalman_trials import alarms, covered, detected, out_of_bounds
 
 NAVIGATION: Final = "free navigation"
 AIDED: Final = "aided navigation"

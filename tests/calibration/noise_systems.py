@@ -28,8 +28,8 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
-from mcnav.validation.calibration.cells import LEVEL
-from mcnav.validation.calibration.systems import CORRUPTION, CURVATURE, PARTIALS, Truth
+from tests.calibration.cells import LEVEL
+from tests.calibration.systems import CORRUPTION, CURVATURE, PARTIALS, Truth
 
 CRITERION: Final = Criterion(tolerance=0.05, confidence=1.0 - 3.0 * (1.0 - LEVEL))
 """Joint confidence that gives each of three statements (two outputs and the matrix) `LEVEL`."""

@@ -13,10 +13,10 @@ from mcnav.sampler.distributions import tail_weight
 from mcnav.sampler.error_model import HEAVY_TAILS, LONG_TAILS
 from mcnav.statistics.power import USUAL_POWER
 from mcnav.statistics.proportions import probability_interval
-from mcnav.validation.calibration.cells import LEVEL, Cell, Tally
-from mcnav.validation.calibration.identification_trials import ABSENT
-from mcnav.validation.calibration.noise_trials import DETECTABLE, DOUBTED
-from mcnav.validation.calibration.trials import SOURCES
+from tests.calibration.cells import LEVEL, Cell, Tally
+from tests.calibration.identification_trials import ABSENT
+from tests.calibration.noise_trials import DETECTABLE, DOUBTED
+from tests.calibration.trials import SOURCES
 
 if TYPE_CHECKING:
     import pandas as pd

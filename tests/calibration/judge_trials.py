@@ -5,7 +5,7 @@ The campaign's filter goes through each record, and its statistics are those of 
 They are compared with simulated records of every `TOGETHER`-th flight, as one flight's own take longer. Flights have
 the campaign's numbers, or one that differs.
 
-``python -m mcnav.validation.calibration.judge_trials CAMPAIGN FLIGHTS [FIRST]`` prints the documentation's table, of so
+``python -m tests.calibration.judge_trials CAMPAIGN FLIGHTS [FIRST]`` prints the documentation's table, of so
 many flights from a number on.
 """
 

@@ -1,6 +1,6 @@
 """How often intervals of rare events hold, row by row, and how often a limit would be called met wrongly.
 
-``python -m mcnav.validation.calibration.rare_trials FILE SEEDS`` adds the runs that a file of runs lacks, and prints
+``python -m tests.calibration.rare_trials FILE SEEDS`` adds the runs that a file of runs lacks, and prints
 the table of `mcnav docs method`. Each run is written as soon as its chunk is done, so that a run that is stopped goes
 on where it was.
 """
@@ -23,9 +23,9 @@ from scipy import stats
 from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav._threads import one_thread
 from mcnav.analysis.exceedance import POWER
-from mcnav.validation.calibration.cells import Cell, Tally
-from mcnav.validation.calibration.rare_events import EVENTS, FLIGHTS, RareEvent
-from mcnav.validation.calibration.rare_random import DIMENSIONS, RANDOM
+from tests.calibration.cells import Cell, Tally
+from tests.calibration.rare_events import EVENTS, FLIGHTS, RareEvent
+from tests.calibration.rare_random import DIMENSIONS, RANDOM
 
 SEED: Final = 70_000
 """First seed: nothing was chosen by this one and those that follow."""
@@ -223,6 +223,6 @@ def main(file: str, seeds: str, jobs: str = "1") -> None:
 
 
 if __name__ == "__main__":
-    from mcnav.validation.calibration import rare_trials  # by whose name worker processes find it
+    from tests.calibration import rare_trials  # by whose name worker processes find it
 
     rare_trials.main(*sys.argv[1:])

@@ -15,8 +15,8 @@ from mcnav.analysis.requirements import Finding, Requirement, independent_sample
 from mcnav.sampler.designs import SamplingDesign, standard_normals
 from mcnav.sampler.distributions import Distribution, Normal, StudentT
 from mcnav.statistics.hypothesis_test import HypothesisTest
-from mcnav.validation.calibration.cells import LEVEL, Cell, Tally, tally
-from mcnav.validation.calibration.systems import SYSTEMS, SyntheticSystem, Truth
+from tests.calibration.cells import LEVEL, Cell, Tally, tally
+from tests.calibration.systems import SYSTEMS, SyntheticSystem, Truth
 
 CRITERION: Final = Criterion(tolerance=0.01, confidence=1.0 - 3.0 * (1.0 - LEVEL))
 """Joint confidence that gives each of three statements (two outputs and the matrix) `LEVEL`."""

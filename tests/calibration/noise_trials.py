@@ -17,8 +17,8 @@ from mcnav.analysis.linear_samples import doubt_noise
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.analysis.verdict import Verdict
 from mcnav.sampler.designs import SamplingDesign, standard_normals
-from mcnav.validation.calibration.cells import LEVEL, Cell, Tally, tally
-from mcnav.validation.calibration.noise_systems import CRITERION, NOISY_SYSTEMS, OUTCOME, NoisySystem, curved
+from tests.calibration.cells import LEVEL, Cell, Tally, tally
+from tests.calibration.noise_systems import CRITERION, NOISY_SYSTEMS, OUTCOME, NoisySystem, curved
 
 NOISE: Final = "noise"
 """Beginning of the names of the systems."""

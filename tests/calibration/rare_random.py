@@ -18,7 +18,7 @@ import numpy as np
 from scipy import integrate, optimize, special, stats
 
 from mcnav._types import Array
-from mcnav.validation.calibration.rare_events import RareEvent, both, gauss_legendre, upper
+from tests.calibration.rare_events import RareEvent, both, gauss_legendre, upper
 
 PROBABILITIES: Final = (1e-7, 1e-4)
 """Range of the probabilities."""

@@ -39,7 +39,7 @@ from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.quantities import Output
 from mcnav.numerics.power_sums import sum_powers_about_zero
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
-from mcnav.validation.calibration.cells import LEVEL, Cell, Tally, tally
+from tests.calibration.cells import LEVEL, Cell, Tally, tally
 
 FILTER: Final = "filter"
 """Beginning of the names of the systems."""

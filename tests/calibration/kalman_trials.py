@@ -22,8 +22,8 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_consistency import MEAN, FilterConsistency, Honesty
-from mcnav.validation.calibration.cells import LEVEL, Cell, Tally, tally
-from mcnav.validation.calibration.kalman import KalmanFilter
+from tests.calibration.cells import LEVEL, Cell, Tally, tally
+from tests.calibration.kalman import KalmanFilter
 
 SIZES: Final = (100, 200, 500)
 CRITERION: Final = Criterion(tolerance=0.05, confidence=LEVEL)
