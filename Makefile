@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 # Python compiles a module when it first imports it: a quarter of what is installed.
 install = $(PIP) --no-compile --editable '.$(1)'
 
-.PHONY: demo test quick lint check docs bench examples dist clean
+.PHONY: demo test quick lint check docs bench calibrate examples dist clean
 
 demo: .venv/installed
 	$(BIN)/mcnav demo
@@ -35,6 +35,11 @@ docs: .venv/documented
 # adds 10^8 samples, BENCH="--only inertial" measures one of the chapters.
 bench: .venv/benched
 	$(BIN)/python -m tests.benchmarks $(BENCH)
+
+# Measure error rates of intervals, tests and verdicts on campaigns whose truth is known, into reports/calibration.
+# CALIBRATE="--trials 300" gives the number of campaigns of each kind; "--rare" measures rare events alone.
+calibrate: .venv/tested
+	$(BIN)/python -m tests.calibration $(CALIBRATE)
 
 # The small reports under reports/examples; simulated again only where their inputs have changed.
 # The README shows text and picture of the demonstration, which is too large to be stored there.

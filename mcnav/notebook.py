@@ -27,21 +27,21 @@ from mcnav.config.documents import Description
 from mcnav.config.read import campaign_from
 from mcnav.config.sweep_values import POINTS
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, suggestion
-from mcnav.report import sentences
-from mcnav.report.arrays import arrays
-from mcnav.report.card import run_card
-from mcnav.report.dataset import dataset
-from mcnav.report.document import Page
-from mcnav.report.figures.figure import Figure
-from mcnav.report.framed import FramedPage
-from mcnav.report.html import page_html
-from mcnav.report.model import RunAnalysis
-from mcnav.report.output_columns import outputs_frame
-from mcnav.report.page import figures
-from mcnav.report.result_table import Units
-from mcnav.report.sections.what_if import linear_fails, what_if_section
-from mcnav.report.sweep import frame
-from mcnav.report.tables_over_time import epochs
+from mcnav.report.columns.output_columns import outputs_frame
+from mcnav.report.columns.result_table import Units
+from mcnav.report.columns.tables_over_time import epochs
+from mcnav.report.document.framed import FramedPage
+from mcnav.report.document.html import page_html
+from mcnav.report.document.parts import Page
+from mcnav.report.drawing.figure import Figure
+from mcnav.report.exports.arrays import arrays
+from mcnav.report.exports.dataset import dataset
+from mcnav.report.pages.run.card import run_card
+from mcnav.report.pages.run.page import figures
+from mcnav.report.pages.run.sections.what_if import linear_fails, what_if_section
+from mcnav.report.pages.sweep import frame
+from mcnav.report.results.model import RunAnalysis
+from mcnav.report.statements import sentences
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import read_times
 from mcnav.studies.sweep import JOBS, SweepPlan, run_sweep
@@ -111,7 +111,7 @@ class RunResult:
         """Linear beside Monte Carlo, a row an output; sigmas and bias in the unit of the column ``unit``.
 
         ``ratio_paired_from`` and ``ratio_paired_to`` bound the paired ratio. The columns, and their names, are those of
-        `mcnav.report.output_columns` that reports and data files have.
+        `mcnav.report.columns.output_columns` that reports and data files have.
         """
         compared = bool(self.content.summary.verdicts)  # not when too few samples succeeded
         table = outputs_frame(self.content.summary)
@@ -141,7 +141,7 @@ class RunResult:
 
     @cached_property
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """P, S, Q and all covariances in SI with names and units; see `mcnav.report.arrays`."""
+        """P, S, Q and all covariances in SI with names and units; see `mcnav.report.exports.arrays`."""
         return arrays(self.content)
 
     def to_xarray(self, units: Units = "SI") -> xr.Dataset:

@@ -8,7 +8,6 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from typing import Any, Final, TypeVar
 
 Found = TypeVar("Found")
@@ -51,13 +50,3 @@ def wait_for(found: Callable[[], Found], process: subprocess.Popen[str] | None =
             raise AssertionError(f"ended with status {process.returncode} before: {errors[-2000:]}")
         assert time.monotonic() < until, f"no result in {LONG:g} s"
         time.sleep(0.005)
-
-
-BUSY: Final = "busy"
-"""File of a worker that is busy."""
-
-
-def linger(*arguments: object) -> None:
-    """Keep a worker busy; one that is started for it imports no more than this module."""
-    Path(BUSY).touch()
-    time.sleep(LONG)

@@ -10,8 +10,8 @@ import textwrap
 from pathlib import Path
 from typing import Final
 
-from mcnav.report.answer_screen import WIDTH, screen
-from mcnav.report.fitted_table import OpenConsole
+from mcnav.report.document.fitted_table import OpenConsole
+from mcnav.report.terminal.answer_screen import WIDTH, screen
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.figure import draw_figure
 from mcnav.workflow.stored_summary import stored_summary

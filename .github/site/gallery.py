@@ -16,7 +16,7 @@ if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))
 
 if TYPE_CHECKING:
-    from mcnav.report.figures.figure import Figure
+    from mcnav.report.drawing.figure import Figure
 
 PICTURES: Final = HERE / "static" / "gallery"
 REPORTS: Final = Path("reports") / "examples"

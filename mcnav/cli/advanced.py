@@ -130,35 +130,3 @@ def reproduce(
         out.print(f"{count:6} {page.PHRASES[mark]}")
     print_line(f"\nwritten: {files[0]}\nand {len(files) - 1} tables in the same folder")
     print_next(following)
-
-
-@command(group=dev)
-def calibrate(
-    trials: Annotated[int, typer.Option(min=2, help="Synthetic campaigns of each kind.")] = 100,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Parallel processes.")] = 2,
-    folder: Annotated[Path, typer.Option("--out", "-o", help="Output folder.")] = Path("reports/calibration"),
-    rare: Annotated[
-        bool,
-        typer.Option("--rare", help="Measure rare events alone; other rates are those of the CSV file there."),
-    ] = False,
-) -> None:
-    """Measure error rates of intervals, tests and verdicts.
-
-    Coverage, false alarms and power are written as a page and a CSV file. The campaigns are synthetic and their
-    moments known. Every measured rate has its binomial interval.
-
-    Example: mcnav dev calibrate --trials 100
-    """
-    from mcnav.validation.calibration import page
-
-    into = output_folder(folder, folder)
-    if rare and not (into / page.CSV).is_file():
-        raise failure(
-            f"{into / page.CSV}: no such file; --rare needs the other rates, which mcnav dev calibrate measures"
-        )
-    table, files = page.write_calibration(into, trials, jobs, rare)
-    for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
-        out.print(f"{count:6} rates {finding}")
-    out.print()
-    print_written(files)
-    print_next(next_command.written("docs", "method"))

@@ -61,9 +61,9 @@ def lincov(
     if method is not None:
         raise failure("--method: belongs to --partials; add it")
     from mcnav.config.read import read_campaign
-    from mcnav.report.lincov import exported
-    from mcnav.report.lincov_page import terminal
-    from mcnav.report.terminal_parts import printed
+    from mcnav.report.document.terminal_parts import printed
+    from mcnav.report.pages.lincov import exported
+    from mcnav.report.pages.lincov_page import terminal
     from mcnav.studies.lincov import read_times, write_lincov
 
     times = None if at is None else read_times(at)
@@ -83,7 +83,8 @@ def _show_partials(campaign: Path, method: str, form: Format) -> None:
     """Show the partial derivatives P of the final errors, and how far the methods that compute it agree."""
     from mcnav.config.read import read_campaign
     from mcnav.linear.partials import compare_partials
-    from mcnav.report import export, terminal
+    from mcnav.report.exports import export
+    from mcnav.report.terminal import terminal
 
     scenario = read_campaign(campaign).scenario
     methods = ["variational", "differences", "runs"] if method == "all" else [method]
@@ -160,8 +161,8 @@ def judge(
         return
     if sample is not None or rate is not None:
         raise failure(f"--{'rate' if sample is None else 'sample'}: belongs to --record; add it", BAD_INPUT)
-    from mcnav.report import judged, judged_errors
-    from mcnav.report.terminal_parts import printed
+    from mcnav.report.document.terminal_parts import printed
+    from mcnav.report.pages import judged, judged_errors
     from mcnav.studies.judge import write_error_judgement, write_judgement
     from mcnav.studies.recordings import RecordingFiles
 
@@ -216,9 +217,9 @@ def allocate(
 
     Example: mcnav allocate campaigns/19_flight_with_gnss.toml
     """
-    from mcnav.report import allocate as tables
-    from mcnav.report import progress
-    from mcnav.report.terminal_parts import printed
+    from mcnav.report.document.terminal_parts import printed
+    from mcnav.report.pages import allocate as tables
+    from mcnav.report.terminal import progress
     from mcnav.studies.allocate import write_allocation
 
     with progress.shown(err) as shown:
@@ -267,9 +268,9 @@ def filters(
     Example: mcnav filters campaigns/32_alignment_in_motion.toml --vary errors.heading="3, 10, 30 deg"
     """
     from mcnav.config.sweep_values import split_varied
-    from mcnav.report import filter_kinds as tables
-    from mcnav.report import progress
-    from mcnav.report.terminal_parts import printed
+    from mcnav.report.document.terminal_parts import printed
+    from mcnav.report.pages import filter_kinds as tables
+    from mcnav.report.terminal import progress
     from mcnav.studies.compare_filters import FilterPlan, compare_filters
 
     plan = FilterPlan(kind or (), split_varied(vary or ()), samples, jobs)
@@ -334,8 +335,8 @@ def identify(
     Example: mcnav identify static.csv --unit gyro=deg/s --out reports/unit
     """
     from mcnav.files import write_texts
-    from mcnav.report.identify import terminal
-    from mcnav.report.terminal_parts import printed
+    from mcnav.report.document.terminal_parts import printed
+    from mcnav.report.pages.identify import terminal
     from mcnav.studies.identify import files_of, identification_table, identify_logs, read_plan
 
     columns = columns_of(column, "--column", "NAME=COLUMN such as gyro_x=wx")

@@ -54,6 +54,5 @@ FORMER: Final[dict[str, Callable[[Words], Words]]] = {
     "record": _as("judge", "--record"),
     "schema": _as("dev", "schema"),
     "compile": _as("dev", "compile"),
-    "calibrate": _as("dev", "calibrate"),
 }
 """Functions that turn the words after a former name into those of today, by that name."""

@@ -135,7 +135,7 @@ class PaperSize:
 
 def _draw(folder: Path, name: str, into: Path, paper: PaperSize, panels: Sequence[str]) -> None:
     """Draw a figure of a run's report into a file, or as NAME.pdf into a folder."""
-    from mcnav.report.figures.paper import read_size
+    from mcnav.report.drawing.paper import read_size
     from mcnav.workflow.figure import ENDINGS, draw_figure
 
     try:
@@ -169,7 +169,7 @@ def brief(
 
     Example: mcnav brief reports/mine
     """
-    from mcnav.report import progress
+    from mcnav.report.terminal import progress
     from mcnav.studies.brief import default_folder, write_brief
 
     target = output_folder(into, default_folder(folder))
@@ -198,10 +198,12 @@ def compare(
     from mcnav.analysis.summary import Summary
     from mcnav.errors import reading_file
     from mcnav.files import write_whole
-    from mcnav.report import comparison, export, terminal
-    from mcnav.report.output_columns import output_rows
-    from mcnav.report.show import escaped
-    from mcnav.report.terminal_parts import printed
+    from mcnav.report.columns.output_columns import output_rows
+    from mcnav.report.document.terminal_parts import printed
+    from mcnav.report.exports import export
+    from mcnav.report.pages import comparison
+    from mcnav.report.terminal import terminal
+    from mcnav.report.terminal.show import escaped
     from mcnav.workflow.compare import compare_runs, compared_summary, page_name
 
     page = None if html is None else output_file(html, page_name(folders), [".html"])
@@ -269,8 +271,8 @@ def replay(
 
     Example: mcnav replay reports/11_cruise 12
     """
-    from mcnav.report.replay import terminal
-    from mcnav.report.terminal_parts import printed
+    from mcnav.report.document.terminal_parts import printed
+    from mcnav.report.pages.replay import terminal
     from mcnav.workflow import replay as replaying
 
     if (index is None) == (fail is None):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mcnav._streams import writes_any_text
-from mcnav.report.fitted_table import OpenConsole
+from mcnav.report.document.fitted_table import OpenConsole
 
 out, err = OpenConsole(highlight=False, soft_wrap=True), OpenConsole(stderr=True, highlight=False, soft_wrap=True)
 
@@ -54,7 +54,7 @@ def open_address(address: str, what: str = "file") -> None:
 
 def print_rows(chosen: Format, rows: Sequence[Mapping[str, Any]], tables: Mapping[str, Any]) -> None:
     """Print rows as CSV, or tables by name as JSON."""
-    from mcnav.report import export
+    from mcnav.report.exports import export
 
     write_data(export.as_csv(rows) if chosen == "csv" else export.as_json(tables), chosen)
 

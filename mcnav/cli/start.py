@@ -87,7 +87,7 @@ def run(
     Example: mcnav run campaigns/11_cruise.toml --samples 1000
     """
     from mcnav.config.read import read_campaign
-    from mcnav.report import progress
+    from mcnav.report.terminal import progress
     from mcnav.runner.executors import open_executor
     from mcnav.workflow.run import engine_of, run_campaign
 
@@ -120,7 +120,9 @@ def run(
 
 def _print_run(name: str, done: Run, target: Path, form: Format, with_report: bool) -> None:
     """Print the results of a run, and where they are."""
-    from mcnav.report import export, output_columns, requirements, terminal
+    from mcnav.report.columns import output_columns, requirements
+    from mcnav.report.exports import export
+    from mcnav.report.terminal import terminal
 
     summary, runs = done.results, {name: done.results}
     console = out if form == "table" else err
@@ -178,7 +180,7 @@ def demo(
 def _run_example(campaign: Path) -> None:
     """Run an example into its usual folder, and print its answer on one screen."""
     from mcnav.config.read import read_campaign
-    from mcnav.report import answer_screen, progress
+    from mcnav.report.terminal import answer_screen, progress
     from mcnav.runner.executors import open_executor
     from mcnav.store.run_folder import RunFolder
     from mcnav.workflow.run import engine_of, run_campaign
@@ -234,7 +236,7 @@ def check_file(
     if page is not None or form != "table":
         raise failure(f"--{'format' if page is None else 'out'}: belongs to --trajectory; leave it out")
     from mcnav.progress import Phase
-    from mcnav.report import progress, terminal
+    from mcnav.report.terminal import progress, terminal
     from mcnav.workflow.check import check_any
 
     with progress.shown(err) as shown:
@@ -253,9 +255,9 @@ def check_file(
 def _describe_trajectory(file: Path, columns: dict[str, str], page: Path | None, form: Format) -> None:
     """Describe the trajectory of a file or of a campaign, and how well its velocities agree with its positions."""
     from mcnav.files import write_texts
-    from mcnav.report import trajectory as described
-    from mcnav.report.html import page_html
-    from mcnav.report.terminal_parts import printed
+    from mcnav.report.document.html import page_html
+    from mcnav.report.document.terminal_parts import printed
+    from mcnav.report.pages import trajectory as described
     from mcnav.workflow.trajectory import describe_campaign, describe_file
 
     if file.suffix == ".toml" and columns:
@@ -401,8 +403,8 @@ def docs(
 def _show_units(name: str | None, form: Format) -> None:
     """List the catalogue of inertial measurement units, or the values of one with their sources."""
     from mcnav.errors import suggestion
-    from mcnav.report import instruments
-    from mcnav.report.terminal_parts import fitted
+    from mcnav.report.document.terminal_parts import fitted
+    from mcnav.report.terminal import instruments
     from mcnav.systems.ins.tables.imu_catalogue import catalogue_units
 
     units = {unit.name: unit for unit in catalogue_units()}

@@ -121,10 +121,10 @@ def _show_sweep(
 ) -> None:  # fmt: skip
     """Vary keys of a campaign, write and print what follows."""
     from mcnav.config.sweep_values import split_varied
-    from mcnav.report import progress
-    from mcnav.report import sweep as tables
-    from mcnav.report.sweep_page import terminal
-    from mcnav.report.terminal_parts import printed
+    from mcnav.report.document.terminal_parts import printed
+    from mcnav.report.pages import sweep as tables
+    from mcnav.report.pages.sweep_page import terminal
+    from mcnav.report.terminal import progress
     from mcnav.studies.lincov import read_times
     from mcnav.studies.sweep import SweepPlan, write_sweep
 
@@ -145,9 +145,9 @@ def _show_sweep(
 def _show_linearity(campaign: Path, folder: Path | None, tolerance: float | None, samples: int, largest: float) -> None:
     """Find the multiple of all errors at which linear analysis fails; write and print it."""
     from mcnav.config.read import read_campaign
-    from mcnav.report import progress
-    from mcnav.report.linearity import remarks, terminal
-    from mcnav.report.terminal_parts import printed
+    from mcnav.report.document.terminal_parts import printed
+    from mcnav.report.pages.linearity import remarks, terminal
+    from mcnav.report.terminal import progress
     from mcnav.studies.linearity import write_linearity
 
     content = read_campaign(campaign)
@@ -169,7 +169,7 @@ def _show_start_times(campaign: Path, folder: Path | None, axes: str | None, cou
     start times to check.
     """
     from mcnav.config.read import read_campaign
-    from mcnav.report import progress, terminal
+    from mcnav.report.terminal import progress, terminal
     from mcnav.studies.start_times import write_start_times
 
     content = read_campaign(campaign)

@@ -13,7 +13,7 @@ from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.simulated_requirements import Basis
 from mcnav.config.documents import Description
 from mcnav.frames.answers import requirements_frame, unit_of
-from mcnav.report.allocate import goal_title, grade_rows, standing
+from mcnav.report.pages.allocate import goal_title, grade_rows, standing
 from mcnav.runner.executors import JOBS
 from mcnav.studies.allocate import CONFIRMED
 from mcnav.studies.allocate import allocate as allocate_numbers

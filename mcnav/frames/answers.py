@@ -11,7 +11,7 @@ import pandas as pd
 
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement
 from mcnav.config.documents import Description
-from mcnav.report.lincov import final_rows, reading_rows, requirement_rows, units_shown
+from mcnav.report.pages.lincov import final_rows, reading_rows, requirement_rows, units_shown
 from mcnav.studies.lincov import linear_covariance, read_times
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ HEAVY_TAILS: Final = {"random": 150.0, "antithetic": 18.0, "latin-hypercube": 15
 
 Student's t with eight degrees of freedom has an infinite tail weight; with five, 95 % intervals were measured to cover
 half. With ten (weight 70) they cover 91 to 95 % for random draws and hypercubes, but only 80 to 90 % for antithetic
-pairs and nets, which reduce the variance of everything but the tails (``mcnav dev calibrate``). The normal distribution
+pairs and nets, which reduce the variance of everything but the tails (``make calibrate``). The normal distribution
 has 11.7.
 """
 

@@ -26,9 +26,9 @@ from mcnav.config.documents import Description, document_of
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
-from mcnav.report import allocate as tables
-from mcnav.report.gates import rejection_line
-from mcnav.report.html import page_html
+from mcnav.report.columns.gates import rejection_line
+from mcnav.report.document.html import page_html
+from mcnav.report.pages import allocate as tables
 from mcnav.runner.executors import JOBS
 from mcnav.statistics.demonstration import runs_to_show
 from mcnav.studies.allocated_numbers import find_goal

@@ -17,9 +17,9 @@ from mcnav.config.overrides import parse_document
 from mcnav.errors import CampaignError, reading_file
 from mcnav.files import write_texts
 from mcnav.progress import SILENT, Progress
-from mcnav.report.brief import Links, page
-from mcnav.report.gates import rejection_line
-from mcnav.report.html import page_html
+from mcnav.report.columns.gates import rejection_line
+from mcnav.report.document.html import page_html
+from mcnav.report.pages.brief import Links, page
 from mcnav.runner.executors import JOBS
 from mcnav.store.run_files import REPORT
 from mcnav.store.run_folder import RunFolder
@@ -77,7 +77,7 @@ def write_brief(
     links = Links(run.as_posix(), Path(os.path.relpath(report, target)).as_posix() if report.exists() else "")
     made = page(content, advice, links)
     (written,) = write_texts(target, {HTML: page_html(made)})
-    from mcnav.report.sheet import write_pdf  # draws by matplotlib, whose import takes as long as all else
+    from mcnav.report.document.sheet import write_pdf  # draws by matplotlib, whose import takes as long as all else
 
     return [written, write_pdf(made, target / PDF)]
 

@@ -20,8 +20,8 @@ from mcnav.contract.scenario import Scenario
 from mcnav.errors import CampaignError, Problem, suggestion
 from mcnav.files import indented_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress, duration, note
-from mcnav.report import filter_kinds as report
-from mcnav.report.html import page_html
+from mcnav.report.document.html import page_html
+from mcnav.report.pages import filter_kinds as report
 from mcnav.systems.ins.filter.model import KINDS
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.workflow.cost import LONG, time_of

@@ -25,7 +25,7 @@ from mcnav.config.overrides import Value, VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem
 from mcnav.identification.fit import relative_covariance
-from mcnav.report.identified import AxisReport, CampaignSigmas, IdentificationReport, SigmaRow
+from mcnav.report.results.identified import AxisReport, CampaignSigmas, IdentificationReport, SigmaRow
 from mcnav.studies.lincov import answer_linearly
 from mcnav.systems.ins.imu.instruments import AXES, Imu, Noise, process_sizes
 from mcnav.systems.ins.recognition import is_ins

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.report.identified import AxisReport, GradeRow, ParameterRow
-from mcnav.report.identify import statement_words
+from mcnav.report.pages.identify import statement_words
+from mcnav.report.results.identified import AxisReport, GradeRow, ParameterRow
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.tables.imu_catalogue import ALLAN_MINIMUM, CatalogueUnit, catalogue_units, units_of_values
 from mcnav.systems.ins.tables.instrument_tables import INTERVALS

@@ -25,9 +25,9 @@ from mcnav.identification.processes import CORRELATION_TIME, Grid
 from mcnav.identification.several import common_noise, repeatability
 from mcnav.identification.statements import statements
 from mcnav.logs.imu_log import ImuLog, read_imu_log
-from mcnav.report.html import page_html
-from mcnav.report.identified import AxisReport, IdentificationReport, LogFacts, ParameterRow, SpectrumPoints
-from mcnav.report.identify import model_words, page
+from mcnav.report.document.html import page_html
+from mcnav.report.pages.identify import model_words, page
+from mcnav.report.results.identified import AxisReport, IdentificationReport, LogFacts, ParameterRow, SpectrumPoints
 from mcnav.studies.identified_campaign import campaign_sigmas, open_campaign
 from mcnav.studies.identified_imu import imu_table, nearest_grades
 from mcnav.systems.ins.imu.instruments import AXES

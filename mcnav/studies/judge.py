@@ -20,10 +20,10 @@ from mcnav.judgement.error_table import ErrorVerdict, judge_errors
 from mcnav.judgement.verdict import SIMULATED, TRIALS, Judgement, judge
 from mcnav.logs.log_error import LogError
 from mcnav.progress import duration, note
-from mcnav.report import judged
-from mcnav.report import judged_errors as errors_report
-from mcnav.report.html import page_html
-from mcnav.report.judge_page import page
+from mcnav.report.document.html import page_html
+from mcnav.report.pages import judged
+from mcnav.report.pages import judged_errors as errors_report
+from mcnav.report.pages.judge_page import page
 from mcnav.studies.error_tables import read_error_table
 from mcnav.studies.recordings import RecordingFiles, read_recording, recordable
 from mcnav.workflow.cost import LONG

@@ -48,11 +48,11 @@ from mcnav.contract.scenario import (
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.linear.partials import SimulationFailed
-from mcnav.report.document import Page
-from mcnav.report.gates import gates_entry
-from mcnav.report.html import page_html
-from mcnav.report.lincov_page import card, page
-from mcnav.report.lincov_words import final_nominal
+from mcnav.report.columns.gates import gates_entry
+from mcnav.report.document.html import page_html
+from mcnav.report.document.parts import Page
+from mcnav.report.pages.lincov_page import card, page
+from mcnav.report.statements.lincov_words import final_nominal
 from mcnav.studies.curved_tails import with_curvature
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.user.scenario import is_users

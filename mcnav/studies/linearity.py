@@ -22,9 +22,9 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.files import write_texts
 from mcnav.linear.partials import Propagate
 from mcnav.progress import SILENT, Phase, Progress
-from mcnav.report import linearity as tables
-from mcnav.report.html import page_html
-from mcnav.report.linearity_words import NoiseUse
+from mcnav.report.document.html import page_html
+from mcnav.report.pages import linearity as tables
+from mcnav.report.statements.linearity_words import NoiseUse
 from mcnav.runner.chunks import PROBES
 from mcnav.sampler.designs import SamplingDesign
 

@@ -17,8 +17,8 @@ from mcnav.config.overrides import Value, override
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.config.toml import Content
 from mcnav.errors import CampaignError, Problem
-from mcnav.report.html import page_html
-from mcnav.report.live import Setting, live_page, live_state
+from mcnav.report.document.html import page_html
+from mcnav.report.pages.live import Setting, live_page, live_state
 from mcnav.store.run_files import REPORT
 from mcnav.studies.lincov import changeable_content, lincov_page, linear_covariance
 from mcnav.studies.live_run import REFUSED, RunningCampaign, in_one_line

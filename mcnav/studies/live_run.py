@@ -16,7 +16,7 @@ from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError, RunFolderError
 from mcnav.linear.partials import SimulationFailed
 from mcnav.progress import Phase
-from mcnav.report.live import Confirmation, verdicts
+from mcnav.report.pages.live import Confirmation, verdicts
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.stored_summary import stored_summary
 

@@ -24,8 +24,8 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.files import write_texts
 from mcnav.linear.start_times import StartTimeStudy, study_start_times, usual_weights
 from mcnav.progress import SILENT, Phase, Progress
-from mcnav.report import start_times as tables
-from mcnav.report.html import page_html
+from mcnav.report.document.html import page_html
+from mcnav.report.pages import start_times as tables
 from mcnav.runner.chunks import PROBES
 from mcnav.sampler.designs import SamplingDesign
 

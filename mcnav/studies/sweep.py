@@ -33,9 +33,9 @@ from mcnav.contract.scenario import runs_user_code
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
-from mcnav.report import sweep as report
-from mcnav.report.html import page_html
-from mcnav.report.sweep_page import page
+from mcnav.report.document.html import page_html
+from mcnav.report.pages import sweep as report
+from mcnav.report.pages.sweep_page import page
 from mcnav.studies.confirmation import check_count, choose_points, confirm
 from mcnav.studies.lincov import answer_linearly
 from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads

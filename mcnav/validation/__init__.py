@@ -1,1 +1,1 @@
-"""Publications recomputed, and measured error rates of the statistics. No other room imports it."""
+"""Publications recomputed. Nothing but the commands imports it."""

@@ -43,8 +43,8 @@ from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.linear.block_sums import Normalization
-from mcnav.report.failures import Failures, failures_in, grouped
-from mcnav.report.model import RunAnalysis
+from mcnav.report.results.failures import Failures, failures_in, grouped
+from mcnav.report.results.model import RunAnalysis
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.store.chunk_files import Samples
@@ -369,7 +369,7 @@ def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True)
     An earlier report, which may be of fewer samples, is deleted when none is written.
     """
     if report:
-        from mcnav.report.page import render
+        from mcnav.report.pages.run.page import render
 
         page = render(
             replace(analysis, what_if=what_if_of_run(analysis))

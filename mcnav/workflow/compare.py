@@ -16,11 +16,11 @@ from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import end_words
 from mcnav.errors import reading_file
-from mcnav.report.comparison import Row, change_table, input_table, inputs, outputs, ratios
-from mcnav.report.comparison import page as comparison_page
-from mcnav.report.html import page_html, parts_html
-from mcnav.report.mean_words import large_means_of
-from mcnav.report.model import RunAnalysis
+from mcnav.report.document.html import page_html, parts_html
+from mcnav.report.pages.comparison import Row, change_table, input_table, inputs, outputs, ratios
+from mcnav.report.pages.comparison import page as comparison_page
+from mcnav.report.results.model import RunAnalysis
+from mcnav.report.statements.mean_words import large_means_of
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse

@@ -8,13 +8,13 @@ from typing import Final
 from mcnav._threads import one_thread
 from mcnav.errors import reading_file
 from mcnav.files import write_whole
-from mcnav.report.arrays import arrays, as_mat, as_npz
-from mcnav.report.export import as_csv
-from mcnav.report.model import RunAnalysis
-from mcnav.report.page import figures
-from mcnav.report.result_table import ResultTable, Units
-from mcnav.report.result_tables import final_tables
-from mcnav.report.tables_over_time import tables_over_time
+from mcnav.report.columns.result_table import ResultTable, Units
+from mcnav.report.columns.result_tables import final_tables
+from mcnav.report.columns.tables_over_time import tables_over_time
+from mcnav.report.exports.arrays import arrays, as_mat, as_npz
+from mcnav.report.exports.export import as_csv
+from mcnav.report.pages.run.page import figures
+from mcnav.report.results.model import RunAnalysis
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse
 

@@ -8,7 +8,7 @@ from typing import Final
 
 from mcnav._threads import one_thread
 from mcnav.errors import RunFolderError, reading_file, suggestion
-from mcnav.report.page import figures
+from mcnav.report.pages.run.page import figures
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse
 
@@ -27,7 +27,7 @@ def draw_figure(
     panels: Sequence[str] = (),
     columns: int | None = None,
 ) -> list[str]:
-    """Draw a figure by name into a file, and return notes; see `mcnav.report.figures.figure.Figure.figure`.
+    """Draw a figure by name into a file, and return notes; see `mcnav.report.drawing.figure.Figure.figure`.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def draw_figure(
         figure = figures(analyse(RunFolder(folder)))
     if name not in figure:
         raise RunFolderError(f"--figure: the report has no figure {name!r:.60}{suggestion(name, list(figure))}")
-    from mcnav.report.figures.on_axes import crowded, save
+    from mcnav.report.drawing.on_axes import crowded, save
 
     try:
         chosen = figure[name].of_panels(*panels) if panels else figure[name]

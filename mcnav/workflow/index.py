@@ -18,25 +18,13 @@ from markupsafe import Markup
 from mcnav.analysis.summary import Summary
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.files import write_whole
-from mcnav.report import filter_verdict, sentences
-from mcnav.report.document import (
-    CODE,
-    UNIT,
-    WRAPPED,
-    Answers,
-    Cell,
-    Column,
-    Page,
-    Part,
-    Section,
-    Sentence,
-    Table,
-    counted,
-)
+from mcnav.report.document.html import page_html
+from mcnav.report.document.page_head import PageHead, page_head
+from mcnav.report.document.parts import Answers, Page, Part, Section, Sentence
+from mcnav.report.document.table import CODE, UNIT, WRAPPED, Cell, Column, Table, counted
 from mcnav.report.format import number
-from mcnav.report.html import page_html
 from mcnav.report.names import humanize, shown_units
-from mcnav.report.page_head import PageHead, page_head
+from mcnav.report.statements import filter_verdict, sentences
 from mcnav.store.run_files import MANIFEST, REPORT, SUMMARY
 from mcnav.store.run_folder import RunFolder
 

@@ -15,8 +15,8 @@ from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of
 from mcnav.analysis.mean_errors import departures
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import Requirement, RequirementResult
-from mcnav.report.sentences import beyond_range as range_words
-from mcnav.report.summary import named_range
+from mcnav.report.results.summary import named_range
+from mcnav.report.statements.sentences import beyond_range as range_words
 from mcnav.store.manifest import ModelRecord, PartialsRecord
 
 

@@ -11,7 +11,7 @@ from mcnav._types import IndexArray
 from mcnav.analysis.rejections import OnLinear, RejectionAnswer, judge_rejections
 from mcnav.contract.gates import RejectionLaws
 from mcnav.contract.scenario import Scenario, has_gates
-from mcnav.report.gates import rejection_line
+from mcnav.report.columns.gates import rejection_line
 from mcnav.sampler.error_model import ErrorModel
 
 READINGS: Final = 5

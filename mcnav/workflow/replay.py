@@ -24,9 +24,9 @@ from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, s
 from mcnav.files import INPUTS, read_whole, write_whole
 from mcnav.linear.polynomial import PolynomialFitError
 from mcnav.linear.polynomial_engine import prepare_engine
+from mcnav.report.columns.requirements import NamedRequirement, stated
 from mcnav.report.names import humanize
-from mcnav.report.replay import Outcome, Replay, files
-from mcnav.report.requirements import NamedRequirement, stated
+from mcnav.report.pages.replay import Outcome, Replay, files
 from mcnav.runner.chunks import DrawPlan
 from mcnav.runner.identity import chunk_digest, identity_of
 from mcnav.runner.processes import IsolatedEngine

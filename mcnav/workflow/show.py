@@ -9,10 +9,10 @@ from rich.console import RenderableType
 
 from mcnav.analysis.summary import Summary
 from mcnav.errors import RunFolderError, reading_file
-from mcnav.report import show
-from mcnav.report.export import as_csv, as_json
-from mcnav.report.result_table import Units
-from mcnav.report.result_tables import final_tables
+from mcnav.report.columns.result_table import Units
+from mcnav.report.columns.result_tables import final_tables
+from mcnav.report.exports.export import as_csv, as_json
+from mcnav.report.terminal import show
 from mcnav.store.run_files import SUMMARY
 from mcnav.workflow.stored_summary import summary_of
 

@@ -14,7 +14,7 @@ from mcnav.config.toml import load_file
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.contract.history import History, Panel
 from mcnav.errors import CampaignError, Problem
-from mcnav.report.trajectory import Extreme, TrajectoryReport
+from mcnav.report.pages.trajectory import Extreme, TrajectoryReport
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.tables.tracks import read_rows

@@ -27,10 +27,10 @@ from mcnav.analysis.what_if import (
 )
 from mcnav.config.what_if import changeable_campaign, estimable_kinds, unsized_causes
 from mcnav.contract.quantities import Source
-from mcnav.report.gates import rejection_line
+from mcnav.report.columns.gates import rejection_line
 
 if TYPE_CHECKING:
-    from mcnav.report.model import RunAnalysis
+    from mcnav.report.results.model import RunAnalysis
 
 MOST_READINGS: Final = 160
 """Readings that a page has; of more, some are left out, and none of a requirement."""

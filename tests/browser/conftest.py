@@ -16,8 +16,8 @@ import pytest
 import mcnav
 from mcnav.config.read import read_campaign
 from mcnav.files import write_texts
-from mcnav.report.html import page_html
-from mcnav.report.trajectory import page as trajectory_page
+from mcnav.report.document.html import page_html
+from mcnav.report.pages.trajectory import page as trajectory_page
 from mcnav.studies.allocate import write_allocation
 from mcnav.studies.lincov import write_lincov
 from mcnav.studies.linearity import write_linearity
@@ -25,7 +25,6 @@ from mcnav.studies.start_times import write_start_times
 from mcnav.studies.sweep import SweepPlan, write_sweep
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.truth.segments import Climb, Hold, SpeedChange, Start, Turn, fly_segments
-from mcnav.validation.calibration import page as calibration_page
 from mcnav.validation.reproduce.findings import Finding
 from mcnav.validation.reproduce.story_of_84_minutes import page as story_page
 from mcnav.validation.reproduce.textbook import page as textbook_page
@@ -41,6 +40,7 @@ from mcnav.workflow import compare, index
 from mcnav.workflow.replay import replay, write_replay
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.trajectory import describe
+from tests.calibration import page as calibration_page
 from tests.conftest import ROOT, campaign
 from tests.processes import LONG
 from tests.reproduction import Reproduction

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mcnav.pages import page_text
-from mcnav.report.glossary import HINTED, glossary
+from mcnav.report.document.glossary import HINTED, glossary
 from tests.browser.conftest import Browser
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from mcnav.report.page_head import page_head
+from mcnav.report.document.page_head import page_head
 from mcnav.workflow import index
 from tests.browser.accessibility import CONTRAST, answers, faint_labels, faint_texts, unexplained
 from tests.browser.conftest import FOLDER, KINDS, NAME, Browser

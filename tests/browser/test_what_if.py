@@ -20,8 +20,8 @@ import pytest
 import mcnav
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.config.read import parse_campaign, read_campaign
-from mcnav.report.html import page_html
-from mcnav.report.lincov_page import page as lincov_page
+from mcnav.report.document.html import page_html
+from mcnav.report.pages.lincov_page import page as lincov_page
 from mcnav.statistics.normal_box import normal_box_probability
 from mcnav.studies.lincov import answer_linearly
 from mcnav.units import quantity
@@ -238,7 +238,7 @@ def test_sliders_in_a_notebook(browser: Browser, page_of: Callable[[str], Path],
 
 def test_a_box_of_outputs_that_nearly_determine_each_other(browser: Browser, tmp_path: Path) -> None:
     """The page's own quadrature against `normal_box_probability`, to the last digit that it shows."""
-    written_by = (resources.files("mcnav.report") / "templates" / "what_if.js").read_text(encoding="utf-8")
+    written_by = (resources.files("mcnav.report.document") / "templates" / "what_if.js").read_text(encoding="utf-8")
     functions = written_by[written_by.index("  // The error function") : written_by.index('  all(".what-if")')]
     random, cases = np.random.default_rng(5), []
     for thin in (1.0, 1e-2, 1e-4, 1e-6):

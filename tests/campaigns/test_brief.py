@@ -10,17 +10,17 @@ import pytest
 
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.config.read import read_campaign
-from mcnav.report.brief import Links, page
-from mcnav.report.document import Table
+from mcnav.report.columns.requirements import requirement_rows
+from mcnav.report.document.html import page_html
+from mcnav.report.document.table import Table
 from mcnav.report.figures.brief import limit_to_causes
-from mcnav.report.html import page_html
-from mcnav.report.model import RunAnalysis
-from mcnav.report.page import figures
-from mcnav.report.requirements import requirement_rows
-from mcnav.report.sections.improvements import failing_in_run, improvements_section
-from mcnav.report.sentences import statements
-from mcnav.report.tiles import tiles, worst_departure
-from mcnav.report.worst_case import worst_case
+from mcnav.report.pages.brief import Links, page
+from mcnav.report.pages.run.page import figures
+from mcnav.report.pages.run.sections.improvements import failing_in_run, improvements_section
+from mcnav.report.pages.run.tiles import tiles, worst_departure
+from mcnav.report.pages.run.worst_case import worst_case
+from mcnav.report.results.model import RunAnalysis
+from mcnav.report.statements.sentences import statements
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.brief import advise
 from mcnav.studies.lincov import answer_linearly

@@ -112,7 +112,7 @@ STORED = ROOT / "reports" / "examples" / "01_tn_d1772_trajectory_4"
             for campaign in (DEMO, AIDED)
         ],
         [
-            ((*RUN, DEMO, "--out", "first", "--no-report"), {*SLOW_IMPORTS, "mcnav.report.page"}),
+            ((*RUN, DEMO, "--out", "first", "--no-report"), {*SLOW_IMPORTS, "mcnav.report.pages.run.page"}),
             (("report", "first"), SLOW_IMPORTS), ((*RUN, AIDED, "--out", "aided"), SLOW_IMPORTS),
         ],
         [(("show", STORED), {*WITHOUT_SAMPLES, "scipy.special", "scipy.linalg", "pyarrow", "numba", "joblib"})],

@@ -235,7 +235,7 @@ def test_examples_are_up_to_date(folder: Path, tmp_path: Path) -> None:
     assert _numberless(again) == _numberless((folder / "report.html").read_text(encoding="utf-8"))
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     campaign = read_campaign(ROOT / "campaigns" / f"{folder.name}.toml", {"samples": summary["samples"]})
-    with patch("mcnav.report.page.render", return_value=""):
+    with patch("mcnav.report.pages.run.page.render", return_value=""):
         fresh = run_campaign(campaign, tmp_path / "fresh", None, 1).summary
     assert fresh.keys() == summary.keys()
     for key in ("verdict", "verdicts", "verdict_matrix", "seed", "samples", "failed"):

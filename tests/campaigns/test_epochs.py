@@ -24,7 +24,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """The same two chunks by one worker, and by two after the first chunk was lost."""
     one, two = (tmp_path_factory.mktemp("epochs") / name for name in ("one", "two"))
     run_campaign(campaign(4, samples=9_000), one, "ensemble", 1)
-    with patch("mcnav.report.page.render", return_value=""):
+    with patch("mcnav.report.pages.run.page.render", return_value=""):
         run_campaign(campaign(4, samples=9_000), two, "ensemble", 2)
         (two / "samples" / "part-00000.parquet").unlink()
         (two / "epochs.parquet").unlink()

@@ -17,10 +17,10 @@ from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.errors import RunFolderError
 from mcnav.report.figures.tail import tails
-from mcnav.report.lincov import requirement_rows
-from mcnav.report.model import RunAnalysis
-from mcnav.report.sweep import frame
-from mcnav.report.sweep_page import point_table
+from mcnav.report.pages.lincov import requirement_rows
+from mcnav.report.pages.sweep import frame
+from mcnav.report.pages.sweep_page import point_table
+from mcnav.report.results.model import RunAnalysis
 from mcnav.runner.chunks import DrawPlan
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance

@@ -17,11 +17,11 @@ import scipy.io
 import mcnav
 from mcnav.config.read import parse_campaign
 from mcnav.notebook import RunResult
-from mcnav.report import arrays as matrices
-from mcnav.report import tables_over_time as over_time
-from mcnav.report.arrays import Matrix, as_mat
-from mcnav.report.dataset import dataset
-from mcnav.report.over_time import TimeColumn
+from mcnav.report.columns import tables_over_time as over_time
+from mcnav.report.columns.over_time import TimeColumn
+from mcnav.report.exports import arrays as matrices
+from mcnav.report.exports.arrays import Matrix, as_mat
+from mcnav.report.exports.dataset import dataset
 from mcnav.units import conversion
 from tests.campaigns.test_aided import FOLDER, shortened
 from tests.commands import invoke

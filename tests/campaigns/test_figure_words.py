@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import mcnav
-from mcnav.report.figure_words import WORDS, words_on
-from mcnav.report.figures.figure import Figure
-from mcnav.report.model import RunAnalysis
-from mcnav.report.page import FIGURES, figures, page
+from mcnav.report.drawing.figure import Figure
+from mcnav.report.pages.run.page import FIGURES, figures, page
+from mcnav.report.results.model import RunAnalysis
+from mcnav.report.statements.figure_words import WORDS, words_on
 from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign
 

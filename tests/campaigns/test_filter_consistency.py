@@ -17,7 +17,7 @@ from mcnav._recent import Recent
 from mcnav.analysis.summary import Summary
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.errors import RunFolderError
-from mcnav.report import sentences
+from mcnav.report.statements import sentences
 from mcnav.runner.chunks import DrawPlan
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.store.filters import MARK

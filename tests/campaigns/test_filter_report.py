@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from mcnav.report.export import run_rows
+from mcnav.report.exports.export import run_rows
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.index import write_index

@@ -14,8 +14,8 @@ from mcnav.analysis.filter_kinds import KindComparison, KindResult
 from mcnav.analysis.summary import FilterRatio, Summary
 from mcnav.analysis.sweep import Variable
 from mcnav.config.read import parse_campaign
-from mcnav.report.document import Verdict
-from mcnav.report.filter_kinds import terminal
+from mcnav.report.document.parts import Verdict
+from mcnav.report.pages.filter_kinds import terminal
 from mcnav.studies.compare_filters import Pace, _tell_time
 from tests.commands import invoke
 from tests.filter_kinds import CAMPAIGN

@@ -17,10 +17,10 @@ from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import has_gates
 from mcnav.errors import CampaignError
 from mcnav.notebook import RunResult
-from mcnav.report.html import page_html
-from mcnav.report.lincov import statements
-from mcnav.report.lincov_page import page
-from mcnav.report.sweep_words import remarks
+from mcnav.report.document.html import page_html
+from mcnav.report.pages.lincov import statements
+from mcnav.report.pages.lincov_page import page
+from mcnav.report.statements.sweep_words import remarks
 from mcnav.runner.chunks import DrawPlan
 from mcnav.studies.allocate import allocate
 from mcnav.studies.lincov import lincov_table, linear_covariance

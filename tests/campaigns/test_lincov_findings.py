@@ -14,12 +14,12 @@ from rich.console import Console
 
 from mcnav import linear_covariance
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
-from mcnav.report import sentences
+from mcnav.report.document.terminal_parts import printed
 from mcnav.report.format import number
-from mcnav.report.lincov import statements
-from mcnav.report.lincov_page import terminal
-from mcnav.report.terminal import comparison
-from mcnav.report.terminal_parts import printed
+from mcnav.report.pages.lincov import statements
+from mcnav.report.pages.lincov_page import terminal
+from mcnav.report.statements import sentences
+from mcnav.report.terminal.terminal import comparison
 from mcnav.studies.lincov import write_lincov
 from mcnav.workflow.run import run_campaign
 

@@ -15,9 +15,9 @@ import pytest
 import tomli_w
 
 from mcnav.config.read import parse_campaign
-from mcnav.report.mean_words import large_means_of, mean_sentence
-from mcnav.report.output_columns import outputs_frame
-from mcnav.report.sentences import standing, statements, tone
+from mcnav.report.columns.output_columns import outputs_frame
+from mcnav.report.statements.mean_words import large_means_of, mean_sentence
+from mcnav.report.statements.sentences import standing, statements, tone
 from mcnav.studies.lincov import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.workflow.compare import compare_runs

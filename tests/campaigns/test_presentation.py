@@ -17,11 +17,12 @@ from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.tails import tails
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.contract.quantities import Output, Source
-from mcnav.report import sentences, terminal
-from mcnav.report.export import partial_rows
+from mcnav.report.columns.output_columns import output_rows
+from mcnav.report.document.fitted_table import TALLEST, Column, FittedTable, OpenConsole
+from mcnav.report.exports.export import partial_rows
 from mcnav.report.figures.matrices import certain_differences
-from mcnav.report.fitted_table import TALLEST, Column, FittedTable, OpenConsole
-from mcnav.report.output_columns import output_rows
+from mcnav.report.statements import sentences
+from mcnav.report.terminal import terminal
 from mcnav.statistics.power import SMALLEST_STEP, sensible_step
 from mcnav.workflow.stored_summary import stored_summary
 from tests.commands import in_process

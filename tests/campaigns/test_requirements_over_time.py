@@ -13,10 +13,10 @@ from scipy import stats
 import mcnav
 from mcnav.config.read import parse_campaign
 from mcnav.errors import RunFolderError
-from mcnav.report.figure_words import words_on
+from mcnav.report.columns.requirements import requirement_rows
 from mcnav.report.figures.requirements import requirements_over_time
-from mcnav.report.model import RunAnalysis
-from mcnav.report.requirements import requirement_rows
+from mcnav.report.results.model import RunAnalysis
+from mcnav.report.statements.figure_words import words_on
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.run import run_campaign
 from tests.campaigns.test_ins import described

@@ -13,9 +13,9 @@ from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError
-from mcnav.report.lincov import statements
-from mcnav.report.lincov_page import reading_table
-from mcnav.report.tables_over_time import tables_over_time
+from mcnav.report.columns.tables_over_time import tables_over_time
+from mcnav.report.pages.lincov import statements
+from mcnav.report.pages.lincov_page import reading_table
 from mcnav.runner.chunks import DrawPlan
 from mcnav.statistics.order_statistics import RankedSizes
 from mcnav.store.run_folder import RunFolder

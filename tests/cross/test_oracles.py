@@ -19,7 +19,7 @@ from mcnav.sampler.distributions import Distribution, Normal, StudentT, Triangul
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.sampler.sobol_net import scrambled_net
 from mcnav.statistics.estimates import blocked_mean
-from mcnav.validation.calibration.rare_events import curved
+from tests.calibration.rare_events import curved
 from tests.conftest import campaign, reentry
 
 PAIRS = [

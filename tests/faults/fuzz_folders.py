@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mcnav.cli import GARBAGE_THRESHOLD
-from mcnav.report.export import FORMULA
+from mcnav.report.exports.export import FORMULA
 from tests.commands import in_process
 from tests.faults.folders.make import CHANGES, make_hostile
 from tests.faults.folders.runs import Outside, finished_runs

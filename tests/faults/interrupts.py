@@ -11,7 +11,6 @@ import json
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -25,13 +24,11 @@ from mcnav.__main__ import main
 from tests.faults.kinds import small_summaries
 from tests.faults.navigation import HALF, write_navigation
 from tests.faults.remains import left_of
-from tests.processes import BUSY, linger, wait_for
 from tests.worker_server import load_kernels
 
 RUN: Final = ("run", "navigation.toml", "--jobs", "2", "--out", "run")
 SWEEP: Final = ("sweep", "navigation.toml", "--vary", "imu.gyro.angle_random_walk=0.01, 0.02 deg/sqrt(h)",
                 "--against", "position_horizontal", "--out", "swept")  # fmt: skip
-CALIBRATE: Final = ("dev", "calibrate", "--trials", "2", "--out", "rates")
 
 
 @dataclass(frozen=True)
@@ -65,12 +62,10 @@ CASES: Final = {
     "amid chunks": Case(RUN, "free", "mcnav.runner.chunks.simulate_batch", 2),
     "terminated": Case(RUN, "aided", "mcnav.runner.chunks.write_chunk", 2, signal.SIGTERM),
     "summary": Case(RUN, "aided, summary", "mcnav.workflow.run.analyse"),
-    "report": Case(RUN, "aided", "mcnav.report.page.render"),
+    "report": Case(RUN, "aided", "mcnav.report.pages.run.page.render"),
     "lincov": Case(("lincov", "navigation.toml", "--out", "linear"), "aided", "mcnav.studies.lincov._linearize"),
     "sweep": Case(SWEEP, "free", "mcnav.studies.sweep_points.LinearPoints._answer", 2),
     "confirming": Case((*SWEEP, "--confirm", "2"), "free", "mcnav.runner.chunks.simulate_batch"),
-    "calibrate": Case(CALIBRATE, "free", "mcnav.validation.calibration.trials._count"),
-    "calibrate, killed": Case(CALIBRATE, "free", "mcnav.validation.calibration.trials._count", number=signal.SIGKILL),
 }
 
 
@@ -107,32 +102,20 @@ def _interrupting(name: str, case: Case, function: Callable[..., Any]) -> Callab
     return call
 
 
-def _interrupt_busy_workers(number: signal.Signals) -> None:
-    """Interrupt all processes when a worker is busy, or kill the command alone."""
-    wait_for(Path(BUSY).exists)
-    (os.kill if number == signal.SIGKILL else os.killpg)(os.getpid(), number)
-
-
 def _command(name: str, case: Case, folder: Path) -> None:
     """Run a command in this process to its interrupt."""
     os.setsid()
     os.chdir(folder)
     for number, place in enumerate((os.devnull, os.devnull, "errors")):
         os.dup2(os.open(place, os.O_RDWR | os.O_CREAT), number)
-    if case.number == signal.SIGKILL:  # what the command cannot remove, joblib's tracker does, and remarks upon
-        os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker:UserWarning"
     sys.argv = ["mcnav", *case.command]
     module, _, function = case.at.rpartition(".")
     with ExitStack() as patches:
         patches.enter_context(small_summaries(HALF))
         if name == "compiling":  # what is stored on disk is not loaded
             patches.enter_context(patch("mcnav.compiled.objects.Code.load_overload", lambda *_: None))
-        if case.command == CALIBRATE:
-            patches.enter_context(patch(case.at, linger))
-            threading.Thread(target=_interrupt_busy_workers, args=(case.number,), daemon=True).start()
-        else:
-            owner = _owner(module)
-            patches.enter_context(patch.object(owner, function, _interrupting(name, case, getattr(owner, function))))
+        owner = _owner(module)
+        patches.enter_context(patch.object(owner, function, _interrupting(name, case, getattr(owner, function))))
         main()
 
 

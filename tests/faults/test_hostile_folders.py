@@ -18,7 +18,7 @@ import pytest
 
 from mcnav.errors import RunFolderError
 from mcnav.parquet import parquet_bytes
-from mcnav.report.comparison import MOST_INPUTS
+from mcnav.report.pages.comparison import MOST_INPUTS
 from mcnav.store import chunk_files
 from mcnav.store.chunk_files import MOST_PARTS, table_from
 from mcnav.store.manifest import MOST_KEYS

@@ -205,15 +205,14 @@ if any(name in " ".join(sys.orig_argv) for name in ("popen_loky", "spawn_main"))
         ("run", "campaigns/01_tn_d1772_trajectory_4.toml", "--engine", "reference", "--samples", "70", "--jobs", "2"),
         ("run", "campaigns/13_boost.toml", "--samples", "2"),
         ("run", "campaigns/01_tn_d1772_trajectory_4.toml", "--samples", "70", "--dask", "2"),
-        ("dev", "calibrate", "--trials", "2", "--jobs", "2"),
     ],
-    ids=["pool", "one worker", "dask", "calibrate"],
+    ids=["pool", "one worker", "dask"],
 )
 def test_workers_that_are_being_started_say_nothing(arguments: tuple[str, ...], tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text(INTERRUPTING)
     (tmp_path / "campaigns").symlink_to(ROOT / "campaigns")
     there = environment() | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
     done = run_to_end(command(*arguments, "--out", "there"), cwd=tmp_path, env=there)
-    stored = "; stored samples are kept, and the same command resumes the run" if arguments[0] == "run" else ""
-    assert (done.returncode, done.stderr) == (130, f"error: interrupted{stored}\n")
+    message = "error: interrupted; stored samples are kept, and the same command resumes the run\n"
+    assert (done.returncode, done.stderr) == (130, message)
     assert (tmp_path / "once").exists()

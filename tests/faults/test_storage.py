@@ -266,7 +266,10 @@ def test_two_processes_on_one_folder(tmp_path: Path) -> None:
 def flown(samples: int, folder: Path, **more: Any) -> None:
     """Run the small campaign, in this process and without its page, neither of which is at stake."""
     alone = lambda work, missing, jobs: (simulate_chunk(work, place) for place in missing)  # noqa: E731
-    with patch("mcnav.report.page.render", return_value=""), patch("mcnav.runner.runner.run_in_processes", alone):
+    with (
+        patch("mcnav.report.pages.run.page.render", return_value=""),
+        patch("mcnav.runner.runner.run_in_processes", alone),
+    ):
         run_campaign(small(samples), folder, "reference", 1, **more)
 
 

@@ -14,9 +14,11 @@ from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.requirements import error_sizes
 from mcnav.config.read import parse_campaign
 from mcnav.store.run_folder import RunFolder
-from mcnav.validation.calibration import page
-from mcnav.validation.calibration.cells import Cell, Tally
-from mcnav.validation.calibration.filter_trials import (
+from mcnav.workflow.analyse import filter_evidence
+from mcnav.workflow.run import run_campaign
+from tests.calibration import page
+from tests.calibration.cells import Cell, Tally
+from tests.calibration.filter_trials import (
     CANCELLING,
     MATCHED,
     ONE,
@@ -25,19 +27,19 @@ from mcnav.validation.calibration.filter_trials import (
     TOLERATED,
     run_filter_trials,
 )
-from mcnav.validation.calibration.kalman_trials import CAUSES, run_kalman_trials
-from mcnav.validation.calibration.kalman_trials import SYSTEMS as KALMAN_SYSTEMS
-from mcnav.validation.calibration.navigation_trials import (
+from tests.calibration.kalman_trials import CAUSES, run_kalman_trials
+from tests.calibration.kalman_trials import SYSTEMS as KALMAN_SYSTEMS
+from tests.calibration.navigation_trials import (
     NEGLECTING,
     description,
     evidence,
     prepared,
     run_navigation_trials,
 )
-from mcnav.validation.calibration.noise_systems import NOISY_SYSTEMS
-from mcnav.validation.calibration.noise_trials import DETECTABLE, run_noise_trials
-from mcnav.validation.calibration.rare_trials import CSV as RARE_CSV
-from mcnav.validation.calibration.rare_trials import (
+from tests.calibration.noise_systems import NOISY_SYSTEMS
+from tests.calibration.noise_trials import DETECTABLE, run_noise_trials
+from tests.calibration.rare_trials import CSV as RARE_CSV
+from tests.calibration.rare_trials import (
     FEW,
     HOLDS,
     MET,
@@ -49,13 +51,11 @@ from mcnav.validation.calibration.rare_trials import (
     run_rare_trials,
     table,
 )
-from mcnav.validation.calibration.systems import CORRUPTION, SYSTEMS
-from mcnav.validation.calibration.table import rates
-from mcnav.validation.calibration.tail_trials import REQUIREMENTS, run_tail_trials, true_quantile
-from mcnav.validation.calibration.tail_trials import SYSTEMS as GROWING
-from mcnav.validation.calibration.trials import SOURCES, run_trials
-from mcnav.workflow.analyse import filter_evidence
-from mcnav.workflow.run import run_campaign
+from tests.calibration.systems import CORRUPTION, SYSTEMS
+from tests.calibration.table import rates
+from tests.calibration.tail_trials import REQUIREMENTS, run_tail_trials, true_quantile
+from tests.calibration.tail_trials import SYSTEMS as GROWING
+from tests.calibration.trials import SOURCES, run_trials
 from tests.conftest import ROOT
 
 COMMITTED = ROOT / "reports" / "calibration" / "calibration.csv"

@@ -10,7 +10,7 @@ from scipy.stats import binom
 
 from mcnav.identification.fit import PENALTY
 from mcnav.identification.identify import identify_noise
-from mcnav.validation.calibration.identification_trials import (
+from tests.calibration.identification_trials import (
     ABSENT,
     DISTURBANCES,
     FIT,
@@ -22,8 +22,8 @@ from mcnav.validation.calibration.identification_trials import (
     simulate,
     truth,
 )
-from mcnav.validation.calibration.static_records import TrueNoise, simulate_record
-from mcnav.validation.calibration.table import rates
+from tests.calibration.static_records import TrueNoise, simulate_record
+from tests.calibration.table import rates
 
 FALSE_ALARM = 1e-4
 TRIALS = 2

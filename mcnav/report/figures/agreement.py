@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from mcnav._types import IndexArray
-from mcnav.report.figures.figure import HALF, Figure, side_by_side
-from mcnav.report.figures.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series, Span, Steps, Text
-from mcnav.report.figures.palette import AREA, BAND, FLOWN, LINEAR, MUTED
-from mcnav.report.model import RunAnalysis
+from mcnav.report.drawing.figure import HALF, Figure, side_by_side
+from mcnav.report.drawing.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series, Span, Steps, Text
+from mcnav.report.drawing.palette import AREA, BAND, FLOWN, LINEAR, MUTED
+from mcnav.report.results.model import RunAnalysis
 
 PAIRED, PLAIN = "Monte Carlo, paired estimate", "Monte Carlo, plain sample"
 RATIOS: Final = {"paired": Series("paired", PAIRED, FLOWN, "dot"), "plain": Series("plain", PLAIN, MUTED, "square")}

@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 
 from mcnav.analysis.allocation import Goal
-from mcnav.report.figures.figure import HALF, Figure
-from mcnav.report.figures.marks import Axis, Interval, Mark, Panel, Points, Rule, Series
-from mcnav.report.figures.palette import INK, LINEAR
+from mcnav.report.drawing.figure import HALF, Figure
+from mcnav.report.drawing.marks import Axis, Interval, Mark, Panel, Points, Rule, Series
+from mcnav.report.drawing.palette import INK, LINEAR
 
 MET: Final = Series("met", "just met", LINEAR, "dot")
 ANY: Final = Series("any", "met at any multiple", INK, "onward")

@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.report.figures.figure import HALF, Figure
-from mcnav.report.figures.marks import Axis, Bars, Mark, Panel, Rule, Series
-from mcnav.report.figures.palette import FLOWN, INK, LINEAR
-from mcnav.report.requirements import RequirementRow, cause_label
+from mcnav.report.columns.requirements import RequirementRow, cause_label
+from mcnav.report.drawing.figure import HALF, Figure
+from mcnav.report.drawing.marks import Axis, Bars, Mark, Panel, Rule, Series
+from mcnav.report.drawing.palette import FLOWN, INK, LINEAR
 
 LISTED: Final = 7
 """Causes that are named; the others stand together."""

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.report.figures.figure import HALF, Figure, side_by_side
-from mcnav.report.figures.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, Span, axis
+from mcnav.report.drawing.figure import HALF, Figure, side_by_side
+from mcnav.report.drawing.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, Span, axis
+from mcnav.report.drawing.palette import INK
 from mcnav.report.figures.outages import shading_key
-from mcnav.report.figures.palette import INK
 from mcnav.report.figures.sources import Contributor
 
 NUMBERED: Final = 0.04

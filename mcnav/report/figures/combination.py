@@ -9,12 +9,12 @@ from scipy import special
 
 from mcnav._types import Array
 from mcnav.analysis.combinations import Combination
+from mcnav.report.drawing.figure import Figure
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Rule, Series, Steps, Text
+from mcnav.report.drawing.palette import AREA, LINEAR
 from mcnav.report.figures.dispersion import ELLIPSES_LINEAR, FLIGHTS, SCATTERED, ellipses
-from mcnav.report.figures.figure import Figure
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, Steps, Text
-from mcnav.report.figures.palette import AREA, LINEAR
-from mcnav.report.joint_words import combination_words, direction_words
-from mcnav.report.model import RunAnalysis
+from mcnav.report.results.model import RunAnalysis
+from mcnav.report.statements.joint_words import combination_words, direction_words
 
 COUNTED: Final = Series("flown", "Monte Carlo", AREA, "area")
 NORMAL: Final = Series("normal", "linear Gaussian", LINEAR)

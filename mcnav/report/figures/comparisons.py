@@ -11,12 +11,12 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.summary import Summary
-from mcnav.report.figures.figure import HALF, Figure, side_by_side
-from mcnav.report.figures.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, axis
-from mcnav.report.figures.palette import FILTER, FLOWN, INK, LINEAR, SOURCE_COLOURS
+from mcnav.report.drawing.figure import HALF, Figure, side_by_side
+from mcnav.report.drawing.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, axis
+from mcnav.report.drawing.palette import FILTER, FLOWN, INK, LINEAR, SOURCE_COLOURS
 from mcnav.report.format import number
-from mcnav.report.mean_words import large_means_of
 from mcnav.report.names import humanize, labels_in, shown_units
+from mcnav.report.statements.mean_words import large_means_of
 
 COLOURS: Final = tuple(SOURCE_COLOURS[place] for place in (0, 4, 2, 6, 5, 11))
 """Colours of runs."""

@@ -13,15 +13,15 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.filter_remarks import instant
 from mcnav.constants import EARTH_RADIUS
-from mcnav.report.coastline import Box, coast, grid
-from mcnav.report.deck import SUBJECTS, Deck, Dispersion, deck_of
-from mcnav.report.figures.figure import HALF, Figure, MovedFigure
-from mcnav.report.figures.gapped import upward
-from mcnav.report.figures.marks import Axis, Bars, Line, Mark, Panel, Points, Rule, Series, Text, axis
-from mcnav.report.figures.palette import FILTER, FLOWN, GRID, INK, LINEAR, MUTED, OUTAGE, POINT, SOURCE_COLOURS
+from mcnav.report.drawing.coastline import Box, coast, grid
+from mcnav.report.drawing.figure import HALF, Figure, MovedFigure
+from mcnav.report.drawing.gapped import upward
+from mcnav.report.drawing.marks import Axis, Bars, Line, Mark, Panel, Points, Rule, Series, Text, axis
+from mcnav.report.drawing.palette import FILTER, FLOWN, GRID, INK, LINEAR, MUTED, OUTAGE, POINT, SOURCE_COLOURS
+from mcnav.report.drawing.svg import plot_area
 from mcnav.report.figures.truth import KINDS, ROUTES, SMALLEST
-from mcnav.report.model import RunAnalysis
-from mcnav.report.svg import plot_area
+from mcnav.report.pages.run.deck import SUBJECTS, Deck, Dispersion, deck_of
+from mcnav.report.results.model import RunAnalysis
 
 SIZE: Final = (HALF[0], 320.0)
 """Size of a panel, px."""

@@ -11,10 +11,10 @@ from scipy import special
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import correlations
-from mcnav.report.figures.figure import THIRD, Figure, side_by_side
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Series, Steps, Text
-from mcnav.report.figures.palette import AREA, FLOWN, INK, LINEAR, POINT
-from mcnav.report.model import RunAnalysis
+from mcnav.report.drawing.figure import THIRD, Figure, side_by_side
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Series, Steps, Text
+from mcnav.report.drawing.palette import AREA, FLOWN, INK, LINEAR, POINT
+from mcnav.report.results.model import RunAnalysis
 
 SCATTERED: Final = 3_000
 """Points in a scatter plot; statistics always use every sample."""

@@ -10,11 +10,11 @@ from scipy import special
 
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.contract.quantities import COMMANDS, NAVIGATION_DISPERSION, TIMES, TRUE_DISPERSION
-from mcnav.report.figures.figure import Figure, side_by_side
+from mcnav.report.drawing.figure import Figure, side_by_side
+from mcnav.report.drawing.marks import Axis, Band, Line, Panel, Rule, Series, axis
+from mcnav.report.drawing.palette import AREA, FLOWN, LINEAR
 from mcnav.report.figures.filter_errors import errors_and_sigmas
-from mcnav.report.figures.marks import Axis, Band, Line, Panel, Rule, Series, axis
-from mcnav.report.figures.palette import AREA, FLOWN, LINEAR
-from mcnav.report.model import RunAnalysis
+from mcnav.report.results.model import RunAnalysis
 
 OWN: Final = ("vectorised", "single")
 """Engines of classes of the user's, which have no other one to hand samples over to."""

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistency
-from mcnav.report.figures.axis_groups import curves, same_kind
-from mcnav.report.figures.figure import Figure, side_by_side
+from mcnav.report.drawing.axis_groups import curves, same_kind
+from mcnav.report.drawing.figure import Figure, side_by_side
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Span
 from mcnav.report.figures.filter_errors import sigmas, whole_flight
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Span
 from mcnav.report.figures.outages import outages, shading_key
-from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
+from mcnav.report.results.model import RunAnalysis
 
 LINES: Final = {"linear": "dashed", "Monte Carlo": "line", "filter": "dotted"}
 """Kinds of lines by whose sigma they are."""

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistency
-from mcnav.report.figures.figure import Figure, side_by_side
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Series, Span, axis
+from mcnav.report.drawing.figure import Figure, side_by_side
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Series, Span, axis
+from mcnav.report.drawing.palette import FILTER, FLOWN, LINEAR, POINT
 from mcnav.report.figures.outages import outages, shading_key
-from mcnav.report.figures.palette import FILTER, FLOWN, LINEAR, POINT
-from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
+from mcnav.report.results.model import RunAnalysis
 from mcnav.units import conversion
 
 MULTIPLE: Final = 3.0

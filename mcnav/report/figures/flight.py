@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 
 from mcnav.contract.history import History, Panel
-from mcnav.report.figures.figure import Figure
-from mcnav.report.figures.marks import Axis, Line, Rule, Series, axis, numbered
-from mcnav.report.figures.marks import Panel as Diagram
-from mcnav.report.figures.palette import LINEAR
+from mcnav.report.drawing.figure import Figure
+from mcnav.report.drawing.marks import Axis, Line, Rule, Series, axis, numbered
+from mcnav.report.drawing.marks import Panel as Diagram
+from mcnav.report.drawing.palette import LINEAR
 
 ONLY: Final = Series("flown", "flown", LINEAR)
 

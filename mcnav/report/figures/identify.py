@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mcnav._types import Array
-from mcnav.report.figures.figure import THIRD, Figure
-from mcnav.report.figures.marks import Axis, Band, Line, Panel, Points, Series
-from mcnav.report.figures.palette import AREA, FLOWN, LINEAR
-from mcnav.report.identified import AxisReport
+from mcnav.report.drawing.figure import THIRD, Figure
+from mcnav.report.drawing.marks import Axis, Band, Line, Panel, Points, Series
+from mcnav.report.drawing.palette import AREA, FLOWN, LINEAR
+from mcnav.report.results.identified import AxisReport
 from mcnav.units import conversion
 
 ESTIMATE: Final = Series("flown", "of the readings, with 95 % interval", FLOWN, "dot")

@@ -13,9 +13,9 @@ from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.simulation import recorded
 from mcnav.judgement.statistics import sensor_statistics
 from mcnav.judgement.verdict import Judgement
-from mcnav.report.figures.figure import Figure, side_by_side
-from mcnav.report.figures.marks import Axis, Band, Line, Mark, Panel, Points, Rule, Series, Steps
-from mcnav.report.figures.palette import AREA, BAND, FILTER, FLOWN, LINEAR, POINT
+from mcnav.report.drawing.figure import Figure, side_by_side
+from mcnav.report.drawing.marks import Axis, Band, Line, Mark, Panel, Points, Rule, Series, Steps
+from mcnav.report.drawing.palette import AREA, BAND, FILTER, FLOWN, LINEAR, POINT
 from mcnav.report.names import humanize
 from mcnav.units import conversion
 

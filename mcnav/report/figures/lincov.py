@@ -13,12 +13,12 @@ from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, sizes_
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.contract.quantities import end_words
 from mcnav.linear.covariance import propagated_variances
+from mcnav.report.drawing.figure import HALF, Figure, side_by_side
+from mcnav.report.drawing.marks import Axis, Cells, Line, Mark, Panel, Points, Rule, Series, Span, axis
+from mcnav.report.drawing.palette import FILTER, FLOWN, INK, LINEAR
 from mcnav.report.figures.budgets import ALL, development_figure, shares_figure
-from mcnav.report.figures.figure import HALF, Figure, side_by_side
-from mcnav.report.figures.marks import Axis, Cells, Line, Mark, Panel, Points, Rule, Series, Span, axis
 from mcnav.report.figures.matrices import DEEPEST, NEGATIVE, NIL, POSITIVE
 from mcnav.report.figures.outages import OPACITY, SHADED, shading_key
-from mcnav.report.figures.palette import FILTER, FLOWN, INK, LINEAR
 from mcnav.report.figures.sources import Contributor, groups, ranked
 from mcnav.report.figures.truth import SigmasOverTime, over_time
 from mcnav.report.format import fixed

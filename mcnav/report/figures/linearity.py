@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.linearity import AloneRange, DispersionRange
+from mcnav.report.drawing.figure import HALF, THIRD, Figure
+from mcnav.report.drawing.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series
+from mcnav.report.drawing.palette import AREA, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.figures.agreement import TOLERANCE, ratio_panel
-from mcnav.report.figures.figure import HALF, THIRD, Figure
-from mcnav.report.figures.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series
-from mcnav.report.figures.palette import AREA, FLOWN, INK, LINEAR, MUTED
 
 REACH: Final = 4.0
 """Tolerances above and below one that are shown."""

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, correlations
 from mcnav.analysis.verdict import NUMERICAL
-from mcnav.report.figures.figure import HALF, THIRD, Figure
-from mcnav.report.figures.marks import Axis, Cells, Panel, Series
-from mcnav.report.figures.palette import FLOWN, LINEAR
+from mcnav.report.drawing.figure import HALF, THIRD, Figure
+from mcnav.report.drawing.marks import Axis, Cells, Panel, Series
+from mcnav.report.drawing.palette import FLOWN, LINEAR
 from mcnav.report.format import fixed, number
 
 if TYPE_CHECKING:
-    from mcnav.report.model import RunAnalysis
+    from mcnav.report.results.model import RunAnalysis
 
 Mask = NDArray[np.bool_]
 

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.analysis.filter_consistency import FilterConsistency, GroupConsistency, SensorConsistency
-from mcnav.report.figures.figure import Figure, side_by_side
+from mcnav.report.columns.filter_columns import GROUP_TITLES
+from mcnav.report.drawing.figure import Figure, side_by_side
+from mcnav.report.drawing.gapped import areas, curve, known_ends, steps, stretches, upward
+from mcnav.report.drawing.marks import Line, Panel, Rule, Series, Span
+from mcnav.report.drawing.palette import AREA, BAND, FLOWN, LINEAR, MUTED
 from mcnav.report.figures.filter_errors import whole_flight
-from mcnav.report.figures.gapped import areas, curve, known_ends, steps, stretches, upward
-from mcnav.report.figures.marks import Line, Panel, Rule, Series, Span
 from mcnav.report.figures.outages import outages, shading_key
-from mcnav.report.figures.palette import AREA, BAND, FLOWN, LINEAR, MUTED
-from mcnav.report.filter_columns import GROUP_TITLES
-from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
+from mcnav.report.results.model import RunAnalysis
 
 FLOWN_MEAN: Final = Series("flown", "Monte Carlo", FLOWN)
 INTERVAL: Final = Series("interval", "its interval", AREA, "area")

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from mcnav.analysis.filter_remarks import period
-from mcnav.report.figures.marks import Series, Span
-from mcnav.report.figures.palette import OUTAGE
+from mcnav.report.drawing.marks import Series, Span
+from mcnav.report.drawing.palette import OUTAGE
 from mcnav.report.names import humanize
 
 if TYPE_CHECKING:
-    from mcnav.report.model import RunAnalysis
+    from mcnav.report.results.model import RunAnalysis
 
 SHADED: Final = Series("outage", "outage", OUTAGE, "area")
 

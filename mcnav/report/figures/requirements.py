@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from mcnav.analysis.requirement_curves import RequirementCurve
 from mcnav.analysis.summary import RequirementEntry
-from mcnav.report.figures.figure import Figure, side_by_side
-from mcnav.report.figures.gapped import areas, curve, known_ends, upward
-from mcnav.report.figures.marks import Mark, Panel, Rule, Series, axis, of_requirement
+from mcnav.report.columns.requirements import RADII, RequirementRow, requirement_rows
+from mcnav.report.drawing.figure import Figure, side_by_side
+from mcnav.report.drawing.gapped import areas, curve, known_ends, upward
+from mcnav.report.drawing.marks import Mark, Panel, Rule, Series, axis, of_requirement
+from mcnav.report.drawing.palette import AREA, FLOWN, INK, LINEAR
 from mcnav.report.figures.outages import outages, shading_key
-from mcnav.report.figures.palette import AREA, FLOWN, INK, LINEAR
-from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
-from mcnav.report.requirements import RADII, RequirementRow, requirement_rows
+from mcnav.report.results.model import RunAnalysis
 
 ESTIMATE: Final = Series("flown", "Monte Carlo", FLOWN)
 BOUNDS: Final = Series("bounds", "its bounds at each epoch", AREA, "area")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from mcnav.report.drawing.figure import Figure
 from mcnav.report.figures.budgets import ALL, development_figure, shares_figure
-from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.outages import outages
 from mcnav.report.figures.sources import contributors, flown_shares, origins, variance_over_time
-from mcnav.report.model import RunAnalysis
+from mcnav.report.results.model import RunAnalysis
 
 
 def budget(content: RunAnalysis) -> Figure:

@@ -9,16 +9,16 @@ import numpy as np
 
 from mcnav.analysis.filter_consistency import Band as Statistic
 from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistency
-from mcnav.report.figures.axis_groups import Group, curves, same_unit
-from mcnav.report.figures.figure import SEVERAL, Figure, side_by_side
+from mcnav.report.drawing.axis_groups import Group, curves, same_unit
+from mcnav.report.drawing.figure import SEVERAL, Figure, side_by_side
+from mcnav.report.drawing.gapped import areas, curve, ends_around, upward
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Rule, Series, Span
+from mcnav.report.drawing.palette import BAND, INK
 from mcnav.report.figures.filter_errors import whole_flight
-from mcnav.report.figures.gapped import areas, curve, ends_around, upward
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Rule, Series, Span
 from mcnav.report.figures.normalized_errors import BOUNDS, Columns
 from mcnav.report.figures.outages import outages, shading_key
-from mcnav.report.figures.palette import BAND, INK
-from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
+from mcnav.report.results.model import RunAnalysis
 
 ABREAST: Final = SEVERAL + 1
 """Panels of which three stand side by side."""

@@ -10,13 +10,13 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.filter_consistency import FilterConsistency
-from mcnav.report.figures.axis_groups import stem
-from mcnav.report.figures.marks import Series, numbered
-from mcnav.report.figures.palette import OTHER, SOURCE_COLOURS
+from mcnav.report.drawing.axis_groups import stem
+from mcnav.report.drawing.marks import Series, numbered
+from mcnav.report.drawing.palette import OTHER, SOURCE_COLOURS
 from mcnav.report.names import humanize
 
 if TYPE_CHECKING:
-    from mcnav.report.model import RunAnalysis
+    from mcnav.report.results.model import RunAnalysis
 
 SHOWN: Final = len(SOURCE_COLOURS)
 """Contributors with a colour. Of more sources, those that differ only in their axis are one contributor."""

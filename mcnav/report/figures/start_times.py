@@ -14,9 +14,9 @@ from mcnav.analysis.comparison import Comparison
 from mcnav.contract.history import StartClock
 from mcnav.contract.quantities import Output, end_words
 from mcnav.linear.start_times import StartTimeStudy
-from mcnav.report.figures.figure import HALF, Figure
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, numbered
-from mcnav.report.figures.palette import FLOWN, INK, LINEAR
+from mcnav.report.drawing.figure import HALF, Figure
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Rule, Series, numbered
+from mcnav.report.drawing.palette import FLOWN, INK, LINEAR
 from mcnav.report.names import humanize
 
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure
 from mcnav.analysis.sweep import JustMet, Sweep, Variable
-from mcnav.report.figures.figure import HALF, Figure, side_by_side
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Series, Text, numbered
-from mcnav.report.figures.palette import FILTER, FLOWN, INK, LINEAR, MUTED
-from mcnav.report.figures.ticks import linear_ticks
+from mcnav.report.drawing.figure import HALF, Figure, side_by_side
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Series, Text, numbered
+from mcnav.report.drawing.palette import FILTER, FLOWN, INK, LINEAR, MUTED
+from mcnav.report.drawing.ticks import linear_ticks
 from mcnav.report.format import number
 from mcnav.units import conversion
 

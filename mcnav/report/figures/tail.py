@@ -7,14 +7,14 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav.analysis.tail_curves import TailCurve
-from mcnav.report.figures.figure import Figure, side_by_side
-from mcnav.report.figures.gapped import areas
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, of_requirement
-from mcnav.report.figures.palette import AREA, FILTER, FLOWN, INK, LINEAR, MUTED
+from mcnav.report.columns.requirements import RADII, RequirementRow, requirement_rows
+from mcnav.report.drawing.figure import Figure, side_by_side
+from mcnav.report.drawing.gapped import areas
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Rule, Series, of_requirement
+from mcnav.report.drawing.palette import AREA, FILTER, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.figures.requirements import LONGEST
-from mcnav.report.model import RunAnalysis
 from mcnav.report.names import humanize
-from mcnav.report.requirements import RADII, RequirementRow, requirement_rows
+from mcnav.report.results.model import RunAnalysis
 
 COUNTED: Final = Series("counted", "counted samples", FLOWN)
 BOUNDS: Final = Series("bounds", "interval of the count", AREA, "area")

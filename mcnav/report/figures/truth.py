@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.contract.quantities import Output
-from mcnav.report.figures.figure import HALF, Figure, side_by_side
-from mcnav.report.figures.gapped import upward
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, axis
-from mcnav.report.figures.palette import FILTER, POINT, SOURCE_COLOURS
-from mcnav.report.kinds import Quantity, planes, quantities
+from mcnav.report.drawing.figure import HALF, Figure, side_by_side
+from mcnav.report.drawing.gapped import upward
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Rule, Series, axis
+from mcnav.report.drawing.palette import FILTER, POINT, SOURCE_COLOURS
 from mcnav.report.names import humanize, scale_of
+from mcnav.report.results.kinds import Quantity, planes, quantities
 from mcnav.store.manifest import Variable
 
 if TYPE_CHECKING:
-    from mcnav.report.model import RunAnalysis
+    from mcnav.report.results.model import RunAnalysis
 
 KINDS: Final = {
     "true": ("true dispersion", SOURCE_COLOURS[4]),

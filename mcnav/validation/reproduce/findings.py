@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from mcnav.report.document import Cell, Column, Table
+from mcnav.report.document.table import Cell, Column, Table
 
 TONES: Final = {"holds": "agrees", "in part": "undecided", "does not hold": "differs"}
 """Tones of verdicts on claims."""

@@ -23,7 +23,7 @@ from mcnav.numerics.power_sums import sum_powers_about_zero
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.statistics.mean_square import mean_square_intervals
-from mcnav.validation.calibration.filter_trials import OUTPUTS, PLACES, SCHEMA, evidence
+from tests.calibration.filter_trials import OUTPUTS, PLACES, SCHEMA, evidence
 
 CRITERION = Criterion(tolerance=0.05, confidence=0.95)
 RATES = Rates(0.95, 0.95)

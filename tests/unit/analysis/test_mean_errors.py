@@ -6,7 +6,7 @@ import numpy as np
 
 from mcnav.analysis.mean_errors import departures, large_means, mean_errors, nominal_values, rounding_of_means
 from mcnav.contract.quantities import Output, Source
-from mcnav.report.mean_words import sentence_on
+from mcnav.report.statements.mean_words import sentence_on
 
 OUTPUTS = (
     Output("x", "m", "km"), Output("true_x", "m", "km", of="truth"), Output("burn", "m/s", "m/s", of="control"),

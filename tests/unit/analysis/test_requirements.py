@@ -14,7 +14,7 @@ from mcnav.analysis.requirements import (
     judge_requirement,
     requirements_from,
 )
-from mcnav.report import sentences
+from mcnav.report.statements import sentences
 from mcnav.statistics.normal_box import normal_box_probability
 from mcnav.statistics.normal_size import size_quantile
 from tests import summaries

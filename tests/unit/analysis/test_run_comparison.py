@@ -9,7 +9,7 @@ from scipy import stats
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.decision_rule import ratio_interval, spread_of
 from mcnav.analysis.run_comparison import SampleSet, change
-from mcnav.report.comparison import inputs
+from mcnav.report.pages.comparison import inputs
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate
 from mcnav.store.run_folder import RunFolder

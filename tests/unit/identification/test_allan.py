@@ -18,7 +18,7 @@ from mcnav.identification.several import common_noise, repeatability
 from mcnav.identification.spectrum import in_bands, transform
 from mcnav.identification.statements import statements
 from mcnav.identification.trend import ramp_coefficients, trend_p_value
-from mcnav.validation.calibration.static_records import TrueNoise, simulate_record
+from tests.calibration.static_records import TrueNoise, simulate_record
 
 FALSE_ALARM = 1e-4
 WALKING = Model((WHITE, RATE_RANDOM_WALK))

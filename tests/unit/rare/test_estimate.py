@@ -12,7 +12,7 @@ from mcnav.rare.interval import ROOTS
 from mcnav.rare.limits import Distance, Sides
 from mcnav.rare.strata import STRATA, draw_members, strata_of
 from mcnav.rare.weigh import WIDER
-from mcnav.validation.calibration.rare_events import (
+from tests.calibration.rare_events import (
     CURVED,
     NOISY,
     OVER_TIME,

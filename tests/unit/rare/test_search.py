@@ -14,7 +14,7 @@ from mcnav.rare.limits import Sides
 from mcnav.rare.lines import crossings
 from mcnav.rare.widened import Widened, draw_widened, ratio
 from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
-from mcnav.validation.calibration.rare_events import (
+from tests.calibration.rare_events import (
     CURVED,
     OBLIQUE,
     Coverage,
@@ -24,7 +24,7 @@ from mcnav.validation.calibration.rare_events import (
     second_region,
     upper,
 )
-from mcnav.validation.calibration.rare_random import ball, oblique_cosh, second_half_space
+from tests.calibration.rare_random import ball, oblique_cosh, second_half_space
 
 OUTLIER = EmpiricalDistribution(np.append(np.zeros(9_999), 20.0))
 """A table with one value of 20 in 10,000."""

@@ -11,9 +11,9 @@ from rich.text import Text
 
 from mcnav._types import Array
 from mcnav.analysis.summary import Summary
-from mcnav.report.answer_screen import screen
-from mcnav.report.answer_words import answers
-from mcnav.report.fitted_table import OpenConsole
+from mcnav.report.document.fitted_table import OpenConsole
+from mcnav.report.statements.answer_words import answers
+from mcnav.report.terminal.answer_screen import screen
 from mcnav.workflow.stored_summary import stored_summary
 from tests.conftest import ROOT
 

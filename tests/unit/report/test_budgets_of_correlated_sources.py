@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from mcnav.report.drawing.marks import Bars, numbered
 from mcnav.report.figures.budgets import CROSSED, shares_figure
-from mcnav.report.figures.marks import Bars, numbered
 from mcnav.report.figures.sources import Contributor
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.report.coastline import RADIUS, Projection, coast, grid
+from mcnav.report.drawing.coastline import RADIUS, Projection, coast, grid
 
 
 def test_distances_and_directions_from_the_middle_are_true() -> None:

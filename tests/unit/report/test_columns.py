@@ -10,14 +10,16 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from mcnav.report import output_columns, terminal
-from mcnav.report.document import Column, Page, Section, Table
-from mcnav.report.export import as_csv
-from mcnav.report.filter_summary import filter_entries
-from mcnav.report.html import page_html
-from mcnav.report.result_table import ResultColumn, ResultTable
-from mcnav.report.result_tables import final_tables
-from mcnav.report.terminal_parts import fitted
+from mcnav.report.columns import output_columns
+from mcnav.report.columns.result_table import ResultColumn, ResultTable
+from mcnav.report.columns.result_tables import final_tables
+from mcnav.report.document.html import page_html
+from mcnav.report.document.parts import Page, Section
+from mcnav.report.document.table import Column, Table
+from mcnav.report.document.terminal_parts import fitted
+from mcnav.report.exports.export import as_csv
+from mcnav.report.results.filter_summary import filter_entries
+from mcnav.report.terminal import terminal
 from tests import summaries
 from tests.filters import OUTPUTS, consistency
 

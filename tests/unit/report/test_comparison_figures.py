@@ -7,8 +7,8 @@ import pytest
 
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.summary import Summary
+from mcnav.report.drawing.marks import Bars, Line
 from mcnav.report.figures.comparisons import CROSS, LISTED, curves, variance_parts, waterfall
-from mcnav.report.figures.marks import Bars, Line
 from tests.summaries import summary
 
 ROUNDING = 1e-12

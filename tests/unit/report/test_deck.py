@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from mcnav.analysis.filter_consistency import SensorConsistency
-from mcnav.report.deck import RADII, Deck, Dispersion, Kind, Place, Route
-from mcnav.report.deck_lanes import Interval, Lane, Rejection, rejections
 from mcnav.report.figures.deck import _track, ellipse_of, ring_radii, series_of
 from mcnav.report.figures.dispersion import MOST, NOTABLE, ordered_pairs
-from mcnav.report.model import RunAnalysis
+from mcnav.report.pages.run.deck import RADII, Deck, Dispersion, Kind, Place, Route
+from mcnav.report.pages.run.deck_lanes import Interval, Lane, Rejection, rejections
+from mcnav.report.results.model import RunAnalysis
 
 COVARIANCE = np.array([[9.0, 4.0], [4.0, 4.0]])
 

@@ -11,11 +11,10 @@ import pytest
 from markupsafe import Markup
 from rich.console import Console
 
-from mcnav.report.document import (
-    CODE,
+from mcnav.report.document.formulas import NEES, PAIRED, SAMPLING, SHARE
+from mcnav.report.document.html import page_html, parts_html
+from mcnav.report.document.parts import (
     Answers,
-    Cell,
-    Column,
     Facts,
     Findings,
     Folded,
@@ -26,18 +25,15 @@ from mcnav.report.document import (
     Part,
     Section,
     Sentence,
-    Table,
     Tile,
     Tiles,
     Verdict,
-    five_digits,
     folded,
     headed,
     joined,
 )
-from mcnav.report.formulas import NEES, PAIRED, SAMPLING, SHARE
-from mcnav.report.html import page_html, parts_html
-from mcnav.report.terminal_parts import printed
+from mcnav.report.document.table import CODE, Cell, Column, Table, five_digits
+from mcnav.report.document.terminal_parts import printed
 
 
 @dataclass(frozen=True)

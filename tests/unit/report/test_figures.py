@@ -17,14 +17,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcnav.config.read import read_campaign
-from mcnav.report.figures import marks as m
-from mcnav.report.figures.agreement import nees
-from mcnav.report.figures.figure import HALF, Figure
-from mcnav.report.figures.flight import flight
-from mcnav.report.figures.on_axes import crowded
-from mcnav.report.figures.palette import FLOWN, LINEAR, OTHER, SOURCE_COLOURS, VARIABLES, readable_on
-from mcnav.report.figures.paper import read_size
-from mcnav.report.figures.ticks import (
+from mcnav.report.drawing import marks as m
+from mcnav.report.drawing.figure import HALF, Figure
+from mcnav.report.drawing.on_axes import crowded
+from mcnav.report.drawing.palette import FLOWN, LINEAR, OTHER, SOURCE_COLOURS, VARIABLES, readable_on
+from mcnav.report.drawing.paper import read_size
+from mcnav.report.drawing.svg import svg
+from mcnav.report.drawing.svg_paths import UNIT
+from mcnav.report.drawing.ticks import (  # fmt: skip
     labelled,
     limits,
     linear_ticks,
@@ -33,9 +33,9 @@ from mcnav.report.figures.ticks import (
     place_label,
     text_width,
     ticks_along,
-)  # fmt: skip
-from mcnav.report.svg import svg
-from mcnav.report.svg_paths import UNIT
+)
+from mcnav.report.figures.agreement import nees
+from mcnav.report.figures.flight import flight
 from tests.conftest import ROOT
 
 CURVE, DOTS = m.Series("curve", "a curve", LINEAR), m.Series("dots", "dots", FLOWN, "dot")
@@ -273,9 +273,9 @@ def test_sizes_that_are_none(text: str) -> None:
 def test_reports_do_without_matplotlib() -> None:
     """Neither the page nor any figure imports it."""
     program = (
-        "import sys, mcnav.report.page, mcnav.report.start_times, mcnav.report.linearity, mcnav.report.comparison, "
-        "mcnav.report.replay, mcnav.validation.calibration.page, mcnav.validation.reproduce.tn_d1772.page, "
-        "mcnav.notebook, mcnav.cli, "
+        "import sys, mcnav.report.pages.run.page, mcnav.report.pages.start_times, mcnav.report.pages.linearity, "
+        "mcnav.report.pages.comparison, mcnav.report.pages.replay, tests.calibration.page, "
+        "mcnav.validation.reproduce.tn_d1772.page, mcnav.notebook, mcnav.cli, "
         "mcnav.validation.reproduce.story_of_84_minutes.page; sys.exit('matplotlib' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], check=False, timeout=120).returncode == 0
@@ -297,7 +297,7 @@ def test_texts_in_bars_are_legible_in_both_schemes() -> None:
         linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
         return float(np.dot([0.2126, 0.7152, 0.0722], linear))
 
-    style = files("mcnav.report").joinpath("templates/style.css").read_text(encoding="utf-8")
+    style = files("mcnav.report.document").joinpath("templates/style.css").read_text(encoding="utf-8")
     parts = style.split("prefers-color-scheme: dark")
     schemes = [dict(re.findall(r"--([\w-]+): (#\w{6});", part)) for part in parts[:2]]
     for colour in (*SOURCE_COLOURS, OTHER):

@@ -15,11 +15,11 @@ from mcnav.analysis.filter_consistency import Band as Statistic
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearSystem
-from mcnav.report.figures.axis_groups import same_kind, same_unit
+from mcnav.report.drawing.axis_groups import same_kind, same_unit
+from mcnav.report.drawing.figure import Figure
+from mcnav.report.drawing.marks import Band, Line, Points, Span
 from mcnav.report.figures.estimation import estimation
-from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.filter_errors import DRAWN, errors_and_sigmas
-from mcnav.report.figures.marks import Band, Line, Points, Span
 from mcnav.report.figures.normalized_errors import nees_over_time, nis_over_time
 from mcnav.report.figures.run_budget import partials_history
 from mcnav.report.figures.sigma_ratios import shares_within, sigma_ratios_over_time

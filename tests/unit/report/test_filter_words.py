@@ -13,14 +13,16 @@ from rich.console import Console
 
 from mcnav.analysis.filter_consistency import FilterConsistency, Finding, Honesty, NeglectedError, Whiteness
 from mcnav.analysis.summary import Summary
-from mcnav.report import filter_tables, filter_verdict, terminal
-from mcnav.report.document import Cell, Table
-from mcnav.report.filter_columns import foremost_neglected, group_rows, groups_table, sensors_table, sigmas_of
-from mcnav.report.filter_summary import filter_entries
-from mcnav.report.filter_tables import FilterAnswer, WorstSigmas
+from mcnav.report.columns import filter_tables
+from mcnav.report.columns.filter_columns import foremost_neglected, group_rows, groups_table, sensors_table, sigmas_of
+from mcnav.report.columns.filter_tables import FilterAnswer, WorstSigmas
+from mcnav.report.columns.output_columns import entries_of
+from mcnav.report.document.table import Cell, Table
+from mcnav.report.drawing.strip import Strip
 from mcnav.report.format import number, rounded
-from mcnav.report.output_columns import entries_of
-from mcnav.report.strip import Strip
+from mcnav.report.results.filter_summary import filter_entries
+from mcnav.report.statements import filter_verdict
+from mcnav.report.terminal import terminal
 from tests import summaries
 from tests.filters import OUTPUTS, TIMES, consistency
 

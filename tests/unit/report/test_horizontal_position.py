@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mcnav.analysis.filter_kinds import HEADING, HORIZONTAL, KindComparison, KindResult
-from mcnav.report.filter_kinds import kind_table
+from mcnav.report.pages.filter_kinds import kind_table
 from tests.summaries import summary
 
 

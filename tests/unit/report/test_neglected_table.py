@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mcnav.report.filter_columns import neglected_table
+from mcnav.report.columns.filter_columns import neglected_table
 from tests.summaries import summary
 
 

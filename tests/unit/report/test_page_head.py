@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from mcnav.report.document import Page, Section, Sentence, Verdict
-from mcnav.report.html import page_html
-from mcnav.report.page_head import LONGEST, PageHead, page_head
+from mcnav.report.document.html import page_html
+from mcnav.report.document.page_head import LONGEST, PageHead, page_head
+from mcnav.report.document.parts import Page, Section, Sentence, Verdict
 
 HOSTILE = "</p></h1><script>alert(1)</script> & <b> \u202e"
 

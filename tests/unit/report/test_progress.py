@@ -9,8 +9,8 @@ import pytest
 from rich.console import Console
 
 from mcnav.progress import MEASUREMENT, Compilation, Phase
-from mcnav.report import progress
-from mcnav.report.progress import Lines, shown
+from mcnav.report.terminal import progress
+from mcnav.report.terminal.progress import Lines, shown
 
 
 class Clock:

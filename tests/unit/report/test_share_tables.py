@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from mcnav.contract.quantities import Output
-from mcnav.report.document import Sentence, Table
-from mcnav.report.share_table import ShareRow, share_tables
+from mcnav.report.columns.share_table import ShareRow, share_tables
+from mcnav.report.document.parts import Sentence
+from mcnav.report.document.table import Table
 
 OUTPUTS = [
     Output("x", "m", "m"),

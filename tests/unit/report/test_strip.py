@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcnav.report.document import Cell, Column, Table
-from mcnav.report.html import parts_html
-from mcnav.report.strip import BAND_SHARE, FARTHEST, WIDTH, Strip
+from mcnav.report.document.html import parts_html
+from mcnav.report.document.table import Cell, Column, Table
+from mcnav.report.drawing.strip import BAND_SHARE, FARTHEST, WIDTH, Strip
 
 SVG = "{http://www.w3.org/2000/svg}"
 

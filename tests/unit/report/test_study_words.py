@@ -11,8 +11,8 @@ from mcnav.analysis.linearity import DispersionRange
 from mcnav.contract.history import StartClock
 from mcnav.contract.quantities import Output
 from mcnav.linear.start_times import StartTimeStudy
-from mcnav.report.linearity_words import answer
-from mcnav.report.start_time_words import answer as start_answer
+from mcnav.report.statements.linearity_words import answer
+from mcnav.report.statements.start_time_words import answer as start_answer
 
 OUTPUTS = (Output("range", "m", "km"), Output("altitude", "m", "km"))
 

@@ -14,8 +14,15 @@ from mcnav.analysis.requirements import Requirement
 from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
 from mcnav.contract.quantities import Output
 from mcnav.report.figures.sweep import boundary_table, contour_levels, contour_lines
-from mcnav.report.sweep import frame
-from mcnav.report.sweep_words import NOT_SIMULATED, common_spans, confirmed_words, headline, met_words, remarks
+from mcnav.report.pages.sweep import frame
+from mcnav.report.statements.sweep_words import (
+    NOT_SIMULATED,
+    common_spans,
+    confirmed_words,
+    headline,
+    met_words,
+    remarks,
+)
 from tests.summaries import requirement, summary
 
 OUTPUTS = (Output("range", "m", "km"), Output("altitude", "m", "km"))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from jinja2 import DictLoader, Environment
 
-from mcnav.report.template_cache import TemplateCache
+from mcnav.report.document.template_cache import TemplateCache
 
 
 def _page(configured_in: Path, template: str) -> str:

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from mcnav.analysis.summary import Summary
-from mcnav.report import sentences
-from mcnav.report.document import Tile
-from mcnav.report.filter_summary import filter_entries
-from mcnav.report.tiles import headline, tiles, worst_requirement
+from mcnav.report.document.parts import Tile
+from mcnav.report.pages.run.tiles import headline, tiles, worst_requirement
+from mcnav.report.results.filter_summary import filter_entries
+from mcnav.report.statements import sentences
 from tests import summaries
 from tests.filters import consistency
 

@@ -14,14 +14,14 @@ from scipy import stats
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.multivariate import CorrelationDifference
 from mcnav.contract.quantities import KINDS, Output, kind_of, kinds_of
-from mcnav.report.document import Column, Table
-from mcnav.report.figures.marks import Line
+from mcnav.report.document.html import parts_html
+from mcnav.report.document.table import Column, Table
+from mcnav.report.document.terminal_parts import fitted
+from mcnav.report.drawing.marks import Line
 from mcnav.report.figures.truth import KINDS as DRAWN
 from mcnav.report.figures.truth import SigmasOverTime, dispersion_over_time, ellipse, ellipses_at_end, over_time
-from mcnav.report.html import parts_html
-from mcnav.report.kinds import planes, quantities
-from mcnav.report.sections.truth import correlation_rows, truth_section
-from mcnav.report.terminal_parts import fitted
+from mcnav.report.pages.run.sections.truth import correlation_rows, truth_section
+from mcnav.report.results.kinds import planes, quantities
 from mcnav.statistics.estimates import Estimate
 
 OUTPUTS = [

@@ -10,8 +10,9 @@ import pytest
 from rich.console import Console
 
 from mcnav.analysis.summary import Summary
-from mcnav.report import sentences, terminal
-from mcnav.report.filter_summary import filter_entries
+from mcnav.report.results.filter_summary import filter_entries
+from mcnav.report.statements import sentences
+from mcnav.report.terminal import terminal
 from tests import summaries
 from tests.filters import consistency
 

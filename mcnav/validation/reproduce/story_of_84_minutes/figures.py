@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from mcnav.report.figures.figure import Figure
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, numbered
-from mcnav.report.figures.palette import FLOWN, INK, LINEAR, MUTED
+from mcnav.report.drawing.figure import Figure
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Rule, Series, numbered
+from mcnav.report.drawing.palette import FLOWN, INK, LINEAR, MUTED
 from mcnav.report.format import number
 from mcnav.validation.reproduce.story_of_84_minutes.reduction import CLAIMED
 

@@ -13,23 +13,10 @@ import pandas as pd
 from markupsafe import Markup
 
 from mcnav.files import write_texts
-from mcnav.report.document import (
-    CODE,
-    Beside,
-    Cell,
-    Column,
-    Heading,
-    MarkKey,
-    Note,
-    Page,
-    Part,
-    Section,
-    Sentence,
-    Table,
-    counts_in_words,
-)
+from mcnav.report.document.html import page_html
+from mcnav.report.document.parts import Beside, Heading, MarkKey, Note, Page, Part, Section, Sentence
+from mcnav.report.document.table import CODE, Cell, Column, Table, counts_in_words
 from mcnav.report.format import number
-from mcnav.report.html import page_html
 from mcnav.validation.reproduce.findings import Finding, finding_table
 from mcnav.validation.reproduce.story_of_84_minutes import curves as story_curves
 from mcnav.validation.reproduce.story_of_84_minutes import figures as drawn

@@ -14,20 +14,10 @@ import pandas as pd
 from markupsafe import Markup
 
 from mcnav.files import write_texts
-from mcnav.report.document import (
-    Cell,
-    Column,
-    Listing,
-    MarkKey,
-    Note,
-    Page,
-    Section,
-    Sentence,
-    Table,
-    counts_in_words,
-)
+from mcnav.report.document.html import page_html
+from mcnav.report.document.parts import Listing, MarkKey, Note, Page, Section, Sentence
+from mcnav.report.document.table import Cell, Column, Table, counts_in_words
 from mcnav.report.format import SUPERSCRIPTS, number
-from mcnav.report.html import page_html
 from mcnav.validation.reproduce.textbook.budgets import budget_numbers
 from mcnav.validation.reproduce.textbook.filters import (
     bound_numbers,

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from mcnav.contract.quantities import source_labels
-from mcnav.report.figures.figure import HALF, THIRD, Figure
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, Span, Text, axis, numbered
-from mcnav.report.figures.palette import BAND, FILTER, FLOWN, INK, LINEAR, MUTED
+from mcnav.report.drawing.figure import HALF, THIRD, Figure
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Rule, Series, Span, Text, axis, numbered
+from mcnav.report.drawing.palette import BAND, FILTER, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.figures.start_times import REENTRY, START
 from mcnav.report.names import humanize
 from mcnav.systems.reentry.outputs import DEVIATIONS

@@ -14,11 +14,12 @@ import pandas as pd
 from markupsafe import Markup
 
 from mcnav.files import write_texts
-from mcnav.report import document as shown
-from mcnav.report.document import Column, MarkKey, Note, Page, Section, Sentence, Table, counts_in_words, joined
-from mcnav.report.figures.figure import Figure
+from mcnav.report.document import table as shown
+from mcnav.report.document.html import page_html
+from mcnav.report.document.parts import MarkKey, Note, Page, Part, Section, Sentence, joined
+from mcnav.report.document.table import Column, Table, counts_in_words
+from mcnav.report.drawing.figure import Figure
 from mcnav.report.format import number
-from mcnav.report.html import page_html
 from mcnav.validation.reproduce.findings import Finding, finding_table
 from mcnav.validation.reproduce.tn_d1772 import curves as computed
 from mcnav.validation.reproduce.tn_d1772 import figures as drawn
@@ -192,7 +193,7 @@ def _wrong_signs(cells: Sequence[Cell]) -> str:
     return f"Of the smallest numbers {reversed_signs} have the opposite sign." if reversed_signs else ""
 
 
-def _start_parts(started: Sequence[Advice], figure: Figure) -> list[shown.Part]:
+def _start_parts(started: Sequence[Advice], figure: Figure) -> list[Part]:
     """Say for each trajectory when to start, with a table and a figure."""
     rows = [list(group) for _, group in groupby(started, key=lambda row: row.number)]
     columns: list[Column[list[Advice]]] = [Column("Trajectory", lambda row: str(row[0].number), kind="label")]

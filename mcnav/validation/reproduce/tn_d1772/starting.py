@@ -21,9 +21,9 @@ import numpy as np
 import pandas as pd
 
 from mcnav._types import Array
-from mcnav.report.figures.figure import THIRD, Figure
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Series, Span
-from mcnav.report.figures.palette import BAND, FLOWN, INK, LINEAR
+from mcnav.report.drawing.figure import THIRD, Figure
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Series, Span
+from mcnav.report.drawing.palette import BAND, FLOWN, INK, LINEAR
 from mcnav.report.figures.start_times import REENTRY, START
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.table_i import COLUMNS, ERRORS, TABLE_I

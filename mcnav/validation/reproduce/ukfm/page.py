@@ -13,11 +13,12 @@ from markupsafe import Markup
 
 from mcnav._types import Array
 from mcnav.files import write_texts
-from mcnav.report.document import Cell, Column, MarkKey, Note, Page, Part, Section, Sentence, Table, counts_in_words
-from mcnav.report.figures.figure import Figure
-from mcnav.report.figures.marks import Axis, Line, Panel, Rule, numbered
+from mcnav.report.document.html import page_html
+from mcnav.report.document.parts import MarkKey, Note, Page, Part, Section, Sentence
+from mcnav.report.document.table import Cell, Column, Table, counts_in_words
+from mcnav.report.drawing.figure import Figure
+from mcnav.report.drawing.marks import Axis, Line, Panel, Rule, numbered
 from mcnav.report.format import number
-from mcnav.report.html import page_html
 from mcnav.validation.reproduce.ukfm import flight
 from mcnav.validation.reproduce.ukfm.printed import AS_PRINTED, MEANT, PRINTED, PRINTINGS, QUANTITIES, RUNS
 from mcnav.validation.reproduce.ukfm.simulation import ALL, SAMPLES, Runs, run

@@ -1,0 +1,1 @@
+"""Pages: one module for a kind of page, a folder for that of a run."""

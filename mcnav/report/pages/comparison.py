@@ -1,0 +1,369 @@
+"""Comparison of several runs, as tables and as a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from mcnav.analysis.envelopes import Envelopes
+from mcnav.analysis.run_comparison import Change
+from mcnav.analysis.summary import Summary
+from mcnav.contract.quantities import EndWords, end_words
+from mcnav.errors import shortened
+from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Sentence, joined
+from mcnav.report.document.table import CODE, Cell, Column, Table, counted, five_digits
+from mcnav.report.drawing.figure import HALF, Figure
+from mcnav.report.drawing.marks import Axis, Mark, Panel, Rule, Series
+from mcnav.report.drawing.palette import LINEAR, SOURCE_COLOURS
+from mcnav.report.figures import comparisons
+from mcnav.report.figures.agreement import forest
+from mcnav.report.format import interval, number, with_error
+from mcnav.report.names import humanize, labels_in
+from mcnav.report.statements import filter_verdict, sentences
+from mcnav.statistics.estimates import Estimate
+from mcnav.store.manifest import Manifest
+from mcnav.units import conversion
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ABSENT: Final = "–"
+NAN: Final = float("nan")
+NOTHING: Final = Change(NAN, NAN, NAN, (NAN, NAN), Estimate(NAN, NAN, 0.0), False)
+MARKS: Final = ("dot", "square", "triangle", "ring", "box")
+"""Marker shapes of runs, besides their colours."""
+
+CHANGED: Final = {"larger": "undecided", "smaller": "undecided", "no change seen": "agrees"}
+"""Tones of findings; others have none."""
+
+SAME: Final = "the same campaign, engine and versions"
+"""Words for runs between which no input differs."""
+
+COMMON: Final = (
+    "Common random numbers: sample k of both runs uses the same ones, so that sampling noise cancels in the difference."
+)
+
+MOST_INPUTS: Final = 1_000
+"""Inputs that differ that are listed: a stranger's manifest may have a million."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One output of a later run, counted from 1, compared with the first run; no change with too few samples.
+
+    ``nominal`` are its values on the nominal flights, none of a navigation error.
+    """
+
+    run: int
+    output: str
+    unit: str
+    shown_in: str
+    change: Change | None
+    nominal: tuple[float | None, float | None] = (None, None)
+
+    @property
+    def words(self) -> str:
+        """Finding in words."""
+        if self.change is None or not np.isfinite(self.change.ratio):
+            still = self.change is not None and self.change.before == self.change.after == 0.0
+            return sentences.NOT_DISTURBED if still else "nothing to compare"
+        if not np.isfinite(self.change.interval[1]):
+            return "no interval"
+        if not self.change.certain:
+            return "no change seen"
+        return "larger" if self.change.ratio > 1.0 else "smaller"
+
+    @property
+    def title(self) -> str:
+        """The output for people, and that root mean squares are compared, where they are."""
+        return f"{humanize(self.output)}{', root mean square' if self.known.about_zero else ''}"
+
+    @property
+    def nominals(self) -> tuple[float | None, float | None]:
+        """The nominal values in the unit shown."""
+        before, after = (None if value is None else value * self.scale for value in self.nominal)
+        return before, after
+
+    @property
+    def nominal_cells(self) -> dict[str, float | None]:
+        """The nominal values by name."""
+        return dict(zip(("nominal_before", "nominal_after"), self.nominals, strict=True))
+
+    @property
+    def known(self) -> Change:
+        """The change; not a number where there is none."""
+        return self.change or NOTHING
+
+    @property
+    def scale(self) -> float:
+        """Factor from SI to the unit shown."""
+        return conversion(self.unit, self.shown_in)
+
+    @property
+    def cells(self) -> dict[str, float | str | bool]:
+        """The change by the names of data files, in the units shown."""
+        known, scale = self.known, self.scale
+        return {
+            "sigma_before": known.before * scale, "sigma_after": known.after * scale, "change": self.words,
+            "change_ratio": known.ratio, "change_ratio_from": known.interval[0], "change_ratio_to": known.interval[1],
+            "change_mean": known.mean.value * scale,
+            "change_mean_standard_error": known.mean.standard_error * scale, "common_draws": known.common,
+            **({"compared": "root mean square"} if known.about_zero else {}),
+            **{name: value for name, value in self.nominal_cells.items() if value is not None},
+        }  # fmt: skip
+
+
+def inputs(manifests: Sequence[Manifest]) -> pd.DataFrame:
+    """Tabulate the inputs that differ between runs: one row per key of the campaign, one column per run.
+
+    A last row says how many there are beyond `MOST_INPUTS`.
+    """
+    import pandas as pd  # slow to import: a fifth of a second
+
+    flat = [
+        dict(_flat(each.campaign))
+        | {"engine": each.engine}
+        | ({} if each.revision is None else {"revision": str(each.revision)})
+        | {f"version of {name}": text for name, text in each.versions.items()}
+        | {f"files.{name}": f"SHA-256 {text}" for name, text in each.files.items()}
+        for each in (manifest.identity for manifest in manifests)
+    ]
+    rows = {
+        key: [each.get(key, ABSENT) for each in flat] for key in dict.fromkeys(key for each in flat for key in each)
+    }
+    changed = {key: values for key, values in rows.items() if key != "name" and len(set(values)) > 1}
+    if (more := len(changed) - MOST_INPUTS) > 0:
+        changed = dict(islice(changed.items(), MOST_INPUTS)) | {f"and {more:,} more": [""] * len(manifests)}
+    return pd.DataFrame.from_dict(changed, orient="index", columns=range(len(manifests)))
+
+
+def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Flatten nested tables; keys are joined by dots.
+
+    >>> dict(_flat({"errors": {"altitude": "5 km"}, "samples": 20}))
+    {'errors.altitude': '5 km', 'samples': '20'}
+    """
+    if isinstance(value, Mapping):
+        entries: Iterable[tuple[Any, Any]] = value.items()
+    elif isinstance(value, list) and any(isinstance(entry, Mapping) for entry in value):
+        entries = enumerate(value, 1)
+    else:
+        yield prefix.removesuffix("."), str(value)
+        return
+    for key, entry in entries:
+        yield from _flat(entry, f"{prefix}{key}.")
+
+
+def outputs(rows: Sequence[Row], titles: Sequence[str]) -> pd.DataFrame:
+    """Tabulate the change of each output in the units shown: one row per output of a later run."""
+    import pandas as pd
+
+    cells = [{"run": titles[row.run], "output": row.output, "unit": row.shown_in, **row.cells} for row in rows]
+    return pd.DataFrame(cells, columns=None if cells else ["run", "output"]).set_index(["run", "output"])
+
+
+def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
+    """Draw the sigma ratios of later runs to the first."""
+    known = [(row, row.change) for row in rows if row.change is not None and np.isfinite(row.change.interval).all()]
+    if not known:
+        return None
+    later = sorted({row.run for row, _ in known})
+    series = {
+        run: Series(f"run-{run}", titles[run], SOURCE_COLOURS[k % len(SOURCE_COLOURS)], MARKS[k % len(MARKS)])
+        for k, run in enumerate(later)
+    }
+    names = list(dict.fromkeys(row.output for row, _ in known))
+
+    marks: list[Mark] = [Rule(0.0, colour=LINEAR, width=1.6)]
+    for row, change in known:
+        step = later.index(row.run) - 0.5 * (len(later) - 1)
+        place = names.index(row.output) + 0.7 * step / max(len(later), 2)
+        marks += forest(series[row.run], [place], [(change.ratio, *change.interval)], [humanize(row.output)])
+    shown = {row.output: f"{humanize(row.output)}{' (rms)' if row.known.about_zero else ''}" for row, _ in known}
+    rows_axis = Axis(names=[shown[name] for name in names])
+    measure = "σ" if not any(row.known.about_zero for row, _ in known) else "σ or rms"
+    return Figure(
+        name="changes",
+        title="Sigma of each output relative to the first run",
+        description="Difference of the Monte Carlo sigma of each output and run from that of the first run, with its "
+        "interval.",
+        panels=[Panel("", Axis(f"difference of {measure} from the first run", "%"), rows_axis, marks)],
+        key=tuple(series.values()),
+        columns=dict(outputs([row for row, _ in known], titles).reset_index().items()),
+        size=(HALF[0], 82.0 + 24.0 * len(names) * (1 + len(later))),
+    )
+
+
+def page(
+    titles: Sequence[str],
+    summaries: Sequence[Summary],
+    manifests: Sequence[Manifest],
+    rows: Sequence[Row],
+    confidence: float,
+    over_time: Sequence[Envelopes | None],
+) -> Page:
+    """Return the comparison as a page; ``over_time`` are the sigmas of each run over time, where they are known."""
+    changed, words = input_table(titles, manifests), end_words(manifests[0].model.outputs)
+    nothing = Sentence(f"None: the runs have {SAME}.")
+    sections = [
+        Section("runs", "Verdicts", [_verdict_table(titles, summaries)]),
+        Section("inputs", "Changed inputs", [changed if changed.rows else nothing]),
+        Section("outputs", "Change from baseline", _changes(titles, rows, confidence, words)),
+    ]
+    if (drawn := comparisons.curves(titles, summaries, over_time)) is not None:
+        sections.append(Section("curves", "Over time", [drawn]))
+    budgets = [*_waterfalls(titles, summaries), *_budgets(titles, manifests, summaries)]
+    sections.append(Section("budget", "Error budget", budgets))
+    heading = ", ".join(titles)
+    return Page(heading, "Comparison of runs", heading, sections=sections)
+
+
+def terminal(
+    titles: Sequence[str], manifests: Sequence[Manifest], rows: Sequence[Row], confidence: float
+) -> list[Part]:
+    """List what the terminal shows: the inputs that differ, and the change of each output."""
+    changed, words = input_table(titles, manifests), end_words(manifests[0].model.outputs)
+    return [
+        changed if changed.rows else Sentence(f"The runs have {SAME}."),
+        change_table(titles, rows, confidence, words),
+    ]
+
+
+def _verdict_table(titles: Sequence[str], summaries: Sequence[Summary]) -> Table[tuple[str, Summary]]:
+    """Tabulate the verdicts on linear analysis and, where there is one, on the filter of each run."""
+    filters = any(filter_verdict.verdict(summary) for summary in summaries)
+
+    def on_linear(summary: Summary) -> str:
+        return sentences.headline(summary, ("means", "linear", "requirements"))
+
+    def of_filter(row: tuple[str, Summary]) -> Cell:
+        words = filter_verdict.verdict(row[1])
+        if not words:
+            return Cell("–")
+        return Cell(words, tone=filter_verdict.TONES.get(words, ""), behind=filter_verdict.headline(row[1]))
+
+    verdict: Column[tuple[str, Summary]] = Column(
+        "Verdict",
+        lambda row: Cell(
+            sentences.tone(row[1]),
+            tone=sentences.standing(row[1]),
+            behind=on_linear(row[1]),
+        ),
+        kind="words",
+    )
+    columns: list[Column[tuple[str, Summary]]] = [
+        Column("Run", lambda row: row[0], kind="label", of_user=True),
+        Column("Campaign", lambda row: row[1].campaign, kind="words", of_user=True),
+        Column("Samples", lambda row: row[1].samples, form=counted),
+        Column("Failed", lambda row: row[1].failed, form=counted),
+        verdict,
+        *([Column("Filter", of_filter, kind="words")] if filters else []),
+    ]
+    on_filter = " and on the filter" if filters else ""
+    caption = f"Verdict on linear covariance analysis{on_filter} for each run."
+    return Table(caption, columns, list(zip(titles, summaries, strict=True)))
+
+
+Values = tuple[str, Sequence[str]]
+"""A name with a value for each run."""
+
+
+def _of_runs(titles: Sequence[str]) -> list[Column[Values]]:
+    """Return a column for each run."""
+
+    def of_run(place: int) -> Column[Values]:
+        return Column(titles[place], lambda row: row[1][place], kind="label", of_user=True)
+
+    return [of_run(place) for place in range(len(titles))]
+
+
+def input_table(titles: Sequence[str], manifests: Sequence[Manifest]) -> Table[Values]:
+    """Tabulate the inputs that differ between runs."""
+    rows = [(str(key), [shortened(value) for value in values]) for key, values in inputs(manifests).iterrows()]
+    caption = (
+        "Keys of the campaign, engine and versions that differ between the runs. A dash: the run does not have the key."
+    )
+    key: Column[Values] = Column("Key", lambda row: CODE(row[0]), "key", "label")
+    return Table(caption, [key, *_of_runs(titles)], rows, "Changed inputs")
+
+
+def _changes(titles: Sequence[str], rows: Sequence[Row], confidence: float, words: EndWords) -> list[Part]:
+    """Draw and tabulate the change of each output from the first run."""
+    if not rows:
+        return [Sentence("The first run shares no output with another run.")]
+    common = Note(COMMON) if any(row.change is not None and row.change.common for row in rows) else None
+    return [*joined(ratios(rows, titles), change_table(titles, rows, confidence, words), common)]
+
+
+def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float, words: EndWords) -> Table[Row]:
+    """Tabulate sigmas before and after, their ratio and the change of the mean."""
+
+    def ratio(row: Row) -> Cell:
+        known = row.known
+        return Cell(five_digits(known.ratio), below=interval(*known.interval))
+
+    def mean(row: Row) -> str:
+        known = row.known.mean
+        return with_error(known.value * row.scale, known.standard_error * row.scale)
+
+    def nominal(when: str, place: int) -> Column[Row]:
+        return Column(f"Nominal {when}", lambda row: row.nominals[place], f"nominal {when}", form=five_digits)
+
+    columns: list[Column[Row]] = [
+        Column("Output", lambda row: Cell(row.title, row.shown_in), words.heading, "label"),
+        Column("Run", lambda row: titles[row.run], "run", "label"),
+        *([nominal("before", 0), nominal("after", 1)] if any(row.nominal != (None, None) for row in rows) else []),
+        Column("Paired σ before", lambda row: row.known.before * row.scale, "paired σ before", form=five_digits),
+        Column("Paired σ after", lambda row: row.known.after * row.scale, "after", form=five_digits),
+        Column("Paired ratio", ratio, "ratio"),
+        Column("interval", lambda row: interval(*row.known.interval), place="terminal"),
+        Column("Change of the mean", mean, place="page"),
+        Column("Random numbers", lambda row: "common" if row.known.common else "separate", "random numbers", "label"),
+        Column("Change", lambda row: Cell(row.words, tone=CHANGED.get(row.words, "")), "change", "label"),
+    ]
+    caption = (
+        f"{words.title} of each run compared with {titles[0]}: Monte Carlo sigmas (paired estimates), their ratio, and "
+        f"the change of the mean ± one standard error. All intervals hold jointly at {100.0 * confidence:g} %."
+    )
+    if any(row.known.about_zero for row in rows):
+        caption += " Where a mean error exceeds one sigma in a run, root mean squares are compared in place of sigmas."
+    return Table(caption, columns, rows, f"Change from {titles[0]}", keys=2)
+
+
+def _waterfalls(titles: Sequence[str], summaries: Sequence[Summary]) -> tuple[Figure, ...]:
+    """Draw the difference of each later run's error budget from that of the first run."""
+    pairs = [((titles[0], title), later) for title, later in zip(titles[1:], summaries[1:], strict=True)]
+    figures = (
+        comparisons.waterfall(names, summaries[0], later, f"waterfall-{run}")
+        for run, (names, later) in enumerate(pairs, start=1)
+    )
+    return tuple(figure for figure in figures if figure is not None)
+
+
+def _budgets(titles: Sequence[str], manifests: Sequence[Manifest], summaries: Sequence[Summary]) -> list[Part]:
+    """Tabulate for each output of the first run the effect of one sigma of each source and process, run by run."""
+    parts = list[Part]()
+    for output in manifests[0].model.outputs:
+        scale = conversion(output.unit, output.shown_in)
+        rows: dict[str, list[str]] = {}
+        for at, (manifest, summary) in enumerate(zip(manifests, summaries, strict=True)):
+            names = [each.name for each in manifest.model.outputs]
+            if output.name not in names:
+                continue
+            contributions = summary.budget.contributions[names.index(output.name)]
+            labels = [*labels_in(summary), *(humanize(each.name) for each in summary.processes)]
+            for label, value in zip(labels, contributions, strict=True):
+                rows.setdefault(label, [ABSENT] * len(manifests))[at] = number(value * scale, 4)
+        shown: list[Values] = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]
+        name, words = humanize(output.name), end_words([output])
+        caption = (
+            f"{name}, {output.shown_in}: {words.one} for one sigma of each cause alone, by the linear model of each "
+            "run."
+        )
+        cause: Column[Values] = Column("Cause", lambda row: row[0], kind="label")
+        parts.append(Folded(name, [Table(caption, [cause, *_of_runs(titles)], shown)]))
+    return parts

@@ -1,0 +1,305 @@
+"""Results of a judged record: sentences, tables, lines to paste, and the content of ``judge.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav.judgement.assessment import FACTORS
+from mcnav.judgement.verdict import (
+    CauseVerdict,
+    Finding,
+    Judgement,
+    NeesVerdict,
+    OffsetVerdict,
+    SensorVerdict,
+    Statistic,
+)
+from mcnav.report.document.parts import Lines, Note, Part, Sentence, Verdict, joined
+from mcnav.report.document.table import Cell, Column, Table
+from mcnav.report.format import number
+from mcnav.report.names import humanize
+from mcnav.units import conversion
+
+TWICE: Final = FACTORS.index(2.0)
+
+
+def in_unit(value: float, unit: str, shown_in: str, digits: int = 3) -> str:
+    """Write a size with the unit in which it is shown.
+
+    >>> in_unit(0.005, "rad", "mrad")
+    '5.00 mrad'
+    """
+    if shown_in == "1":
+        return number(value, digits)
+    return f"{number(value * conversion(unit, shown_in), digits)} {shown_in}"
+
+
+def named(number_: CauseVerdict | OffsetVerdict) -> str:
+    """Return the number with its place in the campaign.
+
+    The size of a cause is given as well.
+    """
+    words = humanize(number_.name)
+    if isinstance(number_, OffsetVerdict):
+        return words
+    if number_.size == 1.0 and number_.unit == "1":
+        return words
+    return f"{words} of {in_unit(number_.size, number_.unit, number_.shown_in)}"
+
+
+def factor_words(number_: CauseVerdict) -> str:
+    """Say by how much a size is wrong, with the 95 % interval."""
+    factor = number_.factor
+    if factor is None:
+        return f"the {named(number_)} is wrong"
+    if factor.value >= 1.0:
+        value, low, high, side = factor.value, factor.low, factor.high, "small"
+    else:
+        value, low, high = (1.0 / each if each > 0.0 else np.inf for each in (factor.value, factor.high, factor.low))
+        side = "large"
+    interval = f"at least {number(low, 3)}" if np.isinf(high) else f"{number(low, 3)} to {number(high, 3)}"
+    return f"the {named(number_)} is {number(value, 3)} times too {side}: {interval}"
+
+
+def offset_words(number_: OffsetVerdict) -> str:
+    """Say how large an error is that the campaign does not have, with the 95 % interval of each axis."""
+    scale = 1.0 if number_.shown_in == "1" else conversion(number_.unit, number_.shown_in)
+    parts = []
+    for place, axis in enumerate(number_.axes):
+        value, error = number_.estimate[place], 1.959964 * number_.sigma[place]
+        if number_.used is not None:
+            value = number_.used[place] - value
+        parts.append(f"{axis} {number(value * scale, 3)} ± {number(error * scale, 2)}".strip())
+    unit = "" if number_.shown_in == "1" else f" {number_.shown_in}"
+    what = "true" if number_.used is not None else "there is a"
+    if number_.used is not None:
+        return f"the {humanize(number_.name)} is wrong: {what} are {', '.join(parts)}{unit}"
+    return f"{what} {humanize(number_.name)} that the campaign does not have: {', '.join(parts)}{unit}"
+
+
+def words(finding: Finding) -> str:
+    """Say what is wrong, without a full stop."""
+    number_ = finding.number
+    text = factor_words(number_) if isinstance(number_, CauseVerdict) else offset_words(number_)
+    if finding.rivals:
+        rivals = " or ".join(humanize(each) for each in finding.rivals)
+        text += f"; not told apart from another {rivals}"
+    return text
+
+
+def verdict(judgement: Judgement) -> Verdict:
+    """Return the verdict in large type and the sentences below it."""
+    chance = _share(judgement.probability, judgement.simulated)
+    compared = f"of {judgement.simulated:,} records simulated by the campaign, {chance} are as unusual as this one"
+    if not judgement.alarm:
+        headline = "Nothing in this record is at odds with the campaign."
+        return Verdict(headline, "agrees", (f"{_capital(compared)}; below 5 % would be an alarm.", *power(judgement)))
+    if not judgement.findings:
+        headline = "This record is at odds with the campaign, and no single number of the campaign explains it."
+        return Verdict(headline, "differs", (f"{_capital(compared)}.", *power(judgement)))
+    first = judgement.findings[0]
+    sentences = [f"{_capital(compared)}."]
+    sentences += [f"Besides, {words(each)}." for each in judgement.findings[1:]]
+    sentences.append(_left(judgement.findings[-1], len(judgement.findings), judgement.simulated))
+    return Verdict(f"{_capital(words(first))}.", "differs", (*sentences, *power(judgement)))
+
+
+def _share(probability: float, simulated: int) -> str:
+    """Say how many of the simulated records are as unusual.
+
+    >>> _share(0.394, 1000), _share(1.0 / 1001.0, 1000)
+    ('39 %', 'none')
+    """
+    if probability * (simulated + 1.0) < 1.5:
+        return "none"
+    return f"{number(100.0 * probability, 2)} %"
+
+
+def _left(last: Finding, count: int, simulated: int) -> str:
+    """Say what is left once the numbers are changed."""
+    changed = "this number" if count == 1 else f"these {count} numbers"
+    chance = _share(last.left, simulated)
+    if last.left > 0.05:
+        return f"With {changed} changed, {chance} of simulated records are as unusual: nothing else is at odds."
+    return f"With {changed} changed, {chance} of simulated records are as unusual: something else is wrong, too."
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def power(judgement: Judgement) -> tuple[str, ...]:
+    """Say what this record could have shown, a sentence for what it shows and one for what it does not."""
+    shown = [
+        f"{humanize(each.name)} {each.noticed:g} times as large"
+        for each in judgement.causes if each.noticed is not None
+    ]  # fmt: skip
+    hidden = [humanize(each.name) for each in judgement.causes if each.noticed is None]
+    sentences = []
+    if shown:
+        sentences.append(f"Found in 9 of 10 records of this length: {', '.join(shown)}.")
+    if hidden:
+        sentences.append(f"Not found even {FACTORS[-1]:g} times as large in 9 of 10 records: {', '.join(hidden)}.")
+    return tuple(sentences)
+
+
+def _range(statistic: Statistic) -> str:
+    return f"{number(statistic.low, 3)} to {number(statistic.high, 3)}"
+
+
+def _toned(statistic: Statistic) -> Cell:
+    return Cell(number(statistic.value, 3), tone=None if statistic.usual else "differs")
+
+
+def _rejected(each: SensorVerdict) -> str:
+    """Say how many measurements the gate rejected, and how many it does of a consistent filter."""
+    if each.expected_rejected is None:
+        return f"{each.rejected:,}"
+    return f"{each.rejected:,} ({number(each.expected_rejected, 2)} expected)"
+
+
+def sensor_table(judgement: Judgement) -> Table[SensorVerdict]:
+    """Tabulate the innovations of each sensor."""
+    columns: list[Column[SensorVerdict]] = [
+        Column("Sensor", lambda each: humanize(each.name), "sensor", "label"),
+        Column("updates", lambda each: f"{each.updates:,}"),
+        Column("rejected", _rejected),
+        Column("mean NIS", lambda each: _toned(each.nis)),
+        Column("95 % of records", lambda each: _range(each.nis)),
+        Column("autocorrelation", lambda each: _toned(each.autocorrelation)),
+        Column("95 % of records", lambda each: _range(each.autocorrelation)),
+        Column("correlation length", lambda each: number(each.correlation_length.value, 2), unit="s"),
+    ]
+    caption = (
+        "Innovations as the filter whitens them: mean square over the number of components, autocorrelation at lag 1. "
+        "Each range holds 95 % of simulated records, so that one of twenty entries is outside of its range by chance."
+    )
+    return Table(caption, columns, judgement.sensors, "Innovations")
+
+
+def nees_table(judgement: Judgement) -> Table[NeesVerdict] | None:
+    """Tabulate the errors against the reference; none without one."""
+    if not judgement.nees:
+        return None
+    columns: list[Column[NeesVerdict]] = [
+        Column("Errors", lambda each: each.group, "errors", "label"),
+        Column("mean NEES / 3", lambda each: _toned(each.nees)),
+        Column("95 % of records", lambda each: _range(each.nees)),
+    ]
+    caption = "Errors against the reference, whose variances are added to the filter's."
+    return Table(caption, columns, judgement.nees, "Errors against the reference")
+
+
+def cause_table(judgement: Judgement) -> Table[CauseVerdict]:
+    """Tabulate the sizes of the campaign: what the record says of each, and what it could say."""
+
+    def factor(each: CauseVerdict) -> str:
+        if each.factor is None:
+            return "–"
+        if each.factor.low == 0.0 and np.isinf(each.factor.high):
+            return "not told"
+        if each.factor.low == 0.0:
+            return f"at most {number(each.factor.high, 3)}"
+        high = "∞" if np.isinf(each.factor.high) else number(each.factor.high, 3)
+        return f"{number(each.factor.value, 3)} ({number(each.factor.low, 3)} to {high})"
+
+    columns: list[Column[CauseVerdict]] = [
+        Column("Number", lambda each: humanize(each.name), "number", "label"),
+        Column("in the campaign", lambda each: in_unit(each.size, each.unit, each.shown_in)),
+        Column("factor by this record (95 %)", factor, "factor (95 %)"),
+        Column("found if 2 times as large", lambda each: f"{100.0 * each.found[TWICE]:.0f} %", "found at 2x"),
+        Column("and named", lambda each: f"{100.0 * each.named[TWICE]:.0f} %", "named at 2x"),
+        Column("found in 9 of 10 from", lambda each: "–" if each.noticed is None else f"{each.noticed:g} x"),
+    ]
+    caption = (
+        "Each number alone, all others as in the campaign: its factor by maximum likelihood with the interval of the "
+        "likelihood ratio, and shares of simulated records in which it is found."
+    )
+    return Table(caption, columns, judgement.causes, "Numbers of the campaign")
+
+
+def offset_table(judgement: Judgement) -> Table[tuple[OffsetVerdict, int]] | None:
+    """Tabulate constant errors that the campaign does not have; none where there are none."""
+    rows = [(each, place) for each in judgement.offsets for place in range(len(each.axes))]
+    if not rows:
+        return None
+
+    def shown(row: tuple[OffsetVerdict, int], values: Sequence[float], digits: int) -> str:
+        each, place = row
+        value = values[place]
+        return "–" if not np.isfinite(value) else in_unit(value, each.unit, each.shown_in, digits)
+
+    columns: list[Column[tuple[OffsetVerdict, int]]] = [
+        Column("Error", lambda row: f"{humanize(row[0].name)} {row[0].axes[row[1]]}".strip(), "error", "label"),
+        Column("by this record", lambda row: shown(row, row[0].estimate, 3)),
+        Column("sigma", lambda row: shown(row, row[0].sigma, 2)),
+        Column("found in 9 of 10 from", lambda row: shown(row, row[0].noticed, 2)),
+    ]
+    caption = "Constant errors that the campaign does not have. That of a lever arm is the used one less the true one."
+    return Table(caption, columns, rows, "Errors that the campaign does not have")
+
+
+def to_paste(judgement: Judgement) -> str:
+    """Return the lines of the campaign that change; empty where nothing is named."""
+    lines = []
+    for finding in judgement.findings:
+        place, _, key = finding.number.key.partition("] ")
+        sensor, _, measured = key.rpartition(": ")
+        changed = _new_value(finding.number)
+        if changed:
+            lines += [f"{place}]" + (f"  # {sensor}" if sensor else ""), f"{measured} = {changed}", ""]
+    return "\n".join(lines)
+
+
+def _new_value(number_: CauseVerdict | OffsetVerdict) -> str:
+    def quoted(value: float) -> str:
+        scale = 1.0 if number_.shown_in == "1" else conversion(number_.unit, number_.shown_in)
+        return f'"{value * scale:.4g} {number_.shown_in}"'
+
+    if isinstance(number_, CauseVerdict):
+        if number_.factor is None or number_.unit == "1":
+            return ""
+        if number_.log_factor is not None:
+            factor = number_.factor.value
+            return f"{number_.log_factor * factor:.4g}  # {factor:.3g} times {number_.log_factor:.4g}"
+        return (
+            f"{quoted(number_.size * number_.factor.value)}  # {number_.factor.value:.3g} times {quoted(number_.size)}"
+        )
+    if number_.used is not None:
+        arm = [used - error for used, error in zip(number_.used, number_.estimate, strict=True)]
+        return f"[{', '.join(quoted(each) for each in arm)}]"
+    size = float(np.sqrt(np.mean(np.square(number_.estimate))))
+    return f"{quoted(size)}  # a sigma, from the size that this record shows"
+
+
+def terminal(judgement: Judgement) -> list[Part]:
+    """List what the terminal shows: the verdict, what to change, then all tables."""
+    pasted = to_paste(judgement)
+    notes = [Note(f"note: {each}") for each in judgement.notes]
+    changed: list[Part] = [Lines(pasted)] if pasted else []
+    tables = joined(sensor_table(judgement), nees_table(judgement), cause_table(judgement), offset_table(judgement))
+    return [verdict(judgement), *changed, *notes, *tables]
+
+
+def basis(judgement: Judgement) -> Sentence:
+    """Say what was compared."""
+    return Sentence(
+        f"{judgement.measurements:,} measurements in {number(judgement.duration, 4)} s, compared with "
+        f"{judgement.simulated:,} records that the campaign's linear system along the recorded flight gives with the "
+        "gains that the filter used."
+    )
+
+
+def content(judgement: Judgement) -> Mapping[str, Any]:
+    """Return the content of ``judge.json``, SI."""
+    table = asdict(judgement)
+    del table["predicted"]
+    table["alarm"], table["sentence"] = judgement.alarm, verdict(judgement).headline
+    table["factors"] = list(FACTORS)
+    for finding in table["findings"]:
+        finding["number"] = finding["number"]["name"]
+    return table

@@ -1,0 +1,147 @@
+"""The first screen of a run's report: verdict, consequence, the figure that shows it, cause, remedy, requirements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from markupsafe import Markup
+
+from mcnav.report.columns.requirements import requirement_rows
+from mcnav.report.document.parts import Beside, Facts, Findings, Part, Tile, Verdict, joined
+from mcnav.report.drawing.figure import Figure
+from mcnav.report.format import number
+from mcnav.report.names import shown_units
+from mcnav.report.pages.run.sections.improvements import failing_in_run, remedy
+from mcnav.report.pages.run.tiles import NAMES, requirement_in_brief, worst_first
+from mcnav.report.pages.run.worst_case import worst_case
+from mcnav.report.results.model import RunAnalysis
+from mcnav.report.statements.answer_words import Answer, answers
+from mcnav.report.statements.joint_words import direction_words
+
+REQUIREMENTS: Final = 3
+"""Requirements listed where there are more than one more; the section on requirements has all."""
+
+WHOLE: Final = "combination"
+"""Figure of which all panels show the verdict: it stands on the first screen alone."""
+
+DIGITS: Final = 3
+"""Significant digits of its numbers."""
+
+LONGEST: Final = 12
+"""Words of a warning that is written out; of longer ones the first screen says that there are some."""
+
+MORE: Final = Markup('<a href="#requirements">and {} more</a>').format
+LINK: Final = Markup('<a href="#{}">{}</a>').format
+
+
+@dataclass(frozen=True)
+class FirstScreen:
+    """Parts above the folds, and the figure that stands there and nowhere else; none where it is a panel of another."""
+
+    parts: Sequence[Part]
+    moved: Figure | None = None
+
+
+def first_screen(content: RunAnalysis, drawn: Mapping[str, Figure], tiles: Sequence[Tile]) -> FirstScreen:
+    """Arrange the answers of a run, the worst first.
+
+    Parameters
+    ----------
+    drawn : mapping of str to Figure
+        Figures of the report by name.
+    tiles : sequence of Tile
+        Of the same verdicts; each says which section is on its subject.
+    """
+    epochs = content.folder.epochs()
+    foremost, *others = answers(content.summary, {} if epochs is None else epochs[0])
+    by_subject = {tile.subject: tile for tile in tiles}
+    tile = by_subject[NAMES[foremost.subject]]
+    figure = _figure(content, drawn, tile, bool(foremost.further))
+    beside = joined(
+        _facts(content, foremost),
+        _others(others, by_subject),
+        _requirements(content, foremost.subject == "requirements"),
+    )
+    verdict = Verdict(foremost.sentence, foremost.tone, _consequences(foremost), _warnings(tiles))
+    if figure is None:
+        return FirstScreen([verdict, *beside])
+    if figure.name == WHOLE:
+        return FirstScreen([verdict, figure, *beside], figure)
+    return FirstScreen([verdict, Beside([figure], beside)])
+
+
+def _figure(content: RunAnalysis, drawn: Mapping[str, Figure], tile: Tile, said: bool) -> Figure | None:
+    """Return the figure that shows a verdict, of several panels the worst; none where no figure does.
+
+    ``said``: whether the sentences say already what is the worst.
+    """
+    figure = worst_case(content, drawn, tile)
+    if figure is None:
+        return None
+    if figure.name == WHOLE:
+        return replace(drawn[WHOLE], caption="", shows=_along(content))
+    shows = "" if said else figure.shows
+    return replace(figure, name=f"first-{figure.name}", caption="", columns={}, file="", shows=shows)
+
+
+def _along(content: RunAnalysis) -> str:
+    """Say by how much samples and linear analysis differ along the combination that is drawn."""
+    summary = content.summary
+    joint = summary.joint
+    if joint is None or joint.foremost is None:
+        return ""
+    entry = joint.foremost
+    scale, unit = shown_units(summary)[entry.lead]
+    mean, simulated, linear = (
+        f"{number(size * scale, DIGITS)} {unit}".strip()
+        for size in (entry.mean_error, entry.sigma_paired, entry.sigma_linear)
+    )
+    words = direction_words(entry, summary)
+    if joint.cause == "mean":
+        return f"Mean error along the {words}: {mean}."
+    return f"Sigma along the {words}: {simulated} simulated, {linear} linear."
+
+
+def _consequences(answer: Answer) -> list[str]:
+    return [*([answer.advice] if answer.advice else []), *answer.further]
+
+
+def _warnings(tiles: Sequence[Tile]) -> list[str]:
+    """Write out the warnings if they are short, else say where they are."""
+    warnings = [(warning, tile) for tile in tiles for warning in tile.warnings]
+    if sum(len(warning.split()) for warning, _ in warnings) <= LONGEST:
+        return [warning for warning, _ in warnings]
+    count = "One warning" if len(warnings) == 1 else f"{len(warnings)} warnings"
+    link = next(tile.link for _, tile in warnings)
+    return [LINK(link, count) if link else count]
+
+
+def _facts(content: RunAnalysis, answer: Answer) -> Facts | None:
+    """Name the cause, and the number whose improvement helps most; none where neither is known."""
+    fails = answer.tone == "differs" and answer.subject in ("filter", "requirements")
+    best = remedy(content.what_if, content.manifest.model.outputs, failing_in_run(content)) if fails else ""
+    known = [(name, words) for name, words in (("Cause", answer.cause), ("Helps", best)) if words]
+    return Facts(known, below=True) if known else None
+
+
+def _others(others: Sequence[Answer], tiles: Mapping[str, Tile]) -> Findings | None:
+    """Give the other answers a row each, which leads to their section; requirements have rows of their own."""
+    rows = []
+    for answer in (answer for answer in others if answer.subject != "requirements"):
+        section = tiles[NAMES[answer.subject]].link
+        words = LINK(section, answer.sentence) if section else answer.sentence
+        rows.append((answer.word, answer.tone, words))
+    return Findings(rows, name="Other verdicts") if rows else None
+
+
+def _requirements(content: RunAnalysis, said: bool) -> Findings | None:
+    """List the worst requirements with their estimates; none where there is none, or sentences have the only one."""
+    rows = sorted(requirement_rows(content.summary, "shown", content.time_unit), key=worst_first)
+    if len(rows) < (2 if said else 1):
+        return None
+    more = len(rows) - REQUIREMENTS if len(rows) > REQUIREMENTS + 1 else 0
+    listed = rows[:REQUIREMENTS] if more else rows
+    entries = [(row.entry.finding, row.tone, requirement_in_brief(row)) for row in listed]
+    return Findings(entries, MORE(more) if more else "")

@@ -1,0 +1,244 @@
+"""The report of a run as a page: a first screen with the answers, and folds with the sections below it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import count
+from typing import Final
+
+from mcnav.analysis.heading import heading_remark
+from mcnav.report.columns import filter_tables
+from mcnav.report.document.html import page_html
+from mcnav.report.document.parts import Beside, Fold, Folded, Note, Page, Part, Section, Tile, Tiles, joined
+from mcnav.report.drawing.figure import Figure
+from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios, truth
+from mcnav.report.figures.combination import combination
+from mcnav.report.figures.deck import deck
+from mcnav.report.figures.envelopes import envelopes
+from mcnav.report.figures.estimation import estimation
+from mcnav.report.figures.flight import flight
+from mcnav.report.figures.requirements import requirements_over_time
+from mcnav.report.figures.tail import tails
+from mcnav.report.pages.run.first_screen import WHOLE, first_screen
+from mcnav.report.pages.run.sections.answers import FILTERED, answers
+from mcnav.report.pages.run.sections.budget import budget_section
+from mcnav.report.pages.run.sections.causes import causes_section
+from mcnav.report.pages.run.sections.filter import filter_sections
+from mcnav.report.pages.run.sections.improvements import failing_in_run, improvements_section
+from mcnav.report.pages.run.sections.joint import combination_section, joint_section
+from mcnav.report.pages.run.sections.outputs import dispersion_section, requirements_section, sigmas_section
+from mcnav.report.pages.run.sections.provenance import provenance_section, simulated_per_second
+from mcnav.report.pages.run.sections.smoother import smoother_section
+from mcnav.report.pages.run.sections.truth import truth_section
+from mcnav.report.pages.run.sections.what_if import linear_fails, what_if_section
+from mcnav.report.pages.run.tiles import NAMES, headline, tiles
+from mcnav.report.results.left_out import not_modelled
+from mcnav.report.results.model import RunAnalysis
+from mcnav.report.statements import sentences
+from mcnav.report.statements.figure_words import words_on
+from mcnav.report.statements.sentences import Statement, Subject
+
+FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
+    "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices,
+    "budget": run_budget.budget, "development": run_budget.partials_history, "envelopes": envelopes,
+    "scatter": dispersion.scatter, "histograms": dispersion.histograms, "quantiles": agreement.normal_quantiles,
+    "convergence": agreement.running_ratios, "nees_history": normalized_errors.nees_over_time,
+    "nis_history": normalized_errors.nis_over_time, "sigma_history": sigma_ratios.sigma_ratios_over_time,
+    "within_history": sigma_ratios.shares_within, "estimation": estimation, "combination": combination,
+    "requirements_over_time": requirements_over_time, "tails": tails,
+    "deck": deck, "dispersion_over_time": truth.dispersion_over_time, "landing_ellipses": truth.ellipses_at_end,
+}  # fmt: skip
+"""Figures of the report besides the nominal flight: none where a run has nothing to show."""
+
+FOLDS: Final = {
+    "Filter": ("filter", "estimation", "smoother"),
+    "Linear analysis": ("combination", "linear", "causes", "joint", "dispersion", "truth"),
+    "Requirements": ("requirements",),
+    "Budget": ("budget", "improve"),
+    "Explore": ("what-if", "deck", "throughout", "flight"),
+    "Provenance": ("provenance",),
+}
+"""Folds below the first screen, and the sections in each."""
+
+LINES: Final = {
+    "Requirements": "Each requirement with its estimate and bounds",
+    "Provenance": "Samples, what is left out, campaign file, versions, checksums",
+}
+"""What is inside of folds whose one section has their own name; of others the titles of the sections say it."""
+
+FIRST: Final = (
+    "Sigmas, ratios, biases, mean NEES, correlations, skewness, kurtosis and their intervals are computed from all "
+    "samples. Scatter plots, histograms, quantiles, CEP, the tests of NEES and normality, and requirements on "
+    "quantiles and probabilities use the first"
+)
+"""Results that a run with a stored summary computes from all samples, and from some."""
+
+
+def figures(content: RunAnalysis) -> dict[str, Figure]:
+    """Return the figures of the report by name, without those that have nothing to show."""
+    drawn = {"flight": flight(content.history)}
+    if content.dispersed:
+        drawn |= {name: draw(content) for name, draw in FIGURES.items()}
+    known = {name: drawing for name, drawing in drawn.items() if drawing is not None}
+    return {name: replace(drawing, shows=words_on(name, content) or drawing.shows) for name, drawing in known.items()}
+
+
+def render(content: RunAnalysis) -> str:
+    """Render the report as one HTML page."""
+    return page_html(page(content))
+
+
+def page(content: RunAnalysis) -> Page:
+    """Return the report: one screen that answers, and everything else in folds."""
+    name, drawn = content.summary.campaign, figures(content)
+    sections = {section.name: section for section in _sections(content, drawn)}
+    consistent = None if content.filter is None else filter_tables.interval_at_worst(content.filter)
+    made = tiles(content.summary, _stated(content), sections, content.time_unit, consistent)
+    first = first_screen(content, drawn, made)
+    moved = None
+    if first.moved is not None:
+        sections.pop(WHOLE, None)
+        moved = replace(drawn[WHOLE], number=1)
+        made = [replace(tile, link="linear") if tile.link == WHOLE else tile for tile in made]
+    numbers = count(1)
+    head = _numbered(first.parts, numbers)
+    folds = [
+        replace(fold, sections=[replace(section, parts=_numbered(section.parts, numbers)) for section in fold.sections])
+        for fold in _folds(content, sections, made, moved)
+    ]
+    kind, foremost = "Run", made[0]
+    return Page(name, kind, name, head, status=headline(foremost), tone=foremost.tone, folds=folds)
+
+
+def _folds(
+    content: RunAnalysis, sections: Mapping[str, Section], made: Sequence[Tile], moved: Figure | None
+) -> list[Fold]:
+    """Put sections in folds, each with its verdicts first; folds that would be empty are left out.
+
+    A figure that has moved to the first screen leaves its words in the fold that it comes from.
+    """
+    verdicts = {tile.subject: tile for tile in made}
+    table = answers(content)
+    of_filter = table is not None and table.style == FILTERED
+    parts: dict[str, Sequence[Part]] = {
+        "Filter": joined(_tiles(verdicts, "filter", "smoother"), table if of_filter else None),
+        "Linear analysis": joined(
+            _tiles(verdicts, "means", "linear"), None if of_filter else table, None if moved is None else _words(moved)
+        ),
+        "Requirements": joined(_tiles(verdicts, "requirements")),
+        "Provenance": [*map(Note, _notes(content))],
+    }
+    folds = []
+    for title, names in FOLDS.items():
+        own = [sections[name] for name in names if name in sections]
+        above = parts.get(title, [])
+        if own or above:
+            line = LINES.get(title) or _listed([section.title for section in own])
+            folds.append(Fold(f"fold-{title.lower().replace(' ', '-')}", title, line, above, own))
+    return folds
+
+
+def _listed(titles: list[str]) -> str:
+    """List titles of sections in one line."""
+    return ", ".join(titles[:1] + [title[:1].lower() + title[1:] for title in titles[1:]]) or "The verdict"
+
+
+def _words(figure: Figure) -> Note:
+    """Return what a figure shows and its caption."""
+    return Note(f"Figure {figure.number}. {figure.shows} {figure.caption}")
+
+
+def _tiles(verdicts: Mapping[str, Tile], *subjects: Subject) -> Tiles | None:
+    """Return the tiles on some subjects; none where there is no such verdict."""
+    chosen = [verdicts[NAMES[subject]] for subject in subjects if NAMES[subject] in verdicts]
+    return Tiles(chosen) if chosen else None
+
+
+def _numbered(parts: Sequence[Part], numbers: Iterator[int]) -> list[Part]:
+    """Give figures their numbers, in the order of the page; one that says nothing, a panel of another, has none."""
+
+    def counted(figure: Figure) -> Figure:
+        return replace(figure, number=next(numbers)) if figure.shows else figure
+
+    def with_numbers(part: Part) -> Part:
+        match part:
+            case Figure():
+                return counted(part)
+            case Beside():
+                return replace(part, figures=[counted(figure) for figure in part.figures])
+            case Folded():
+                return replace(part, parts=_numbered(part.parts, numbers))
+        return part
+
+    return [with_numbers(part) for part in parts]
+
+
+def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section]:
+    """List the sections of the report; most are there where there is dispersion to show."""
+    throughout, flown, dispersed = drawn.get("envelopes"), drawn.get("flight"), content.dispersed
+    moved = drawn.get("deck")
+    sections = [
+        combination_section(content, drawn),
+        None if moved is None else Section("deck", moved.title, [moved]),
+        None if throughout is None else Section("throughout", throughout.title, [throughout]),
+        truth_section(content, drawn) if dispersed else None,
+        *filter_sections(content, drawn),
+        smoother_section(content),
+        None if flown is None else Section("flight", flown.title, [flown]),
+        budget_section(content, drawn) if dispersed else None,
+        improvements_section(content.what_if, content.manifest.model.outputs, failing_in_run(content)),
+        what_if_section(content.what_if, content.manifest.model.outputs, content.looped, linear_fails(content.summary)),
+        joint_section(content, drawn) if dispersed else None,
+        dispersion_section(content, drawn) if dispersed else None,
+        requirements_section(content, drawn),
+        sigmas_section(content, drawn) if dispersed else None,
+        causes_section(content),
+        provenance_section(content),
+    ]
+    return [section for section in sections if section is not None]
+
+
+def _stated(content: RunAnalysis) -> list[Statement]:
+    """State the verdicts, the worst first."""
+    return [_on_page(content, statement) for statement in sentences.statements(content.summary)]
+
+
+def _on_page(content: RunAnalysis, statement: Statement) -> Statement:
+    """Leave out of a verdict what the page has elsewhere, and add what only the whole run tells."""
+    details, warnings = statement.details, statement.warnings
+    if statement.subject == "linear":
+        findings, further = sentences.findings(content.summary), _further(content)
+        heading = heading_remark(content.history)
+        growth = sentences.room_to_grow(content.summary)
+        details = (*(each for each in findings if each not in further), *([growth] if growth else []))
+        if heading:  # which says more than what the scenario notices of it
+            warnings = (*(each for each in warnings if not each.startswith("Noticed: the heading ")), heading)
+    elif statement.subject == "filter" and content.filter is not None:
+        where = filter_tables.at_worst(content.filter)
+        details = (" ".join(filter(None, (where, *details))),)
+    return replace(statement, details=details, warnings=warnings)
+
+
+def _further(content: RunAnalysis) -> list[str]:
+    """Return the findings that are not beside the verdict: the second, where the joint distribution agrees."""
+    failing = content.summary.verdict_matrix not in ("agrees", None)
+    return [] if failing else sentences.findings(content.summary)[1:]
+
+
+def _notes(content: RunAnalysis) -> list[str]:
+    """Say what else there is to know of the answers, and how they were computed."""
+    summary, execution, higher = content.summary, content.manifest.execution, content.summary.higher_order
+    missing = f"No higher-order sigma: {higher.failed}." if content.dispersed and higher and higher.failed else ""
+    some = f"Only a summary of the {summary.samples:,} samples is stored. {FIRST}"
+    kept = f"{some} {summary.kept:,}." if summary.kept else ""
+    took = f"; {execution.seconds} s" if execution and simulated_per_second(content) else ""
+    flown = (
+        f"{summary.samples:,} samples, {summary.failed:,} failed; engine {summary.engine}, design {summary.design}, "
+        f"seed {summary.seed}{took}."
+    )
+    kind = str(content.manifest.identity.campaign.get("scenario", {}).get("type", ""))
+    causes = [*(each.name for each in content.manifest.model.sources), *content.model.processes]
+    left_out = not_modelled(kind, causes, bool(content.manifest.identity.campaign.get("faults")))
+    remarks = (*_further(content), sentences.certain_but_small(summary), sentences.stopping(summary))
+    return [*filter(None, (missing, *remarks, kept, flown, left_out))]

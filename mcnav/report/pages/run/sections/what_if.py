@@ -1,0 +1,205 @@
+"""The section "What if": numbers of the data sheet to be changed on the page, and the covariance that follows."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.analysis.changeable_campaign import MARK, ChangeableCampaign
+from mcnav.analysis.what_if import LimitedErrors, WhatIf
+from mcnav.contract.quantities import Output
+from mcnav.report.columns.requirements import NamedRequirement, stated
+from mcnav.report.document.parts import Folded, Note, Part, Section, Sentence, WhatIfPart
+from mcnav.report.format import number
+from mcnav.report.names import humanize
+from mcnav.report.statements import sentences
+from mcnav.store.manifest import Variable
+from mcnav.units import conversion
+
+if TYPE_CHECKING:
+    from mcnav.analysis.summary import Summary
+
+LARGEST: Final = 1_200_000
+"""Bytes of numbers, beyond which a page would become too large: it has no such section then."""
+
+EXPLANATION: Final = (
+    "Move a number of the data sheet, or type another one: the linear covariance follows. Dashed lines, and marks on "
+    "sliders and bars, are the campaign's own."
+)
+SUM: Final = (
+    "The covariance is a sum over all causes, and what a number causes grows with its square. The page has these parts "
+    "over time and adds them up; no number here is of samples."
+)
+HELD: Final = (
+    "What the filter believes, and so its gains and the errors that it claims, stay as they are in the campaign; mcnav "
+    "sweep and mcnav allocate tune it anew."
+)
+SAMPLED: Final = "Requirements: the bound of the samples, scaled as linear covariance changes"
+
+MEASURED: Final = (
+    "Values of requirements are linear ones times what the samples show of the campaign as it is ({}). They are not "
+    "simulated: mcnav brief simulates the changes that it proposes, and mcnav run a file of your own."
+)
+FAILS: Final = (
+    "Linear analysis does not hold in this run. What you change here follows linear analysis, and may miss by more "
+    "than this run does: simulate a change before you rely on it."
+)
+
+GATES: Final = (
+    "{}. So what you change here shows sigmas without rejections, and judges no requirement: run a changed campaign."
+)
+
+SAVED: Final = (
+    "Copy as TOML gives the whole campaign file with the changed numbers; save it {} for mcnav lincov or mcnav run."
+)
+GRADES: Final = "Letters below a slider are grades of the catalogue: {}; click one to take its value."
+UNSIZED: Final = "No number of the file sizes {}; what they cause stays as it is."
+SEVERAL: Final = "Errors that are correlated keep their correlations."
+STEPS: Final = (
+    "Derivatives of a closed loop are differences whose steps follow the sizes: where its maps are not smooth, mcnav "
+    "lincov of the copied file differs."
+)
+
+
+def linear_fails(summary: Summary) -> bool:
+    """Return whether a run finds that linear analysis does not hold, in some output or in all together."""
+    return sentences.tone(summary) in ("differs", "partly")
+
+
+def what_if_section(
+    what_if: WhatIf | None, outputs: Sequence[Output | Variable], loop: bool = False, fails: bool = False
+) -> Section | None:
+    """Return the section; none where there is nothing to change, or too much for a page.
+
+    Parameters
+    ----------
+    outputs : sequence of Output or Variable
+        Of the scenario.
+    loop : bool
+        Whether it is a closed loop.
+    fails : bool
+        Whether a run finds that linear analysis does not hold.
+    """
+    if what_if is None:
+        return None
+    part = WhatIfPart(_json(what_if, outputs))
+    if len(part.json) > 2 * LARGEST:
+        return None
+    warned = [Note(FAILS)] if fails else []
+    if what_if.gates:
+        warned.append(Note(GATES.format(what_if.gates)))
+    return Section("what-if", "What if", [*warned, *_words(what_if, loop), part])
+
+
+def _words(what_if: WhatIf, loop: bool) -> list[Part]:
+    campaign, covariance = what_if.campaign, what_if.covariance
+    graded = {name: None for slider in campaign.sliders for name, _ in slider.grades}
+    held = covariance.own is not None or bool(campaign.beliefs)
+    scaled = [f"× {number(scale, 3)}" for scale in what_if.known_scales] if what_if.scales else []
+    letters = ", ".join(f"{name[0].upper()} {name}" for name in graded)
+    said = [
+        SUM,
+        MEASURED.format(", ".join(scaled)) if scaled else "",
+        HELD if held else "",
+        SEVERAL if covariance.crossed else "",
+        UNSIZED.format(", ".join(map(humanize, what_if.unsized))) if what_if.unsized else "",
+        STEPS if loop else "",
+        SAVED.format(what_if.beside),
+    ]
+    above = " ".join(filter(None, (EXPLANATION, GRADES.format(letters) if graded else "")))
+    return [Note(above), Folded("How it is computed", [Sentence(" ".join(filter(None, said)))], explains=True)]
+
+
+def _json(what_if: WhatIf, outputs: Sequence[Output | Variable]) -> str:
+    """Return what the script reads; sums of single precision are good to 1e-7, but where terms cancel."""
+    campaign, covariance = what_if.campaign, what_if.covariance
+    wide = covariance.crossed
+    pack = _Packing(wide)
+    units = {each.name: (conversion(each.unit, each.shown_in), each.shown_in) for each in outputs}
+    words, _, unit = covariance.label.partition(" [")
+    moved = bool(covariance.nominal.any())
+    content = {
+        "wide": wide,
+        "readings": len(covariance.times),
+        "label": words,
+        "timeUnit": unit.removesuffix("]"),
+        "times": [float(f"{time:.9g}") for time in covariance.times[:-1]],
+        "outputs": [
+            {"name": humanize(each.name), "unit": each.shown_in, "scale": units[each.name][0], "limit": each.limit}
+            for each in outputs
+        ],
+        "entries": covariance.entries,
+        "nominal": pack(covariance.nominal) if moved else None,
+        "terms": [[term.first, term.second, pack(term.values)] for term in covariance.terms],
+        "means": [[number, pack(each)] for number, each in covariance.means.items()],
+        "own": None if covariance.own is None else pack(covariance.own),
+        "requirements": [
+            _requirement(errors, outputs, units, scale)
+            for errors, scale in zip(what_if.requirements, what_if.known_scales, strict=True)
+        ],
+        "sampled": bool(what_if.scales),
+        "basis": SAMPLED if what_if.scales else "Requirements, for linear normal errors",
+        **_file(campaign),
+    }
+    text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c")
+
+
+class _Packing:
+    """Arrays as text: base64 of little-endian numbers."""
+
+    def __init__(self, wide: bool) -> None:
+        self._kind = "<f8" if wide else "<f4"
+
+    def __call__(self, values: Array) -> str:
+        with np.errstate(over="ignore", under="ignore"):
+            return base64.b64encode(np.ascontiguousarray(values, dtype=self._kind).tobytes()).decode()
+
+
+def _requirement(
+    limited: LimitedErrors, outputs: Sequence[Output | Variable], units: dict[str, tuple[float, str]], measured: float
+) -> dict[str, object]:
+    required = limited.requirement
+    names = [outputs[place].name for place in required.outputs]
+    named = NamedRequirement(required.kind, names, required.limits, required.probability, required.when,
+                             required.about)  # fmt: skip
+    scale, unit = units[names[0]]
+    return {
+        "words": stated(named, units),
+        "kind": required.kind,
+        "members": limited.members,
+        "origin": limited.origin.tolist() if limited.origin.any() else None,
+        "limits": required.limits,
+        "probability": 0.5 if required.probability is None else required.probability,
+        "readings": limited.readings,
+        "scale": scale,
+        "unit": unit,
+        "measured": measured,
+    }
+
+
+def _file(campaign: ChangeableCampaign) -> dict[str, object]:
+    def plain(items: Iterable[tuple[object, ...]]) -> list[list[object]]:
+        return [list(each) for each in items]
+
+    return {
+        "mark": MARK,
+        "text": campaign.text,
+        "tuned": bool(campaign.beliefs),
+        "beliefs": plain((".".join(each.table), each.key, each.value, each.number) for each in campaign.beliefs),
+        "sliders": [
+            {
+                "path": each.path,
+                "sizes": plain((size.value, size.unit) for size in each.sizes),
+                "shown": each.shown,
+                "axes": each.axes,
+                "grades": plain(each.grades),
+            }
+            for each in campaign.sliders
+        ],
+    }

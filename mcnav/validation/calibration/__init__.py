@@ -1,1 +1,0 @@
-"""Validation of the statistics: measured coverage, false alarms and power on systems with known moments."""
