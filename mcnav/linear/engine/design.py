@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline, TimelineFilter
-from mcnav.linear.engine.products import step, update
 from mcnav.linear.engine.transitions import bounds
+from mcnav.products import innovation_covariance, step, update
 
 
 @dataclass(frozen=True)
@@ -91,8 +91,7 @@ def _update(
     assert timeline.updates is not None
     m = int(timeline.updates.sizes[u])
     response, variances = filtered.responses[u, :m], filtered.variances[u, :m]
-    cross = response @ covariance
-    innovations = cross @ response.T
+    cross, innovations = innovation_covariance(covariance, response)
     innovations.flat[:: m + 1] += variances
     try:
         roots[u, :m, :m] = np.linalg.cholesky(innovations)

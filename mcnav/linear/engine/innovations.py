@@ -15,8 +15,8 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Steps, Timeline, Updates
 from mcnav.linear.engine.design import filter_of
-from mcnav.linear.engine.products import transform
 from mcnav.linear.engine.propagate import propagate, readout_maps
+from mcnav.products import transform
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline
-from mcnav.linear.engine.products import map_covariances, sum_of_products, transform
 from mcnav.linear.engine.transitions import TOGETHER, Block, bounds, expand
+from mcnav.products import map_covariances, transform
 
 Maps = Callable[[int], Array]
 """From a position to C, shape (o, n)."""
@@ -150,7 +150,7 @@ class _State:
             for noise in block.noise.get(name, ()):
                 within = noise.between(first, last)
                 if len(within.places):
-                    self.covariances[place][np.ix_(used, used)] += sum_of_products(later, within)[rows, columns]
+                    self.covariances[place][np.ix_(used, used)] += within.through(later)[rows, columns]
 
     def mapped(self, maps: Array) -> tuple[Array, Array]:
         """Return partial derivatives and covariances of what is read; variances that are rounding are zero."""

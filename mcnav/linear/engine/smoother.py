@@ -32,9 +32,10 @@ from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Timeline, TimelineFilter, Updates
 from mcnav.linear.engine.design import Design, filter_of
-from mcnav.linear.engine.products import Noise, sum_of_products, transform
+from mcnav.linear.engine.noise import Noise
 from mcnav.linear.engine.propagate import propagate
 from mcnav.linear.engine.transitions import bounds, noise_of_steps
+from mcnav.products import transform
 
 SAME_INSTANT: Final = 1e-6
 """Times that differ by no more, s, are the same: a lag is written to fewer digits."""
@@ -186,9 +187,9 @@ class _Stretches:
         back.noise = transform(products, back.noise)
         for number, name in enumerate(timeline.processes):
             for of in self.noise.get(name, ()):
-                back.noise[number] += sum_of_products(weights, of.between(low - self.first, high - self.first))
+                back.noise[number] += of.between(low - self.first, high - self.first).through(weights)
             if name in updates.variances:
-                back.noise[number] += sum_of_products(innovations, _of_updates(timeline, updates, name, low, high))
+                back.noise[number] += _of_updates(timeline, updates, name, low, high).through(innovations)
 
     def _over_update(self, back: _Back, updates: Updates, u: int, innovation: Array) -> Array:
         """Take the recursion back over an update; write N, and return ``(I - K H)'``."""

@@ -19,9 +19,9 @@ from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline
 from mcnav.linear.engine.adjoint import take_back
 from mcnav.linear.engine.design import design
-from mcnav.linear.engine.products import sum_of_products, transform
 from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.linear.engine.transitions import bounds, expand
+from mcnav.products import transform
 
 
 def start_times(
@@ -100,7 +100,7 @@ def _without_filter(
                 constants = constants + np.einsum("kon,kns->os", later, block.inputs[low - first : high - first])
                 for number, name in enumerate(names):
                     for of in block.noise.get(name, ()):
-                        noise[number] += sum_of_products(later, of.between(low - first, high - first))
+                        noise[number] += of.between(low - first, high - first).through(later)
                 if place >= 0 and ordered[place] == low:
                     read_out(place, table[low - first])
                     place -= 1

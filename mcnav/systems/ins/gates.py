@@ -10,7 +10,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.contract.gates import FaultLaw, GateLaw, RejectionLaws, RejectionReading
 from mcnav.linear.engine.innovations import InnovationLaw, innovation_laws, measurement_errors
-from mcnav.linear.engine.products import transform
+from mcnav.products import transform, transformed_variances
 from mcnav.systems.ins.aided import AidedNavigation
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
@@ -165,7 +165,7 @@ def rejection_laws(
     for place, time, variance in zip(places.tolist(), times.tolist(), own, strict=True):
         to_outputs, so_far = output_map(loop.truth, time), updates[updates < loop.first_updates[place + 1]]
         of_flights = (rejected_errors(whitened, so_far, never, place, to_outputs) for never in (once, later))
-        readings.append(RejectionReading(time, np.diag(to_outputs @ variance @ to_outputs.T), *of_flights))
+        readings.append(RejectionReading(time, transformed_variances(to_outputs, variance), *of_flights))
     return replace(
         laws, correlations=next_correlations(loop, whitened, updates), readings=tuple(readings)
     )  # fmt: skip
@@ -186,8 +186,8 @@ def _doubt(loop: ClosedLoop, sensors: tuple[Sensor, ...], updates: IndexArray, m
 
 def _is_believed(law: UpdateLaw) -> bool:
     """Return whether an innovation has the mean squares that the filter believes."""
-    inverse = np.linalg.inv(law.root)
-    squares = inverse @ (law.covariance + np.outer(law.mean, law.mean)) @ inverse.T
+    inverse = np.asarray(np.linalg.inv(law.root), dtype=np.float64)
+    squares = transform(inverse, law.covariance + np.outer(law.mean, law.mean))
     return bool(np.abs(squares - np.eye(len(squares))).max() < BELIEVED)
 
 
@@ -216,7 +216,7 @@ def _fault_law(
     of_faults = _by_faults(loop, during)[:, :size]
     means = np.stack([laws[n].mean - of_faults[chosen[n]] for n in nearest]) + of_faults
     roots = np.linalg.inv(np.stack([laws[n].root for n in nearest]))
-    covariances = roots @ np.stack([laws[n].covariance for n in nearest]) @ roots.swapaxes(1, 2)
+    covariances = transform(roots, np.stack([laws[n].covariance for n in nearest]))
     earlier = rows[rows < during[0]]
     name, unit, shown_in = _described(sensor.components[fault.component])
     return FaultLaw(

@@ -28,8 +28,8 @@ from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.contract.time_axis import TimeAxis, time_axis
-from mcnav.linear.engine.products import transform
 from mcnav.linear.engine.propagate import Propagated, propagate
+from mcnav.products import transform
 from mcnav.systems.ins.aided import (
     PROBES,
     AidedEngine,

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from mcnav._types import Array, IndexArray
-from mcnav.linear.engine.products import map_covariances
+from mcnav.products import map_covariances
 from mcnav.systems.ins.filter.consistency import SensorCounts, normalized_errors, record_row
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
