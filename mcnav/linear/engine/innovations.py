@@ -15,7 +15,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Steps, Timeline, Updates
 from mcnav.linear.engine.design import filter_of
-from mcnav.linear.engine.propagate import propagate, readout_maps
+from mcnav.linear.engine.propagate import Propagated, propagate, readout_maps
 from mcnav.products import transform
 
 
@@ -46,19 +46,28 @@ def positions_of(timeline: Timeline, updates: IndexArray) -> IndexArray:
     return np.asarray(np.flatnonzero(timeline.is_update)[updates], dtype=np.int64)
 
 
-def innovation_laws(timeline: Timeline, gains: Array, updates: IndexArray) -> list[InnovationLaw]:
+def states_at(timeline: Timeline, gains: Array, positions: IndexArray) -> Propagated:
+    """Propagate X itself to positions, in any order, all processes of noise together."""
+    whole = np.eye(timeline.states)
+    return propagate(timeline, gains, positions, by_cause=False, maps=lambda _: whole)
+
+
+def innovation_laws(
+    timeline: Timeline, gains: Array, updates: IndexArray, before: Propagated | None = None
+) -> list[InnovationLaw]:
     """Compute the laws of updates by their numbers, in any order.
 
     Parameters
     ----------
     gains : ndarray, shape (U, f, M)
         K.
+    before : Propagated, optional
+        `states_at` the positions of the updates, where it is known.
     """
     if timeline.updates is None:
         raise ValueError("timeline: has no updates")
     positions = positions_of(timeline, updates)
-    whole = np.eye(timeline.states)
-    before = propagate(timeline, gains, positions, by_cause=False, maps=lambda _: whole)
+    before = states_at(timeline, gains, positions) if before is None else before
     return [
         _law(timeline, timeline.updates, gains, u, position, partials, covariances.sum(axis=0))
         for u, position, partials, covariances in zip(
