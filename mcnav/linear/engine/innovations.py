@@ -14,6 +14,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Steps, Timeline, Updates
+from mcnav.linear.engine.checks import check_updates
 from mcnav.linear.engine.design import filter_of
 from mcnav.linear.engine.propagate import Propagated, propagate, readout_maps
 from mcnav.products import transform
@@ -66,7 +67,7 @@ def innovation_laws(
     """
     if timeline.updates is None:
         raise ValueError("timeline: has no updates")
-    positions = positions_of(timeline, updates)
+    positions = positions_of(timeline, check_updates(timeline, updates))
     before = states_at(timeline, gains, positions) if before is None else before
     return [
         _law(timeline, timeline.updates, gains, u, position, partials, covariances.sum(axis=0))
@@ -125,8 +126,9 @@ def measurement_errors(
         timeline, start=Start(np.zeros((states, cases))), steps=steps, processes=(), biases={},
         updates=replace(timeline.updates, disturbances=-errors, variances={}),
     )  # fmt: skip
+    check_updates(timeline, updates)
     disturbing = np.flatnonzero(errors.any(axis=(1, 2)))
-    begin = int(positions_of(timeline, np.append(disturbing, updates)).min())
+    begin = int(positions_of(timeline, np.append(disturbing, updates)).min(initial=end))
     read_at, whole = np.append(positions_of(timeline, updates), end), np.eye(states)
     read = propagate(disturbed, gains, read_at, begin=begin, maps=lambda _: whole).partials
     innovations = timeline.updates.responses[updates] @ read[:-1] - errors[updates]

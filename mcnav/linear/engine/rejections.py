@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Timeline
+from mcnav.linear.engine.checks import check_positions
 from mcnav.linear.engine.design import Design, filter_of
 from mcnav.linear.engine.innovations import positions_of
 from mcnav.linear.engine.propagate import readout_maps
@@ -57,9 +58,18 @@ class WhitenedFilter:
 
     @classmethod
     def of(cls, timeline: Timeline, designed: Design) -> WhitenedFilter:
-        """Whiten the filter of a timeline."""
+        """Whiten the filter of a timeline.
+
+        Raises
+        ------
+        ValueError
+            Without a filter or updates; with considered states, whose innovations are not independent.
+        """
         filtered, updates = filter_of(timeline), timeline.updates
-        assert updates is not None
+        if updates is None:
+            raise ValueError("timeline: has no updates")
+        if not filtered.corrected.all():
+            raise ValueError("rejections: expected a filter without considered states")
         most = filtered.responses.shape[1]
         unused = np.arange(most) >= updates.sizes[:, None]
         # a root of one where there is no component, whose rows and gains are zero
@@ -112,8 +122,9 @@ def rejected_errors(whitened: WhitenedFilter, positions: IndexArray, later: NDAr
     """
     timeline, gains = whitened.timeline, whitened.gains
     number, size, most = gains.shape
+    check_positions(timeline, positions)
     to_outputs = [_outputs_after_updates(timeline, position) for position in positions.tolist()]
-    outputs = len(to_outputs[0])
+    outputs = len(readout_maps(timeline)(0))
     excess = np.zeros((len(positions), number, outputs))
     responses = np.zeros((len(positions), number, outputs, most))
     reached = timeline.updates_before[positions]

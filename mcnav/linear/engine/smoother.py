@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Timeline, TimelineFilter, Updates
+from mcnav.linear.engine.checks import check_positions
 from mcnav.linear.engine.design import Design, filter_of
 from mcnav.linear.engine.noise import Noise
 from mcnav.linear.engine.propagate import propagate
@@ -79,12 +80,14 @@ def smooth(timeline: Timeline, designed: Design, positions: ArrayLike, lag: floa
     Raises
     ------
     ValueError
-        With considered states, of which the covariance that a smoother computes may be negative.
+        With considered states, of which the covariance that a smoother computes may be negative; of a negative lag.
     """
-    wanted = np.asarray(positions, dtype=np.int64)
+    wanted = check_positions(timeline, positions)
     filtered = filter_of(timeline)
     if not filtered.corrected.all():
         raise ValueError("smoother: expected a filter without considered states, whose own covariance may be negative")
+    if not lag >= 0.0:
+        raise ValueError(f"lag: got {lag:g} s, expected none that is negative")
     if not np.array_equal(designed.positions, wanted):
         raise ValueError("designed: expected the filter's covariance at the positions of the smoother")
     states = np.eye(timeline.states)
@@ -163,8 +166,7 @@ class _Stretches:
     def take_back(self, back: _Back, low: int, high: int) -> None:
         """Take the recursion back from one position to an earlier one."""
         timeline, count, size = self.timeline, high - low, len(back.own)
-        updates = timeline.updates
-        assert updates is not None
+        updates = Updates.none(timeline.states, timeline.sources) if timeline.updates is None else timeline.updates
         products, before = np.eye(size), int(timeline.steps_before[self.first])
         own, weights = np.empty((count, size, size)), np.empty((count, *back.state.shape))
         innovations = np.zeros((count, size, updates.responses.shape[1]))

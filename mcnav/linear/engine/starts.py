@@ -13,11 +13,13 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline
 from mcnav.linear.engine.adjoint import take_back
+from mcnav.linear.engine.checks import check_outputs, check_positions
 from mcnav.linear.engine.design import design
 from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.linear.engine.transitions import bounds, expand
@@ -25,7 +27,7 @@ from mcnav.products import transform
 
 
 def start_times(
-    timeline: Timeline, end: int, outputs: Array, positions: IndexArray, begin: Callable[[int], Start] | None = None
+    timeline: Timeline, end: int, outputs: Array, positions: ArrayLike, begin: Callable[[int], Start] | None = None
 ) -> Propagated:
     """Compute outputs at the end for a navigator that starts at each of the positions, in any order.
 
@@ -41,14 +43,19 @@ def start_times(
     Raises
     ------
     ValueError
-        Where no start but the timeline's own is known.
+        Where no start but the timeline's own is known, or one is after the end.
     """
     begin = timeline.begin if begin is None else begin
     if begin is None:
         raise ValueError("begin: got none, and the timeline has none; its navigator cannot start later")
+    check_positions(timeline, [end])
+    starts, names = check_positions(timeline, positions, last=end), timeline.processes
+    size = len(check_outputs(timeline, outputs))
+    if not len(starts):
+        return Propagated(np.zeros((0, size, timeline.sources + 1)), np.zeros((0, len(names), size, size)))
     if timeline.is_update[:end].any():
-        return _with_filter(timeline, end, outputs, positions, begin)
-    return _without_filter(timeline, end, outputs, positions, begin)
+        return _with_filter(timeline, end, outputs, starts, begin)
+    return _without_filter(timeline, end, outputs, starts, begin)
 
 
 def _with_filter(

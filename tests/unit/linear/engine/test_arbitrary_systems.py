@@ -167,7 +167,7 @@ def test_what_cannot_be_answered_is_refused(system):
         start_times(timeline, 300, timeline.readout(0, 0.0), np.array([0]))
     with pytest.raises(ValueError, match="gains: got none"):
         propagate(timeline, None, [300])
-    with pytest.raises(ValueError, match="expected 0 to 300"):
+    with pytest.raises(ValueError, match="from 0 to 300"):
         propagate(timeline, gains, [301])
     with pytest.raises(ValueError, match=r"0\.5 s is not among the instants"):
         timeline.positions(np.array([0.5]))

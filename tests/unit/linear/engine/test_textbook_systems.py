@@ -154,11 +154,3 @@ def test_a_first_rejection_long_before_the_end_keeps_its_digits():
         expected = np.diag(left_out) - np.diag(everything)
         # the information has a condition number of 1e7, of which the difference takes 1e-3 to 1e-7
         np.testing.assert_allclose(rejected.excess[0, first], expected, rtol=1e-4)
-
-
-def test_an_innovation_without_a_variance_leaves_no_numbers():
-    fixes = constant_velocity(2, 1.0, 0.0, 0.0, np.zeros((2, 2)))
-    designed = design(fixes, [1, 4])
-    assert np.isfinite(designed.covariances[0]).all()
-    assert np.isnan(designed.covariances[1]).all()
-    assert np.isnan(designed.gains).all()
