@@ -86,6 +86,11 @@ class Steps:
     inputs: Array
     noise: Mapping[str, StepNoise] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        count, states = self.transitions.shape[:2]
+        _check_shape("steps.transitions", self.transitions, (count, states, states))
+        _check_shape("steps.inputs", self.inputs, (count, states, self.inputs.shape[-1]))
+
 
 @dataclass(frozen=True)
 class Updates:
@@ -262,7 +267,9 @@ class Timeline:
         if unknown := named - set(self.processes):
             raise ValueError(f"processes: {sorted(unknown)} are not among {list(self.processes)}")
         if self.updates is not None:
-            _check_shape("updates.responses", self.updates.responses, (*self.updates.responses.shape[:2], self.states))
+            sized = self.updates.responses.shape[:2]
+            _check_shape("updates.responses", self.updates.responses, (*sized, self.states))
+            _check_shape("updates.disturbances", self.updates.disturbances, (*sized, self.sources + 1))
             if self.filter is not None:
                 _check_shape("filter.place", self.filter.place, (self.states, len(self.filter.covariance)))
                 _check_shape("filter.variances", self.filter.variances, self.updates.responses.shape[:2])

@@ -26,6 +26,7 @@ from mcnav.contract.engine import (
 )
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, is_linear_over_time
+from mcnav.products import transform
 from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.facets import BEHIND
 from mcnav.rare.jumps import known_facets
@@ -91,7 +92,7 @@ class _Law:
         else:
             partials, nominal = model.partials[None, chosen], model.nominal[None, chosen]
             processes = {name: each[None][:, chosen][:, :, chosen] for name, each in model.processes.items()}
-        covariance = np.einsum("mis,st,mjt->mij", partials, errors.covariance, partials)
+        covariance = transform(partials, errors.covariance)
         mean = nominal + partials @ errors.mean
         return cls(
             mean if event.origin is None else mean + event.origin, sum(processes.values(), covariance), processes

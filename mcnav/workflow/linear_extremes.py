@@ -15,6 +15,7 @@ from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of
 from mcnav.analysis.mean_errors import departures
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import Requirement, RequirementResult
+from mcnav.products import transform
 from mcnav.report.results.summary import named_range
 from mcnav.report.statements.sentences import beyond_range as range_words
 from mcnav.store.manifest import ModelRecord, PartialsRecord
@@ -24,7 +25,7 @@ def linear_moments(model: ModelRecord, development: PartialsRecord) -> tuple[Arr
     """Return linear mean and covariance over time, shapes (n, outputs) and (n, outputs, outputs)."""
     partials, covariance = development.partials, development.covariance
     if covariance is None:
-        covariance = partials @ model.start_covariance @ partials.swapaxes(1, 2)
+        covariance = transform(partials, model.start_covariance)
     mean = partials @ model.start_mean
     return mean if development.nominal is None else mean + development.nominal, covariance
 

@@ -32,6 +32,7 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.linear.partials import SimulationFailed, partials_throughout
 from mcnav.linear.polynomial import PolynomialFitError
 from mcnav.linear.polynomial_engine import PolynomialEngine, prepare_engine
+from mcnav.products import transformed_variances
 from mcnav.runner.chunks import DrawPlan
 from mcnav.runner.soundness import find_doubt
 from mcnav.sampler.error_model import ErrorModel
@@ -329,7 +330,7 @@ def _filter_record(
     if prediction is None:
         return record
     about_zero = errors.covariance + np.outer(errors.mean, errors.mean)
-    state_true = np.einsum("mqk,kl,mql->mq", prediction.state_partials, about_zero, prediction.state_partials)
+    state_true = transformed_variances(prediction.state_partials, about_zero)
     linear = FilterPredictionRecord(
         covariance=prediction.covariance,
         state_variance=prediction.state_variance,

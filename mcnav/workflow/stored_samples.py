@@ -15,6 +15,7 @@ from mcnav.contract.engine import Engine, has_histories, smoother_of
 from mcnav.contract.history import Epochs
 from mcnav.contract.scenario import is_linear_over_time, runs_user_code
 from mcnav.numerics.power_sums import sum_powers_about_zero
+from mcnav.products import transform
 from mcnav.runner.processes import IsolatedEngine
 from mcnav.statistics.filter_sums import FilterMeans
 from mcnav.store.chunk_files import ChunkFile, Samples
@@ -71,7 +72,7 @@ def tables_over_time(system: PreparedSystem, folder: Path, chunks: Sequence[Chun
     if sums.count < FEWEST_FOLLOWED:
         return {}
     partials = known.partials
-    linear = known.nominal + partials @ errors.mean, partials @ errors.covariance @ partials.swapaxes(1, 2)
+    linear = known.nominal + partials @ errors.mean, transform(partials, errors.covariance)
     return {
         EPOCHS: epochs_table(epochs, outputs, sums, linear, histories),
         HISTORIES: histories_table(epochs, outputs, histories),

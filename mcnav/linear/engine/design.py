@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline, TimelineFilter
-from mcnav.linear.engine.products import step, update
+from mcnav.linear.engine.checks import check_gains, check_positions
 from mcnav.linear.engine.transitions import bounds
+from mcnav.products import innovation_covariance, step, update
 
 
 @dataclass(frozen=True)
@@ -57,9 +58,10 @@ def design(
 
     All are NaN from an update on whose innovation has no positive definite covariance.
     """
-    wanted = np.asarray(positions, dtype=np.int64)
+    wanted = check_positions(timeline, positions, begin)
     filtered = filter_of(timeline)
     size, most = len(filtered.covariance), filtered.responses.shape[1]
+    check_gains(timeline, gains)
     held, count = gains is not None, len(filtered.responses)
     gains = np.zeros((count, size, most)) if gains is None else gains
     roots, covariances = np.zeros((count, most, most)), np.zeros((len(wanted), size, size))
@@ -91,8 +93,7 @@ def _update(
     assert timeline.updates is not None
     m = int(timeline.updates.sizes[u])
     response, variances = filtered.responses[u, :m], filtered.variances[u, :m]
-    cross = response @ covariance
-    innovations = cross @ response.T
+    cross, innovations = innovation_covariance(covariance, response)
     innovations.flat[:: m + 1] += variances
     try:
         roots[u, :m, :m] = np.linalg.cholesky(innovations)

@@ -15,7 +15,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Steps, Timeline
-from mcnav.linear.engine.products import Noise
+from mcnav.linear.engine.noise import Noise
 
 BLOCK: Final = 256
 """Transitions that are expanded at the same time."""

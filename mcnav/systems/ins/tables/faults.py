@@ -14,9 +14,9 @@ from mcnav.entries.unions import ByType
 from mcnav.entries.validation import validate_entry
 from mcnav.errors import suggestion
 from mcnav.systems.description import FurtherTable
+from mcnav.systems.faults import Fault
 from mcnav.systems.ins.scenario import Navigation
 from mcnav.systems.ins.sensors.aiding import Sensor
-from mcnav.systems.ins.sensors.faults import Fault
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 from mcnav.systems.ins.tables.instants import same_times, within
 

@@ -13,7 +13,9 @@ from mcnav.linear.engine.adjoint import adjoint
 from mcnav.linear.engine.design import design
 from mcnav.linear.engine.innovations import innovation_laws
 from mcnav.linear.engine.propagate import propagate
+from mcnav.linear.engine.rejections import WhitenedFilter, rejected_errors
 from mcnav.linear.engine.smoother import smooth
+from mcnav.products import transform
 from tests.timelines import constant_velocity, timeline_of
 
 ROUNDING = 1e-12
@@ -135,9 +137,20 @@ def test_held_values_of_a_smoothed_double_integrator(believed, claimed, true):
     np.testing.assert_allclose(np.sqrt(np.diag(smoothed.covariances[0].sum(axis=0))), true, rtol=1e-8)
 
 
-def test_an_innovation_without_a_variance_leaves_no_numbers():
-    fixes = constant_velocity(2, 1.0, 0.0, 0.0, np.zeros((2, 2)))
-    designed = design(fixes, [1, 4])
-    assert np.isfinite(designed.covariances[0]).all()
-    assert np.isnan(designed.covariances[1]).all()
-    assert np.isnan(designed.gains).all()
+def test_a_first_rejection_long_before_the_end_keeps_its_digits():
+    """Fixes with an unknown constant that is hardly observed: what is left of one rejection after two thousand fixes.
+
+    The first fix left out of the information, which is a sum: its share is 1e-7 of the variance.
+    """
+    fixes = constant_velocity(2000, 1.0, 0.0, 3.0, np.diag([100.0, 4.0]))
+    designed = design(fixes, [fixes.end])
+    rejected = rejected_errors(WhitenedFilter.of(fixes, designed), np.array([fixes.end]), np.zeros(2000, dtype=bool))
+    times = np.arange(1.0, 2001.0)
+    rows = np.stack([np.ones(2000), times - 2000.0], axis=1)  # of position and velocity at the end
+    start = np.linalg.inv(transform(np.array([[1.0, 2000.0], [0.0, 1.0]]), np.diag([100.0, 4.0])))
+    for first in (0, 7, 1999):
+        kept = np.delete(rows, first, axis=0)
+        left_out, everything = (np.linalg.inv(start + each.T @ each / 9.0) for each in (kept, rows))
+        expected = np.diag(left_out) - np.diag(everything)
+        # the information has a condition number of 1e7, of which the difference takes 1e-3 to 1e-7
+        np.testing.assert_allclose(rejected.excess[0, first], expected, rtol=1e-4)
