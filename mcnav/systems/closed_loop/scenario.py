@@ -168,7 +168,7 @@ class ClosedLoopScenario(PlainScenario):
         """What its timeline has."""
         smoothed = self._lag is not None and self._begun is None
         measured, judged = bool(self.maps.sensors), self.judged is not None
-        return TimelineParts("any time", self.noisy, updates=measured, filter=judged, smoother=smoothed, begins=True)
+        return TimelineParts("any time", self.noisy, updates=measured, filter=judged, smoother=smoothed)
 
     @property
     def processes(self) -> tuple[Output, ...]:

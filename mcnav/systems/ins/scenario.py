@@ -473,7 +473,7 @@ class Ins(PlainScenario):
         model = self.navigation.filter
         aided = model is not None
         smoothed = model is not None and model.smoothed
-        return TimelineParts("any time", noise=True, updates=aided, filter=aided, smoother=smoothed, begins=True)
+        return TimelineParts("any time", noise=True, updates=aided, filter=aided, smoother=smoothed)
 
     def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
         """Return `remarks`, whatever the errors."""
