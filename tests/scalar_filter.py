@@ -23,8 +23,9 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output, Source
+from mcnav.contract.questions import TimelineParts
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Capability
+from mcnav.contract.scenario import PlainScenario
 from mcnav.sampler.distributions import Normal
 from mcnav.sampler.error_model import ErrorModel
 
@@ -108,7 +109,7 @@ class FilterThatBelieves:
 
 
 @dataclass(frozen=True)
-class ScalarFilter:
+class ScalarFilter(PlainScenario):
     """The scenario."""
 
     walk: float = 0.25
@@ -119,8 +120,7 @@ class ScalarFilter:
     outputs: ClassVar = (Output("position", "m", "m"),)
     processes: ClassVar = (Output("walk", "m/sqrt(s)", "m/sqrt(s)"), Output("fix_noise", "m", "m"))
     engines: ClassVar = ("exact",)
-    can: ClassVar = frozenset({Capability.NOISE, Capability.FILTER, Capability.LINEAR_OVER_TIME})
-    noisy: ClassVar = True
+    parts: ClassVar = TimelineParts("epochs", noise=True, filter=True)
 
     @property
     def filter_schema(self) -> FilterSchema | None:
@@ -139,12 +139,12 @@ class ScalarFilter:
         return self._engine
 
     def linear(self, times: Array | None = None) -> LinearSystem:
-        return self.linear_over_time(0)
+        return self.linear_over_time()
 
     def nominal(self) -> History:
         return History({LABEL: TIMES})
 
-    def linear_over_time(self, count: int) -> LinearSystem:
+    def linear_over_time(self, count: int | None = None) -> LinearSystem:
         gain = self._engine.gain
         kept = (1.0 - gain) ** (2.0 * TIMES)
         added = (1.0 - kept) / (1.0 - (1.0 - gain) ** 2)

@@ -22,7 +22,7 @@ from mcnav.config.table_of_values import StoredTable, stored_table
 from mcnav.config.toml import Content, load_file
 from mcnav.contract.members import lacks_scenario
 from mcnav.contract.quantities import Output, Source
-from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, has_start_times
+from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.entries.context import EarlierFile, FileContext
 from mcnav.entries.inputs import SourceFile
 from mcnav.entries.validation import validate, validate_entry
@@ -34,7 +34,6 @@ from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
 from mcnav.systems.description import ScenarioType
-from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.registry import (
     FURTHER_NAMES,
     SCENARIO_TYPES,
@@ -146,8 +145,7 @@ def _read_tables(table: CampaignTable, context: FileContext, stem: str, numbers:
     correlations, joint = read_correlations(table.correlations), read_joint(table.joint, context)
     requirements: list[RequirementRecord] = []
     if table.accept is not None and described is not None:
-        if is_ins(described.scenario):
-            described = replace(described, scenario=with_epochs(described.scenario, table.accept))
+        described = replace(described, scenario=with_epochs(described.scenario, table.accept))
         requirements = read_requirements(table.accept, described.scenario, context)
     until = None
     if isinstance(table.samples, UntilTable):
@@ -215,7 +213,7 @@ def _read_distributions(
 def _check_use(scenario: Scenario | None, context: FileContext) -> None:
     """Add mistakes about what the file has, and a scenario of this type cannot use."""
     content, entries = context.content, context.content.get("scenario")
-    if content.get("design") == "sobol" and scenario is not None and can_have_noise(scenario) and scenario.noisy:
+    if content.get("design") == "sobol" and scenario is not None and scenario.noisy:
         context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
     kind = scenario_type(entries.get("type")) if isinstance(entries, dict) else None
     if kind is None:
@@ -284,9 +282,6 @@ def _campaign(
 
 def _check_start_times(scenario: Scenario, axes: str, context: FileContext) -> None:
     """Refuse ``[start_times]`` where the start cannot be chosen."""
-    if not has_start_times(scenario):
-        context.problem("start_times", "this scenario has no start times to choose from; leave it out")
-        return
     try:
         scenario.check_start_axes(axes)
     except ScenarioError as wrong:

@@ -1,26 +1,25 @@
 """Epochs at which a requirement holds: ``after``, ``during`` or ``at`` a time.
 
 Errors of all samples are known at the epochs of a scenario, so that a requirement holds at each epoch in its span. The
-time of ``at``, and begin and end of ``after`` and ``during``, become epochs of an inertial navigation; the time of
-``at`` in a user's class must be one of its epochs.
+time of ``at``, and begin and end of ``after`` and ``during``, become epochs of the system; the time of ``at`` in a
+class of the user's must be one of its own epochs.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.config.schema import OUTAGES, AcceptTable, CircularTable, QuantileTable
-from mcnav.contract.scenario import EpochScenario, Scenario, has_epochs
+from mcnav.contract.questions import Question, reason_against
+from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
-from mcnav.systems.ins.tables.instants import DECIMALS, SAME, same_times, seconds, within
-
-if TYPE_CHECKING:
-    from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.histories import first_and_last
+from mcnav.systems.ins.tables.instants import DECIMALS, SAME, seconds, within
 
 KEYS: Final = ("after", "during", "at")
 
@@ -41,23 +40,20 @@ class RequirementEpochs:
     numbers: tuple[int, ...]
 
 
-def with_epochs(scenario: Ins, table: AcceptTable) -> Ins:
-    """Return a scenario whose epochs contain the times at which requirements hold."""
-    navigation = scenario.navigation
+def with_epochs(scenario: Scenario, table: AcceptTable) -> Scenario:
+    """Return a scenario whose epochs contain the times at which requirements hold, where they can be added."""
     entries = [entry for kind in (table.quantile, table.cep, table.r95, table.sep) for entry in kind]
     asked = sorted({round(time, DECIMALS) for entry in entries for time in _bounds(entry)})
-    times = navigation.times
+    times = scenario.reading_times if asked else np.zeros(0)
     far = [
         time for time in asked
-        if navigation.start < time < navigation.end and np.abs(times - time).min() > same_times(navigation)
+        if len(times) and times[0] < time < times[-1] and np.abs(times - time).min() > _tolerance(times)
     ]  # fmt: skip
-    return type(scenario)(replace(navigation, further=tuple(far)), scenario.remarks) if far else scenario
+    return scenario.with_epochs(tuple(far)) if far else scenario
 
 
 def _bounds(entry: QuantileTable | CircularTable) -> tuple[float, ...]:
     """Return the times that a requirement names, s: of a span its begin, and an instant just before its end."""
-    from mcnav.systems.ins.scenario import first_and_last  # a reentry has none of it
-
     if isinstance(entry.during, list):
         return first_and_last(*entry.during)
     return tuple(time for time in (entry.at, entry.after) if time is not None)
@@ -73,8 +69,9 @@ def read_epochs(
     at = f"{key}.{given[0]}"
     if len(given) > 1:
         context.problem(key, f"has {' and '.join(given)}; expected one of them")
-    elif not has_epochs(scenario):
-        context.problem(at, "needs a scenario with epochs in time; other requirements hold at the end")
+    elif not len(scenario.reading_times):
+        reason = reason_against(Question.OVER_TIME, scenario.parts) or "the epochs of the system have no unit of time"
+        context.problem(at, reason)
     elif given[0] == "after":
         return _after(scenario, entry.after or 0.0, at, context)
     elif given[0] == "at":
@@ -89,14 +86,14 @@ def _tolerance(times: Array) -> float:
     return SAME * float(np.abs(times[[0, -1]]).max())
 
 
-def _after(scenario: EpochScenario, time: float, key: str, context: FileContext) -> RequirementEpochs | None:
+def _after(scenario: Scenario, time: float, key: str, context: FileContext) -> RequirementEpochs | None:
     times = scenario.reading_times
     if not _within_flight(times, time, key, context):
         return None
     return _found(f"from {seconds(time)} on", times >= time - _tolerance(times))
 
 
-def _at(scenario: EpochScenario, time: float, key: str, context: FileContext) -> RequirementEpochs | None:
+def _at(scenario: Scenario, time: float, key: str, context: FileContext) -> RequirementEpochs | None:
     times = scenario.reading_times
     if not _within_flight(times, time, key, context):
         return None
@@ -109,9 +106,7 @@ def _at(scenario: EpochScenario, time: float, key: str, context: FileContext) ->
     return RequirementEpochs(f"at {seconds(time)}", (nearest,))
 
 
-def _during(
-    scenario: EpochScenario, entry: str | list[float], key: str, context: FileContext
-) -> RequirementEpochs | None:
+def _during(scenario: Scenario, entry: str | list[float], key: str, context: FileContext) -> RequirementEpochs | None:
     times = scenario.reading_times
     if isinstance(entry, str):
         spans, words = list(scenario.outages), "during outages"

@@ -12,36 +12,18 @@ from mcnav.contract.engine import Engine, HistoryEngine, ScalableEngine
 from mcnav.contract.scenario import (
     Capability,
     CovarianceScenario,
-    EpochScenario,
-    FilterScenario,
     GatedScenario,
-    LinearAtAnyTime,
-    LinearOverTime,
-    NoisyScenario,
-    NoisyStart,
-    RemarkingScenario,
+    RecordingScenario,
     Replayable,
     Scenario,
     ScenarioError,
-    ScenarioWithUpdates,
-    SmoothedScenario,
-    VariableStart,
 )
 
-PROTOCOLS: Final[Mapping[frozenset[Capability], type]] = {
-    frozenset({Capability.NOISE}): NoisyScenario,
-    frozenset({Capability.FILTER}): FilterScenario,
-    frozenset({Capability.LINEAR_OVER_TIME}): LinearOverTime,
-    frozenset({Capability.EPOCHS}): EpochScenario,
-    frozenset({Capability.LINEAR_AT_ANY_TIME}): LinearAtAnyTime,
-    frozenset({Capability.COVARIANCE}): CovarianceScenario,
-    frozenset({Capability.SMOOTHER}): SmoothedScenario,
-    frozenset({Capability.GATES}): GatedScenario,
-    frozenset({Capability.START_TIMES}): VariableStart,
-    frozenset({Capability.START_TIMES, Capability.NOISE}): NoisyStart,
-    frozenset({Capability.UPDATES}): ScenarioWithUpdates,
-    frozenset({Capability.REPLAY}): Replayable,
-    frozenset({Capability.REMARKS}): RemarkingScenario,
+PROTOCOLS: Final[Mapping[Capability, type]] = {
+    Capability.COVARIANCE: CovarianceScenario,
+    Capability.GATES: GatedScenario,
+    Capability.REPLAY: Replayable,
+    Capability.TRAJECTORY: RecordingScenario,
 }
 """Protocols of scenarios with some capabilities."""
 
@@ -75,8 +57,8 @@ def lacks(instance: object, protocol: type) -> list[str]:
 def lacks_scenario(scenario: Scenario) -> list[str]:
     """Return what a scenario lacks of `Scenario`, and of what it says that it can, a line for each member."""
     lines = lacks(scenario, Scenario)
-    for capabilities, protocol in PROTOCOLS.items() if not lines else ():
-        if capabilities <= scenario.can:
+    for capability, protocol in PROTOCOLS.items() if not lines else ():
+        if capability in scenario.can:
             lines += lacks(scenario, protocol)
     return list(dict.fromkeys(lines))
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Protocol, TypeGuard
+from typing import Protocol, Self, TypeGuard
+
+import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.engine import Engine
@@ -14,50 +16,21 @@ from mcnav.contract.gates import FaultLaw, GateLaw, GateQuestion, RejectionLaws
 from mcnav.contract.history import History, StartClock
 from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
+from mcnav.contract.questions import Question, TimelineParts, reason_against
 from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 
 
 class Capability(StrEnum):
-    """A capability of a scenario besides those of every one."""
-
-    NOISE = "noise"
-    """Its samples may have noise: they come with their linear outcome, and it names its processes."""
-
-    FILTER = "filter"
-    """It may have a filter, which states a covariance of its own."""
-
-    LINEAR_OVER_TIME = "linear over time"
-    """Its linear system is known throughout the flight."""
-
-    LINEAR_AT_ANY_TIME = "linear at any time"
-    """Its linear system can be read out at any time, before and after updates."""
+    """A capability of a scenario besides those of every one, which its timeline does not tell."""
 
     COVARIANCE = "covariance"
     """Its covariance is known at any time, for less than it takes by cause."""
 
-    START_TIMES = "start times"
-    """Its navigation may start at any time of its flight."""
-
-    EPOCHS = "epochs"
-    """Errors are known at epochs in time, so that a requirement may name a time."""
-
-    UPDATES = "updates"
-    """Its linear system is known before and after updates at its epochs."""
-
     REPLAY = "replay"
-    """It can show one sample from beginning to end."""
+    """It can show one sample from beginning to end by itself, and not at its engine's epochs alone."""
 
     TRAJECTORY = "trajectory"
-    """It navigates along a trajectory that can be shown by itself."""
-
-    RECORDING = "recording"
-    """Its filter can be taken through recorded readings and measurements, and its samples can be recorded."""
-
-    REMARKS = "remarks"
-    """It notices where its linear model or its samples are not to be relied on."""
-
-    SMOOTHER = "smoother"
-    """Its filter is followed by a smoother, of which linear analysis is known."""
+    """It navigates along a trajectory, which can be shown and recorded, and its filter takes recorded readings."""
 
     GATES = "gates"
     """Its filter has gates, or its sensors have faults, of which linear analysis is known."""
@@ -69,8 +42,96 @@ class Capability(StrEnum):
     """Its derivatives are differences of whole simulations, and have to be examined."""
 
 
-class Scenario(Protocol):
-    """A system whose error propagation is studied."""
+class PlainScenario(Protocol):
+    """What a scenario answers that states nothing else: it has no epochs, no noise, no filter and no further start."""
+
+    @property
+    def can(self) -> frozenset[Capability]:
+        """Capabilities."""
+        return frozenset()
+
+    @property
+    def parts(self) -> TimelineParts:
+        """What its timeline has."""
+        return TimelineParts()
+
+    @property
+    def processes(self) -> tuple[Output, ...]:
+        """Processes of its noise at present, by name."""
+        return ()
+
+    @property
+    def noisy(self) -> bool:
+        """True where it has noise at present."""
+        return bool(self.processes)
+
+    @property
+    def reading_times(self) -> Array:
+        """The epochs at which errors are known, the end last, s; empty where they are known at the end alone."""
+        return np.zeros(0)
+
+    @property
+    def further_epochs(self) -> tuple[float, ...]:
+        """Those of the epochs that requirements have added, s."""
+        return ()
+
+    def with_epochs(self, times: tuple[float, ...]) -> Self:
+        """Return the same with further epochs, s; itself where the system's own are all that can be known."""
+        return self
+
+    @property
+    def outages(self) -> tuple[tuple[float, float], ...]:
+        """Intervals in which a sensor is silent: begin, included, and end, s."""
+        return ()
+
+    @property
+    def filter_schema(self) -> FilterSchema | None:
+        """Columns of a record of its filter; none when there is no filter at present."""
+        return None
+
+    def filter_prediction(self) -> FilterPrediction | None:
+        """Compute what linear analysis says of the filter at the epochs; none when there is no filter."""
+        return None
+
+    def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
+        """Say what is to be noticed with errors of this mean and covariance, a clause each, without a full stop."""
+        return ()
+
+    def smoothed(self, times: Array | None = None) -> LinearSystem:
+        """Linearize the errors behind the smoother, at the readings of `linear`; `own` is what it claims."""
+        raise self._unknown("filter", Question.SMOOTHER)
+
+    @property
+    def start_clock(self) -> StartClock:
+        """Origin and label of its start times."""
+        return StartClock("s")
+
+    def check_start_axes(self, axes: str) -> None:
+        """Raise `ScenarioError` when the start cannot be chosen, or not with this convention of the reference axes."""
+        raise self._unknown("start_times", Question.START_TIMES)
+
+    def started_at(self, time: float, axes: str) -> Scenario:
+        """Return the same scenario with navigation started at another time, or raise `ScenarioError`."""
+        raise self._unknown("start_times", Question.START_TIMES)
+
+    def start_times(self, count: int) -> Array:
+        """Evenly spaced start times from the first possible one on, shape (count,), s by the scenario's own clock."""
+        raise self._unknown("start_times", Question.START_TIMES)
+
+    def partials_at(self, times: Array, axes: str) -> Array:
+        """Partial derivatives for navigation started at each time, shape (n, outputs, sources)."""
+        raise self._unknown("start_times", Question.START_TIMES)
+
+    def noise_at(self, times: Array, axes: str) -> Array:
+        """Covariance of the final errors from noise, for navigation started at each time, (n, outputs, outputs)."""
+        raise self._unknown("start_times", Question.START_TIMES)
+
+    def _unknown(self, key: str, question: Question) -> ScenarioError:
+        return ScenarioError(key, reason_against(question, self.parts))
+
+
+class Scenario(PlainScenario, Protocol):
+    """A system whose error propagation is studied; of `PlainScenario` it states what it has."""
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -84,85 +145,24 @@ class Scenario(Protocol):
     def engines(self) -> tuple[str, ...]:
         """Names of its engines, the default first."""
 
-    @property
-    def can(self) -> frozenset[Capability]:
-        """Capabilities besides."""
-
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one engine; its accuracy is settled on probe samples, shape (n, sources)."""
 
     def linear(self, times: Array | None = None) -> LinearSystem:
         """Linearize about the truth: at the end, which is the last of the times.
 
-        Times, rising, s, may be given where it can be read out `LINEAR_AT_ANY_TIME`; `ScenarioError` outside of the
-        flight.
+        Times, rising, s, may be given where it can be read out at any time; before and after updates that fall on
+        them. `ScenarioError` outside of the flight.
         """
+
+    def linear_over_time(self, count: int | None = None) -> LinearSystem:
+        """Linearize after updates at about so many rising times, by default its epochs; or at the end alone."""
 
     def nominal(self) -> History:
         """Return the truth over time."""
 
 
-class NoisyScenario(Scenario, Protocol):
-    """A scenario that can have `NOISE`."""
-
-    @property
-    def processes(self) -> tuple[Output, ...]:
-        """Processes of its noise, by name; none when it has none at present."""
-
-    @property
-    def noisy(self) -> bool:
-        """True where it has noise at present."""
-
-
-class FilterScenario(Scenario, Protocol):
-    """A scenario that can have a `FILTER`."""
-
-    @property
-    def filter_schema(self) -> FilterSchema | None:
-        """Columns of a record; none when there is no filter at present."""
-
-    def filter_prediction(self) -> FilterPrediction | None:
-        """Compute what linear analysis says of the filter at the epochs; none when there is no filter."""
-
-
-class LinearOverTime(Scenario, Protocol):
-    """A scenario that is `LINEAR_OVER_TIME`."""
-
-    def linear_over_time(self, count: int) -> LinearSystem:
-        """Linearize at so many rising times, from the start to the end."""
-
-
-class EpochScenario(LinearOverTime, Protocol):
-    """A scenario with `EPOCHS`."""
-
-    @property
-    def reading_times(self) -> Array:
-        """The scenario's epochs, the end last, s."""
-
-    @property
-    def outages(self) -> tuple[tuple[float, float], ...]:
-        """Intervals in which a sensor is silent: begin, included, and end, s."""
-
-
-class ScenarioWithUpdates(EpochScenario, Protocol):
-    """A scenario with `UPDATES`."""
-
-    def linear_around_updates(self) -> LinearSystem:
-        """Linearize at all epochs, before and after updates and corrections, with what a filter states."""
-
-
-class LinearAtAnyTime(LinearOverTime, Protocol):
-    """A scenario that is `LINEAR_AT_ANY_TIME`: at the times that `linear` is given, s by its own clock."""
-
-
-class SmoothedScenario(EpochScenario, Protocol):
-    """A scenario with a `SMOOTHER`."""
-
-    def smoothed(self, times: Array | None = None) -> LinearSystem:
-        """Linearize the errors behind the smoother, at the readings of `linear`; `own` is what it claims."""
-
-
-class GatedScenario(EpochScenario, Protocol):
+class GatedScenario(Scenario, Protocol):
     """A scenario with `GATES`."""
 
     @property
@@ -179,40 +179,13 @@ class GatedScenario(EpochScenario, Protocol):
         """Compute the laws of good measurements that are rejected, with errors at epochs, s; none without a gate."""
 
 
-class CovarianceScenario(EpochScenario, Protocol):
+class CovarianceScenario(Scenario, Protocol):
     """A scenario that knows its `COVARIANCE`."""
 
     def covariance_readings(
         self, times: Array, mean: Array, covariance: Array, shared: SharedTables
     ) -> CovarianceReadings:
         """Propagate mean and covariance of the sources to rising times, s; `ScenarioError` outside of the flight."""
-
-
-class VariableStart(Scenario, Protocol):
-    """A scenario with `START_TIMES`."""
-
-    @property
-    def start_clock(self) -> StartClock:
-        """Origin and label of its start times."""
-
-    def check_start_axes(self, axes: str) -> None:
-        """Raise `ScenarioError` when the start cannot be chosen, or not with this convention of the reference axes."""
-
-    def started_at(self, time: float, axes: str) -> Scenario:
-        """Return the same scenario with navigation started at another time, or raise `ScenarioError`."""
-
-    def start_times(self, count: int) -> Array:
-        """Evenly spaced start times from the first possible one on, shape (count,), s by the scenario's own clock."""
-
-    def partials_at(self, times: Array, axes: str) -> Array:
-        """Partial derivatives for navigation started at each time, shape (n, outputs, sources)."""
-
-
-class NoisyStart(VariableStart, Protocol):
-    """A scenario with `START_TIMES` and `NOISE`."""
-
-    def noise_at(self, times: Array, axes: str) -> Array:
-        """Covariance of the final errors from noise, for navigation started at each time, (n, outputs, outputs)."""
 
 
 class Replayable(Scenario, Protocol):
@@ -222,8 +195,8 @@ class Replayable(Scenario, Protocol):
         """One sample, shape (sources,), by the reference engine to its end, or to where it failed."""
 
 
-class RecordingScenario(FilterScenario, Protocol):
-    """A scenario with `RECORDING`."""
+class RecordingScenario(Scenario, Protocol):
+    """A scenario with a `TRAJECTORY`."""
 
     @property
     def logs(self) -> Mapping[str, MeasurementFile]:
@@ -236,76 +209,14 @@ class RecordingScenario(FilterScenario, Protocol):
         """Record one sample, shape (sources,), with readings over intervals, s."""
 
 
-class RemarkingScenario(Scenario, Protocol):
-    """A scenario with `REMARKS`."""
-
-    def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
-        """Say what is to be noticed with errors of this mean and covariance, a clause each, without a full stop."""
-
-
-def remarks_of(scenario: Scenario, mean: Array, covariance: Array) -> tuple[str, ...]:
-    """Return what a scenario notices of itself with errors of this mean and covariance; nothing where it cannot."""
-    return scenario.remarks_on(mean, covariance) if can_remark(scenario) else ()
-
-
-def can_remark(scenario: Scenario) -> TypeGuard[RemarkingScenario]:
-    """Return whether a scenario notices where its linear model or its samples are not to be relied on."""
-    return Capability.REMARKS in scenario.can
-
-
-def can_have_noise(scenario: Scenario) -> TypeGuard[NoisyScenario]:
-    """Return whether the samples of a scenario may have noise."""
-    return Capability.NOISE in scenario.can
-
-
-def can_have_filter(scenario: Scenario) -> TypeGuard[FilterScenario]:
-    """Return whether a scenario may have a filter."""
-    return Capability.FILTER in scenario.can
-
-
-def is_linear_over_time(scenario: Scenario) -> TypeGuard[LinearOverTime]:
-    """Return whether the linear system is known throughout the flight."""
-    return Capability.LINEAR_OVER_TIME in scenario.can
-
-
-def is_linear_at_any_time(scenario: Scenario) -> TypeGuard[LinearAtAnyTime]:
-    """Return whether the linear system can be read out at any time."""
-    return Capability.LINEAR_AT_ANY_TIME in scenario.can
-
-
 def knows_covariance(scenario: Scenario) -> TypeGuard[CovarianceScenario]:
     """Return whether the covariance is known at any time without that of each cause."""
     return Capability.COVARIANCE in scenario.can
 
 
-def has_smoother(scenario: Scenario) -> TypeGuard[SmoothedScenario]:
-    """Return whether the filter of a scenario is followed by a smoother."""
-    return Capability.SMOOTHER in scenario.can
-
-
 def has_gates(scenario: Scenario) -> TypeGuard[GatedScenario]:
     """Return whether linear analysis of gates and faults is known."""
     return Capability.GATES in scenario.can
-
-
-def has_start_times(scenario: Scenario) -> TypeGuard[VariableStart]:
-    """Return whether navigation may start at any time."""
-    return Capability.START_TIMES in scenario.can
-
-
-def has_noisy_start_times(scenario: Scenario) -> TypeGuard[NoisyStart]:
-    """Return whether navigation with noise may start at any time."""
-    return {Capability.START_TIMES, Capability.NOISE} <= scenario.can
-
-
-def has_epochs(scenario: Scenario) -> TypeGuard[EpochScenario]:
-    """Return whether errors are known at epochs in time."""
-    return Capability.EPOCHS in scenario.can
-
-
-def has_updates(scenario: Scenario) -> TypeGuard[ScenarioWithUpdates]:
-    """Return whether its linear system is known before and after updates at its epochs."""
-    return Capability.UPDATES in scenario.can
 
 
 def can_replay(scenario: Scenario) -> TypeGuard[Replayable]:
@@ -315,7 +226,7 @@ def can_replay(scenario: Scenario) -> TypeGuard[Replayable]:
 
 def can_be_recorded(scenario: Scenario) -> TypeGuard[RecordingScenario]:
     """Return whether a filter can be taken through recorded flights."""
-    return Capability.RECORDING in scenario.can
+    return Capability.TRAJECTORY in scenario.can
 
 
 def runs_user_code(scenario: Scenario) -> bool:

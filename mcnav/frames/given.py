@@ -12,7 +12,7 @@ import cloudpickle
 from mcnav.config.campaign import Campaign
 from mcnav.config.documents import Document, document_of, written
 from mcnav.config.read import campaign_from
-from mcnav.contract.scenario import Capability, Scenario
+from mcnav.contract.scenario import Scenario
 from mcnav.sampler.errors import Errors
 from mcnav.systems.closed_loop.declarations import ClosedLoop
 from mcnav.systems.user.stochastic_scenario import takes_noise
@@ -60,7 +60,7 @@ def scenario_of(given: Any, errors: Errors | None) -> Scenario:
         _warn_of_noise(given)
     described = {"scenario": given} if isinstance(given, type) else given
     scenario = campaign_from(described).scenario
-    if isinstance(described, Campaign) or Capability.FILTER not in scenario.can:
+    if isinstance(described, Campaign) or not scenario.parts.filter:
         return scenario
     document = written(described) if isinstance(described, Mapping) else document_of(described)
     if document.content.get("errors"):

@@ -13,7 +13,7 @@ from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Scenario, can_have_filter, can_have_noise
+from mcnav.contract.scenario import Scenario
 from mcnav.linear.polynomial import PolynomialMap, fitted_map
 
 TOLERANCE: Final = 1e-4
@@ -68,7 +68,7 @@ def fit_polynomial_engine(exact: Engine, mean: Array, standard_deviations: Array
 
 def engine_names(scenario: Scenario) -> tuple[str, ...]:
     """List the names of a scenario's engines, the default first; a polynomial knows neither noise nor filters."""
-    stochastic = can_have_noise(scenario) or can_have_filter(scenario)
+    stochastic = scenario.parts.noise or scenario.parts.filter
     return scenario.engines if stochastic else (*scenario.engines, MAP)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.history import StartClock
 from mcnav.contract.quantities import kind_of
-from mcnav.contract.scenario import VariableStart, has_noisy_start_times
+from mcnav.contract.scenario import Scenario
 from mcnav.linear.covariance import propagated_covariance
 
 
@@ -108,7 +108,7 @@ class StartTimeStudy:
 
 
 def study_start_times(
-    scenario: VariableStart,
+    scenario: Scenario,
     start_covariance: Array,
     axes: str,
     count: int,
@@ -135,7 +135,7 @@ def study_start_times(
             for matrix, multiple in zip(partials, multiples, strict=True)
         ]
     )
-    noise = scenario.noise_at(times, axes) if has_noisy_start_times(scenario) else None
+    noise = scenario.noise_at(times, axes) if scenario.parts.noise else None
     of_noise = None
     if noise is not None and noise.any():
         of_noise = np.diagonal(noise, axis1=1, axis2=2)
@@ -147,7 +147,7 @@ def study_start_times(
     return StartTimeStudy(axes, times, partials, effects, sigma, weights, scenario.start_clock, of_noise)
 
 
-def usual_weights(scenario: VariableStart, first: Array) -> Array:
+def usual_weights(scenario: Scenario, first: Array) -> Array:
     """Return the weights of a campaign without any: over the root mean squares of a start at the first point.
 
     Those alone count that the clock weighs, if they vary.

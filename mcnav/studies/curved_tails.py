@@ -12,7 +12,7 @@ from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement
 from mcnav.analysis.tail_curves import Curvature
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import without_noise
-from mcnav.contract.scenario import can_have_filter, runs_user_code
+from mcnav.contract.scenario import runs_user_code
 from mcnav.linear.higher_order import second_order
 from mcnav.linear.partials import QUICK, SimulationFailed
 from mcnav.linear.polynomial_engine import prepare_engine
@@ -41,7 +41,7 @@ def _curvature(campaign: Campaign) -> Curvature | None:
     """Return the outputs as quadratic functions of the sources, by the scenario's first engine."""
     scenario, errors = campaign.scenario, campaign.errors
     directions = int(np.count_nonzero(errors.standard_deviations))
-    filtered = can_have_filter(scenario) and scenario.filter_schema is not None
+    filtered = scenario.filter_schema is not None
     simulations = 2 * directions**2 + 2 * directions + 1
     if not errors.normal or runs_user_code(scenario) or filtered or simulations > MOST_SIMULATIONS:
         return None

@@ -33,18 +33,8 @@ from mcnav.config.read import Campaign, campaign_from
 from mcnav.config.toml import Content
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import kinds_of
-from mcnav.contract.scenario import (
-    Scenario,
-    ScenarioError,
-    can_have_filter,
-    has_epochs,
-    has_gates,
-    has_smoother,
-    has_updates,
-    is_linear_at_any_time,
-    is_linear_over_time,
-    remarks_of,
-)
+from mcnav.contract.questions import Question, reason_against
+from mcnav.contract.scenario import Scenario, ScenarioError, has_gates
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.linear.partials import SimulationFailed
@@ -65,9 +55,6 @@ PAGE: Final = "lincov.html"
 
 OF_SIZES: Final = ("imu", "filter", "processes", "measurements")
 """Tables of a campaign file that a campaign has as they are in the file."""
-
-HISTORY_POINTS: Final = 61
-"""Times at which a scenario without epochs of its own is read out."""
 
 
 def linear_covariance(campaign: Description, times: Array | None = None) -> LinearAnswer:
@@ -96,7 +83,7 @@ def linear_covariance(campaign: Description, times: Array | None = None) -> Line
     answer = answer_linearly(described, times)
     with one_thread(), _scenario_errors(described):
         answer = replace(answer, requirements=with_curvature(answer, described))
-        remarks = remarks_of(described.scenario, described.errors.mean, described.errors.covariance)
+        remarks = described.scenario.remarks_on(described.errors.mean, described.errors.covariance)
         gates = _gates(described)
     return replace(answer, remarks=remarks, gates=gates, card=partial(card, outages=_outages(described)))
 
@@ -139,7 +126,7 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         required = requirements_from(entries, outputs)
         model = replace(model, limits=smallest_limits(required, len(outputs)))
         smoothed = None
-        if has_smoother(scenario):
+        if scenario.parts.smoother:
             smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)
         judged = tuple(
             judge_linearly(
@@ -157,7 +144,7 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
             described.name, scenario.sources, scenario.outputs, model, history, judged, asked, kind=kind
         )
         smoothed_asked = None
-        if has_smoother(scenario) and times is not None:
+        if scenario.parts.smoother and times is not None:
             smoothed_asked = covariance_over_time(scenario.smoothed(np.unique(times)), names, *moments)
         epochs = None if history is None else history.moments.times
         known = [each for each in (history, asked) if each is not None]
@@ -189,7 +176,7 @@ def _judge_filter(
     answer: LinearAnswer, known: Sequence[LinearCovariance], scenario: Scenario, campaign: Campaign
 ) -> LinearVerdict | None:
     """Judge a filter, or a smoother, at the readings that are known, within the range of linear analysis."""
-    schema = scenario.filter_schema if can_have_filter(scenario) else None
+    schema = scenario.filter_schema
     if schema is None:
         return None
     return judge_filter(
@@ -227,10 +214,9 @@ def _scenario_errors(campaign: Campaign) -> Iterator[None]:
 def _check_times(campaign: Campaign, times: Array) -> None:
     """Refuse times for a scenario whose linear system is not known at any time, and those outside of its epochs."""
     scenario = campaign.scenario
-    if not is_linear_at_any_time(scenario):
-        message = "the scenario has no trajectory whose times could be named; leave out --at"
-        raise CampaignError([Problem(campaign.file, "--at", message)])
-    if not has_epochs(scenario):
+    if reason := reason_against(Question.ANY_TIME, scenario.parts):
+        raise CampaignError([Problem(campaign.file, "--at", reason)])
+    if not len(scenario.reading_times):
         return
     first, last = (float(time) for time in scenario.reading_times[[0, -1]])
     outside = [float(time) for time in times if not first <= time <= last]
@@ -262,18 +248,13 @@ def _check_soundness(campaign: Campaign) -> None:
 
 def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearSystem | None]:
     """Linearize a scenario at its end and, where it is known, over time: at the epochs of its requirements, if any."""
-    if is_linear_at_any_time(scenario) and has_epochs(scenario):
+    if scenario.parts.readings == "any time" and len(scenario.reading_times):
         system = scenario.linear(scenario.reading_times)
         return system.end, system
-    if has_updates(scenario):
-        system = scenario.linear_around_updates()
-        return system.end, system
     end = scenario.linear().end
-    if not is_linear_over_time(scenario):
+    if scenario.parts.readings == "end":
         return end, None
-    system = scenario.linear_over_time(len(scenario.reading_times) if has_epochs(scenario) else HISTORY_POINTS)
-    if not can_have_filter(scenario):
-        return end, system
+    system = scenario.linear_over_time()
     schema, prediction = scenario.filter_schema, scenario.filter_prediction()
     if schema is not None and prediction is not None and np.array_equal(prediction.times, system.times):
         own, believed = prediction.covariance, dict(prediction.believed)

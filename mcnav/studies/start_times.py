@@ -19,7 +19,7 @@ from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine
 from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import Batch
-from mcnav.contract.scenario import ScenarioError, VariableStart, has_start_times
+from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import write_texts
 from mcnav.linear.start_times import StartTimeStudy, study_start_times, usual_weights
@@ -45,9 +45,7 @@ class StartTimesFound:
     own_rms: Array
 
 
-def _scenario(campaign: Campaign, axes: str) -> VariableStart:
-    if not has_start_times(campaign.scenario):
-        raise CampaignError([Problem(campaign.file, "scenario", "has no start times to choose from")])
+def _scenario(campaign: Campaign, axes: str) -> Scenario:
     with _scenario_errors(campaign):
         campaign.scenario.check_start_axes(axes)
     return campaign.scenario
@@ -80,7 +78,7 @@ def start_time_study(campaign: Campaign, axes: str | None = None, count: int | N
     return study if plan.weights is not None else replace(study, weights=usual_weights(scenario, study.rms[0]))
 
 
-def _mean_errors(campaign: Campaign, scenario: VariableStart, study: StartTimeStudy) -> Array:
+def _mean_errors(campaign: Campaign, scenario: Scenario, study: StartTimeStudy) -> Array:
     """Compute the linear mean errors for each start time, shape (n, outputs); zero of commands and times.
 
     What a flight without errors leaves is computed for each start if it leaves anything for the earliest one: a later
@@ -101,7 +99,7 @@ def _mean_errors(campaign: Campaign, scenario: VariableStart, study: StartTimeSt
     return np.where(np.abs(means) > np.array(rounding), means, 0.0)
 
 
-def _nominal_at(scenario: VariableStart, study: StartTimeStudy, time: float) -> Array:
+def _nominal_at(scenario: Scenario, study: StartTimeStudy, time: float) -> Array:
     """Return the final errors of a flight without errors that starts at a time, shape (outputs,)."""
     return scenario.started_at(time, study.axes).linear().end.nominal
 

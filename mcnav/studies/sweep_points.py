@@ -23,9 +23,6 @@ from mcnav.config.read import Campaign
 from mcnav.contract.linear import CovarianceReadings, LinearModel, SharedTables
 from mcnav.contract.scenario import (
     ScenarioError,
-    can_have_filter,
-    has_epochs,
-    is_linear_at_any_time,
     knows_covariance,
     runs_user_code,
 )
@@ -216,16 +213,13 @@ def _readings(campaign: Campaign, at: Sequence[float], shared: SharedTables) -> 
         ordered = CovarianceReadings(times[order], readings.mean[order], readings.covariance[order], own)
         return len(epochs) - 1, ordered
     if at:
-        if not is_linear_at_any_time(scenario):
-            message = "the scenario has no trajectory whose times could be named"
-            raise CampaignError([Problem(campaign.file, "--at", message)])
         end, readings = _readings(campaign, (), shared)
         return end, _with_times(campaign, readings, np.unique(at))
-    if has_epochs(scenario):
-        system = scenario.linear_over_time(len(scenario.reading_times))
+    if len(scenario.reading_times):
+        system = scenario.linear_over_time()
         nominal = 0.0 if system.nominal is None else system.nominal
         mean = nominal + system.partials @ errors.mean
-        prediction = scenario.filter_prediction() if can_have_filter(scenario) else None
+        prediction = scenario.filter_prediction()
         own = None if prediction is None else prediction.covariance
         covariance = system.covariance(errors.covariance)
         return len(mean) - 1, CovarianceReadings(
@@ -233,7 +227,7 @@ def _readings(campaign: Campaign, at: Sequence[float], shared: SharedTables) -> 
         )
     linear = _linear_model(campaign, shared)
     model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes)
-    prediction = scenario.filter_prediction() if can_have_filter(scenario) else None
+    prediction = scenario.filter_prediction()
     own = None if prediction is None else prediction.covariance[-1:]
     mean, covariance = model.outcome_mean[None], model.outcome_covariance[None]
     origin = None if linear.origin is None else linear.origin[None]
@@ -253,7 +247,7 @@ def _with_times(campaign: Campaign, readings: CovarianceReadings, at: Array) -> 
     def joined(before: Array | None, after: Array | None) -> Array | None:
         return None if before is None or after is None else np.concatenate([before, after])
 
-    ends = readings.times if has_epochs(campaign.scenario) else np.full(1, np.inf)  # later than all of them
+    ends = readings.times if len(campaign.scenario.reading_times) else np.full(1, np.inf)  # later than all of them
     return CovarianceReadings(
         np.concatenate([ends, at]),
         np.concatenate([readings.mean, nominal + system.partials @ errors.mean]),

@@ -18,7 +18,7 @@ from mcnav.config.documents import Document
 from mcnav.config.overrides import Value, parse_document
 from mcnav.config.read import Campaign
 from mcnav.contract.linear import SharedTables
-from mcnav.contract.scenario import can_have_filter, knows_covariance
+from mcnav.contract.scenario import knows_covariance
 from mcnav.errors import CampaignError
 from mcnav.progress import Progress
 from mcnav.studies.lincov import answer_linearly
@@ -87,7 +87,7 @@ class Variations:
     def closed_loop(self) -> bool:
         """Return whether a filter's gains depend on the numbers."""
         scenario = self.campaign.scenario
-        return knows_covariance(scenario) and can_have_filter(scenario) and scenario.filter_schema is not None
+        return knows_covariance(scenario) and scenario.filter_schema is not None
 
     def judged(self, values: Mapping[str, Value]) -> tuple[LinearRequirement, ...] | None:
         """Judge the requirements by a linear answer with some keys set; none where the campaign is refused then."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -11,6 +12,14 @@ from mcnav._types import Array
 from mcnav.contract.history import History, Panel
 from mcnav.contract.quantities import Output
 from mcnav.units import conversion
+
+BEFORE_END: Final = 1.0
+"""Time before the end of an outage, or of a span, at which errors are read out, s; less in a short one."""
+
+
+def first_and_last(begin: float, end: float) -> tuple[float, float]:
+    """Return the begin of a span of time, and an instant just before its end, s."""
+    return begin, end - min(BEFORE_END, 0.01 * (end - begin))
 
 
 def check_history(history: History) -> History:

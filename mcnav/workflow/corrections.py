@@ -6,7 +6,6 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.engine import Engine
-from mcnav.contract.scenario import can_have_noise
 from mcnav.linear.corrections import Corrections
 from mcnav.linear.nonlinear_corrections import noise_corrections, nonlinear_corrections
 from mcnav.linear.polynomial_engine import MAP
@@ -28,7 +27,7 @@ def compute_corrections(system: PreparedSystem) -> Corrections:
             return isolated(scenario, exact_part(system.engine), system.timeout)
         return exact_engine(scenario, probes, system.timeout)
 
-    if can_have_noise(scenario):
+    if scenario.parts.noise:
         engine = isolated(scenario, system.engine, system.timeout)
         return noise_corrections(engine, draws.errors, system.model.processes or {}, draws.samples)
     with scenario_errors(system.file):

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from mcnav.contract.samples import Batch
-from mcnav.contract.scenario import Scenario, has_epochs
+from mcnav.contract.scenario import Scenario
 from mcnav.progress import duration
 from mcnav.runner.executors import JOBS
 from mcnav.sampler.error_model import ErrorModel
@@ -97,5 +97,5 @@ def _linear_simulations(scenario: UserScenario) -> int:
 def _before(scenario: UserScenario) -> int:
     """Return the simulations before the samples of a run, with a covariance of the noise that is kept."""
     sources = len(scenario.sources)
-    count = 2 * len(SHARES) * sources + 3 * FLOWN_TWICE + (2 * sources if has_epochs(scenario) else 0)
+    count = 2 * len(SHARES) * sources + 3 * FLOWN_TWICE + (2 * sources if len(scenario.reading_times) else 0)
     return count + (2 * FLOWN_TWICE + 4 * RESPONSES + 3 if is_users_with_noise(scenario) else 0)

@@ -25,7 +25,7 @@ from mcnav.contract.engine import (
     without_noise,
 )
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, is_linear_over_time
+from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.facets import BEHIND
 from mcnav.rare.jumps import known_facets
@@ -290,15 +290,15 @@ def _histories(engine: Engine, errors: Array) -> Array:
 
 def has_noise(scenario: Scenario, engine: Engine) -> bool:
     """Return whether the samples of an engine have noise at present."""
-    return engine.noisy and (not can_have_noise(scenario) or scenario.noisy)
+    return engine.noisy and scenario.noisy
 
 
 def linear_at_epochs(scenario: Scenario, engine: Engine) -> LinearHistory | None:
     """Return the linear model at the epochs of an engine, with its noise; none where it is not known there."""
     known = linear_history(scenario, engine)
-    if known is not None or engine.epochs is None or not is_linear_over_time(scenario):
+    if known is not None or engine.epochs is None or scenario.parts.readings == "end":
         return known
-    system = scenario.linear_over_time(len(engine.epochs.times))
+    system = scenario.linear_over_time()
     if not same_times(system.times, engine.epochs.times):
         return None
     nominal = np.zeros(system.partials.shape[:2]) if system.nominal is None else system.nominal

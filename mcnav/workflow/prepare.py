@@ -22,11 +22,7 @@ from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import (
     Scenario,
     ScenarioError,
-    can_have_filter,
     has_gates,
-    has_smoother,
-    is_linear_over_time,
-    remarks_of,
 )
 from mcnav.errors import CampaignError, Problem
 from mcnav.linear.partials import SimulationFailed, partials_throughout
@@ -141,7 +137,7 @@ def prepare_system(
         throughout = linear_history(scenario, engine)
         model = _linear(scenario, errors, engine, throughout, together, tolerance)
         history = drawable_history(scenario.nominal(), file)
-        remarks = remarks_of(scenario, errors.mean, errors.covariance)
+        remarks = scenario.remarks_on(errors.mean, errors.covariance)
     record = None if doubt is None else unsettled_record(doubt)
     return PreparedSystem(
         scenario, draws, engine, engine_name, model, throughout, history, record, remarks, timeout, file
@@ -208,7 +204,7 @@ def _development(
     scenario: Scenario, errors: ErrorModel, throughout: LinearHistory | None, together: Sequence[Sequence[str]]
 ) -> PartialsRecord | None:
     """Return partial derivatives throughout the flight; none where they are not known."""
-    if is_linear_over_time(scenario):
+    if scenario.parts.readings != "end":
         known = scenario.linear_over_time(DEVELOPMENT_POINTS)
         record = _partials_record(known, errors)
         pairs = _pairs(scenario.outputs, together) if record.processes else ()
@@ -246,7 +242,7 @@ def _some(values: Array | None) -> Array | None:
 def _smoother_record(engine: Engine, scenario: Scenario, errors: ErrorModel) -> SmootherRecord | None:
     """Describe a smoother, with what linear analysis says of it; none without one."""
     schema = smoother_of(engine)
-    if schema is None or not has_smoother(scenario):
+    if schema is None or not scenario.parts.smoother:
         return None
     known = scenario.smoothed()
     record = FilterRecord(label=known.label, times=known.times, groups=dict(schema.groups), outputs=schema.outputs)
@@ -300,7 +296,7 @@ def exact_part(engine: Engine) -> Engine:
 
 def filter_prediction(scenario: Scenario, epochs: Epochs) -> FilterPrediction | None:
     """Return what linear analysis says of the filter at the epochs; none where it says nothing of them."""
-    prediction = scenario.filter_prediction() if can_have_filter(scenario) else None
+    prediction = scenario.filter_prediction()
     return prediction if prediction is not None and same_times(prediction.times, epochs.times) else None
 
 

@@ -18,7 +18,7 @@ from mcnav.contract.failure import OK
 from mcnav.contract.history import Epochs, History
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, can_replay
+from mcnav.contract.scenario import Scenario, ScenarioError, can_replay
 from mcnav.entries.context import EarlierFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, shortened
 from mcnav.files import INPUTS, read_whole, write_whole
@@ -224,7 +224,7 @@ class _Again:
 
 def _engines(scenario: Scenario, engine_name: str, draws: DrawPlan) -> dict[str, Engine]:
     """Prepare the run's own engine, and the reference engine, unless it has noise of its own."""
-    others = () if can_have_noise(scenario) else ("reference",)
+    others = () if scenario.parts.noise else ("reference",)
     names = dict.fromkeys((engine_name, *(name for name in others if name in scenario.engines)))
     errors = draws.errors
     return {

@@ -13,7 +13,7 @@ from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_samples import doubt_noise
 from mcnav.contract.engine import Engine, has_histories, smoother_of
 from mcnav.contract.history import Epochs
-from mcnav.contract.scenario import is_linear_over_time, runs_user_code
+from mcnav.contract.scenario import runs_user_code
 from mcnav.numerics.power_sums import sum_powers_about_zero
 from mcnav.runner.processes import IsolatedEngine
 from mcnav.statistics.filter_sums import FilterMeans
@@ -115,9 +115,9 @@ def _tables_of_followed(
     if sums is None or sums.count < FEWEST_FOLLOWED or histories is None:
         return tables
     tables[HISTORIES] = histories_table(epochs, outputs, histories)
-    if not is_linear_over_time(system.scenario):
+    if system.scenario.parts.readings == "end":
         return tables
-    known = system.scenario.linear_over_time(len(epochs.times))
+    known = system.scenario.linear_over_time()
     nominal = 0.0 if known.nominal is None else known.nominal
     linear = nominal + known.partials @ errors.mean, known.covariance(errors.covariance)
     return {EPOCHS: epochs_table(epochs, outputs, sums, linear, histories, columns, known.origin), **tables}

@@ -13,7 +13,6 @@ import pytest
 
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.contract.samples import Batch
-from mcnav.contract.scenario import remarks_of
 from mcnav.studies.lincov import linear_covariance
 from mcnav.systems.reentry.guided.linear import LinearFlight
 from mcnav.systems.reentry.guided.remarks import doubtful_end, draw_flights, rival_maxima
@@ -74,7 +73,7 @@ def _at_the_limit(share: float = 1.0) -> Campaign:
 
 
 def _remarks(campaign: Campaign) -> tuple[str, ...]:
-    return remarks_of(campaign.scenario, campaign.errors.mean, campaign.errors.covariance)
+    return campaign.scenario.remarks_on(campaign.errors.mean, campaign.errors.covariance)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ import pytest
 import mcnav
 from mcnav.config.read import read_campaign
 from mcnav.contract.samples import Batch
-from mcnav.contract.scenario import can_have_filter
 from mcnav.errors import CampaignError
 from tests.runs import simulate
 
@@ -70,7 +69,7 @@ def _written(folder: Path, variance: str = "1.0", samples: int = 200) -> Path:
 def test_the_mismatched_scalar_filter(tmp_path: Path) -> None:
     """Steady after sixty steps, to (1 - gain)^120 = 1e-13. Means within five standard errors of chi-square variates."""
     scenario = read_campaign(_written(tmp_path)).scenario
-    assert can_have_filter(scenario)
+    assert scenario.parts.filter
     engine = scenario.engine("single", np.zeros((1, 1)))
     schema = engine.filter
     assert schema is not None
@@ -106,7 +105,7 @@ def test_the_mismatched_scalar_filter(tmp_path: Path) -> None:
 
 def test_the_prediction_is_the_filter_along_the_truth(tmp_path: Path) -> None:
     scenario = read_campaign(_written(tmp_path)).scenario
-    assert can_have_filter(scenario)
+    assert scenario.parts.filter
     prediction = scenario.filter_prediction()
     assert prediction is not None
     np.testing.assert_allclose(prediction.covariance[:, 0, 0], BELIEVED, rtol=1e-10)

@@ -19,7 +19,6 @@ import mcnav
 from mcnav.config.read import read_campaign
 from mcnav.config.templates import new_scenario
 from mcnav.contract.engine import has_histories
-from mcnav.contract.scenario import can_have_noise
 from mcnav.errors import CampaignError
 from mcnav.report.statements.linearity_words import WITHOUT_NOISE
 from mcnav.systems.user import noise_measurement
@@ -315,7 +314,7 @@ def test_what_noise_makes_meaningless_is_refused(tmp_path: Path) -> None:
     ranged = in_process("sweep", path, "--scale", *options)
     assert ranged.exit_code == 0, ranged.output
     assert WITHOUT_NOISE in " ".join(ranged.output.split())
-    with pytest.raises(CampaignError, match="has no start times to choose from"):
+    with pytest.raises(CampaignError, match="for its own start alone; its transitions are unknown"):
         read_campaign(path, {"start_times": {}})
 
 
@@ -325,7 +324,7 @@ def test_final_errors_with_noise_alone(tmp_path: Path) -> None:
     path = _written(tmp_path, "return np.array([errors[0] + walk[-1], 2.0 * errors[0]])", more)
     (tmp_path / "mine.py").write_text((tmp_path / "mine.py").read_text().replace("    epochs =", "    instants ="))
     run = read_campaign(path)
-    assert can_have_noise(run.scenario)
+    assert run.scenario.noisy
     summary = simulate(run, tmp_path / "run", None, 1).summary
     np.testing.assert_allclose(summary["sigma_ratio_paired"], 1.0, atol=1e-9)
     assert [process["name"] for process in summary["processes"]] == ["noise"]

@@ -8,21 +8,20 @@ import numpy as np
 import pytest
 
 from mcnav.config.read import parse_campaign
-from mcnav.contract.scenario import VariableStart, has_start_times
+from mcnav.contract.scenario import Scenario
 from tests.guided import ALL_SIZES
 
 ONE_FLIGHT = 1e-8
 """Share of a row's largest contribution: integration to 1e-11, magnified a hundredfold until reentry."""
 
 
-def _scenario(**options: str) -> VariableStart:
+def _scenario(**options: str) -> Scenario:
     described = {"type": "reentry", "trajectory": 2, "guidance": {"final": "indicated"}} | options
     scenario = parse_campaign({"scenario": described, "errors": {}}, "test.toml", "test").scenario
-    assert has_start_times(scenario)
     return scenario
 
 
-def _apart(scenario: VariableStart, minutes: float, axes: str) -> float:
+def _apart(scenario: Scenario, minutes: float, axes: str) -> float:
     """Largest difference of partial derivatives, as a share of each output's largest contribution."""
     together = scenario.partials_at(np.array([60.0 * minutes]), axes)[0]
     alone = scenario.started_at(60.0 * minutes, axes).linear().end.partials

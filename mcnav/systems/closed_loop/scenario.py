@@ -15,8 +15,9 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import TRUE_DISPERSION, Output, Source
+from mcnav.contract.questions import TimelineParts
 from mcnav.contract.samples import SimulationResult
-from mcnav.contract.scenario import Capability, ScenarioError
+from mcnav.contract.scenario import Capability, PlainScenario, ScenarioError
 from mcnav.systems.closed_loop.beliefs import believed_shares
 from mcnav.systems.closed_loop.departures import (
     check_finite,
@@ -88,7 +89,7 @@ START_CLOCK: Final = StartClock(
 )
 
 
-class ClosedLoopScenario:
+class ClosedLoopScenario(PlainScenario):
     """A scenario made of the user's loop.
 
     Parameters
@@ -109,8 +110,6 @@ class ClosedLoopScenario:
 
     engines = ("vectorised",)
     revision = REVISION
-    outages: tuple[tuple[float, float], ...] = ()
-
     start_clock = START_CLOCK
 
     def __init__(
@@ -162,28 +161,19 @@ class ClosedLoopScenario:
             sources.append(Source(each.name, each.unit, unit, sigma or usual, group=each.group, of=each.of))
         return tuple(sources)
 
+    can = frozenset({Capability.USER_CODE})
+
     @property
-    def can(self) -> frozenset[Capability]:
-        """Capabilities of the scenario."""
-        always = {
-            Capability.USER_CODE, Capability.REMARKS, Capability.LINEAR_OVER_TIME, Capability.LINEAR_AT_ANY_TIME,
-            Capability.EPOCHS, Capability.UPDATES, Capability.START_TIMES,
-        }  # fmt: skip
-        some = {
-            Capability.NOISE: self.noisy, Capability.FILTER: self.judged is not None,
-            Capability.SMOOTHER: self._lag is not None and self._begun is None,
-        }  # fmt: skip
-        return frozenset(always | {capability for capability, present in some.items() if present})
+    def parts(self) -> TimelineParts:
+        """What its timeline has."""
+        smoothed = self._lag is not None and self._begun is None
+        measured, judged = bool(self.maps.sensors), self.judged is not None
+        return TimelineParts("any time", self.noisy, updates=measured, filter=judged, smoother=smoothed, begins=True)
 
     @property
     def processes(self) -> tuple[Output, ...]:
         """Processes of noise that have a size."""
         return tuple(Output(name, "1", "1") for name in sized_processes(self.maps, self.sizes.true))
-
-    @property
-    def noisy(self) -> bool:
-        """True where it has noise at present."""
-        return bool(self.processes)
 
     def with_sizes(self, sizes: LoopSizes) -> ClosedLoopScenario:
         """Return the scenario with other sizes."""
@@ -299,7 +289,7 @@ class ClosedLoopScenario:
         """Return the linear system at the end, or at rising times, s, before and after updates."""
         if times is not None:
             return self._read_out(self._readings_at(times), own=True)
-        system = self.linear_over_time(len(self._chosen))
+        system = self.linear_over_time()
         return system.at(np.arange(len(system.times)) == len(system.times) - 1)
 
     def _readings_at(self, times: Array) -> list[Reading]:
@@ -318,15 +308,11 @@ class ClosedLoopScenario:
         own = self._of_outputs(claimed)
         return replace(system, label=LABEL, own=own, own_outputs=schema.known, believed=self.believed)
 
-    def linear_over_time(self, count: int) -> LinearSystem:
-        """Return the linear system at so many epochs, evenly chosen, or at all when there are fewer."""
+    def linear_over_time(self, count: int | None = None) -> LinearSystem:
+        """Return the linear system at all epochs, or at so many, evenly chosen."""
         last = len(self._chosen) - 1
-        chosen = np.linspace(0, last, min(count, last + 1)).round().astype(int)
+        chosen = np.linspace(0, last, min(count or last + 1, last + 1)).round().astype(int)
         return self.readings.at(np.isin(np.arange(last + 1), chosen))
-
-    def linear_around_updates(self) -> LinearSystem:
-        """Return the linear system at all epochs, before and after updates, and around all corrections."""
-        return self._read_out(self.linear_loop.around(self._chosen), own=True)
 
     def _stated(self, readings: Sequence[Reading]) -> Array:
         """Return the covariance of the outputs that the navigator states, shape (r, outputs, outputs)."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,14 @@ from mcnav.contract.gates import USUAL, FaultLaw, GateLaw, GateQuestion, Rejecti
 from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import TRAJECTORY_TIME, CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
+from mcnav.contract.questions import TimelineParts
 from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Capability, ScenarioError
+from mcnav.contract.scenario import Capability, PlainScenario, ScenarioError
 from mcnav.contract.time_axis import TimeAxis, time_axis
 from mcnav.linear.engine.products import transform
 from mcnav.linear.engine.propagate import Propagated, propagate
+from mcnav.systems.histories import first_and_last
 from mcnav.systems.ins.aided import (
     PROBES,
     AidedEngine,
@@ -130,9 +132,6 @@ NOISE: Final = (
 GRAVITY: Final = tuple(Output(name, *PROCESS_UNITS[cause_of(name)]) for name in DISTURBANCES)
 """Gravity disturbances as states of a filter."""
 
-BEFORE_END: Final = 1.0
-"""Time before the end of an outage at which errors are read out, s; less in a short outage."""
-
 REVISION: Final = 6
 """Counts the changes of the samples' digits: 1 drew normal variates one at a time, 2 two of a block of random bits.
 
@@ -159,11 +158,6 @@ SHORTEST: Final = 1.0
 FEWEST_PROBES: Final = 2
 
 START_CLOCK: Final = StartClock("min of the trajectory", aligned="at the navigation's own start")
-
-
-def first_and_last(begin: float, end: float) -> tuple[float, float]:
-    """Return the begin of a span of time, and an instant just before its end, s."""
-    return begin, end - min(BEFORE_END, 0.01 * (end - begin))
 
 
 @dataclass(frozen=True)
@@ -434,23 +428,7 @@ class ReferenceEngine:
         )
 
 
-CAPABILITIES: Final = frozenset(
-    {
-        Capability.NOISE,
-        Capability.FILTER,
-        Capability.LINEAR_OVER_TIME,
-        Capability.LINEAR_AT_ANY_TIME,
-        Capability.COVARIANCE,
-        Capability.START_TIMES,
-        Capability.EPOCHS,
-        Capability.TRAJECTORY,
-        Capability.RECORDING,
-    }
-)
-"""Capabilities of every such scenario."""
-
-
-class Ins:
+class Ins(PlainScenario):
     """The scenario.
 
     Raises
@@ -484,13 +462,18 @@ class Ins:
     @property
     def can(self) -> frozenset[Capability]:
         """Capabilities of the scenario."""
-        smoothed = self.navigation.filter is not None and self.navigation.filter.smoothed
+        always = frozenset({Capability.COVARIANCE, Capability.TRAJECTORY})
         sensors = self.navigation.sensors
         gated = self.navigation.filter is not None and any(each.gate is not None or each.faults for each in sensors)
-        further = {
-            Capability.REMARKS: bool(self.remarks), Capability.SMOOTHER: smoothed, Capability.GATES: gated
-        }  # fmt: skip
-        return CAPABILITIES | {capability for capability, given in further.items() if given}
+        return always | {Capability.GATES} if gated else always
+
+    @property
+    def parts(self) -> TimelineParts:
+        """What its timeline has."""
+        model = self.navigation.filter
+        aided = model is not None
+        smoothed = model is not None and model.smoothed
+        return TimelineParts("any time", noise=True, updates=aided, filter=aided, smoother=smoothed, begins=True)
 
     def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
         """Return `remarks`, whatever the errors."""
@@ -518,11 +501,6 @@ class Ins:
         sizes = process_sizes(self.navigation.imu)
         instruments = tuple(process for process in NOISE if process.name in sizes)
         return instruments + aiding_outputs(self.navigation.sensors)
-
-    @property
-    def noisy(self) -> bool:
-        """True where it has noise."""
-        return bool(self.processes)
 
     def with_filter(self, model: FilterModel, sigmas: Mapping[str, float] | None = None) -> Ins:
         """Return the same scenario with a filter, and the true root mean squares of the constant sources."""
@@ -666,6 +644,10 @@ class Ins:
         """Times that have been added to the usual epochs, s: samples' noise depends on all of them."""
         return self.navigation.further
 
+    def with_epochs(self, times: tuple[float, ...]) -> Self:
+        """Return the same with further epochs, s."""
+        return type(self)(replace(self.navigation, further=times), self.remarks)
+
     def _check_within(self, times: Array) -> None:
         navigation = self.navigation
         for time in times:
@@ -708,7 +690,7 @@ class Ins:
         total = transform(partials, covariance) + read.covariances.sum(axis=1)
         return CovarianceReadings(times, partials @ mean, total)
 
-    def linear_over_time(self, count: int) -> LinearSystem:
+    def linear_over_time(self, count: int | None = None) -> LinearSystem:
         """Return the linear system at the epochs, whatever the count."""
         return self.linear()
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final, Literal
+from typing import Final, Literal, Self
 
 import numpy as np
 
@@ -23,8 +24,9 @@ from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output, Source
+from mcnav.contract.questions import TimelineParts
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Capability, ScenarioError
+from mcnav.contract.scenario import Capability, PlainScenario, ScenarioError
 from mcnav.numerics.integration import Diverged
 from mcnav.numerics.power_sums import sum_powers
 from mcnav.systems.histories import with_errors
@@ -138,12 +140,15 @@ class Navigation:
         Range angle of the reference axes, rad.
     further : tuple of FurtherOutput
         Outputs after the errors of the polar state.
+    further_epochs : tuple of float
+        Epochs besides the usual ones, s from reentry.
     """
 
     trajectory: Trajectory
     start: float
     theta_axes: float
     further: tuple[FurtherOutput, ...] = ()
+    further_epochs: tuple[float, ...] = ()
 
     @cached_property
     def final(self) -> Array:
@@ -206,8 +211,7 @@ class EnsembleEngine:
     @cached_property
     def epochs(self) -> Epochs:
         """Evenly spaced before reentry, and evenly after it."""
-        times = epoch_times(self.navigation) - self.navigation.trajectory.reentry_time
-        return Epochs(HISTORY_TIME, times / 60.0, events(self.navigation))
+        return Epochs(HISTORY_TIME, reading_times(self.navigation) / 60.0, events(self.navigation))
 
     @cached_property
     def _moments(self) -> Array:
@@ -254,6 +258,11 @@ def epoch_times(navigation: Navigation, count: int = EPOCHS) -> Array:
     return np.concatenate([before, np.linspace(reentry, end, after)])
 
 
+def reading_times(navigation: Navigation) -> Array:
+    """Return all epochs, s from reentry."""
+    return np.union1d(epoch_times(navigation) - navigation.trajectory.reentry_time, navigation.further_epochs)
+
+
 def events(navigation: Navigation) -> dict[str, float]:
     """Name the instants of a flight, minutes from reentry."""
     reentry, final = navigation.trajectory.reentry_time, navigation.trajectory.final_time
@@ -277,7 +286,7 @@ def _navigation(trajectory: Trajectory, start: float, axes: str, further: tuple[
     return Navigation(trajectory, start, float(aligned[1]), further)
 
 
-class Reentry:
+class Reentry(PlainScenario):
     """The scenario: a truth integrated once, and the engines that simulate a navigator along it.
 
     Its outputs are the errors of the polar state and ``further`` ones. Raises `ScenarioError` when the truth never
@@ -288,9 +297,8 @@ class Reentry:
     engines = ("ensemble", "reference")
     revision = REVISION
     start_clock = StartClock("min from reentry", "reentry")
-    can = frozenset(
-        {Capability.LINEAR_OVER_TIME, Capability.LINEAR_AT_ANY_TIME, Capability.START_TIMES, Capability.REPLAY}
-    )
+    can = frozenset({Capability.REPLAY})
+    parts = TimelineParts("any time", begins=True)
 
     _latest: tuple[bytes, EnsembleEngine] | None = None
     """Content of the last probes, and the ensemble: another run of the campaign has the same."""
@@ -333,8 +341,26 @@ class Reentry:
         partials, nominal = self._navigator.read(since)
         return LinearSystem((since - reentry) / 60.0, partials, nominal, label=HISTORY_TIME)
 
-    def linear_over_time(self, count: int) -> LinearSystem:
-        """Compute partials over the flight; half of the times are after reentry, where errors change fastest."""
+    @property
+    def reading_times(self) -> Array:
+        """The epochs, s from reentry."""
+        return reading_times(self.navigation)
+
+    @property
+    def further_epochs(self) -> tuple[float, ...]:
+        """Those besides the usual ones, s from reentry."""
+        return self.navigation.further_epochs
+
+    def with_epochs(self, times: tuple[float, ...]) -> Self:
+        """Return the same with further epochs, s from reentry; the truth is shared."""
+        other = copy(self)
+        other.navigation, other._latest = replace(self.navigation, further_epochs=times), None
+        return other
+
+    def linear_over_time(self, count: int | None = None) -> LinearSystem:
+        """Compute partials at the epochs, or at a count of times, half of which are after reentry."""
+        if count is None:
+            return self.linear(self.reading_times)
         start, reentry, final = self.navigation.start, self.trajectory.reentry_time, self.trajectory.final_time
         before = count // 2 if start < reentry else 0
         times = np.concatenate(

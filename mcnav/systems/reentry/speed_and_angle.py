@@ -151,9 +151,10 @@ class SpeedAndAngleReentry(Reentry):
         """Compute partial derivatives at the end."""
         return self._with_columns(super().linear(times))
 
-    def linear_over_time(self, count: int) -> LinearSystem:
+    def linear_over_time(self, count: int | None = None) -> LinearSystem:
         """Compute partial derivatives over the flight."""
-        return self._with_columns(super().linear_over_time(count))
+        system = super().linear_over_time(count)
+        return system if count is None else self._with_columns(system)
 
     def partials_at(self, times: Array, axes: str = "start") -> Array:
         """Compute the partial derivatives for navigation started at each time, shape (n, outputs, sources)."""

@@ -12,9 +12,10 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +25,12 @@ from mcnav.constants import STANDARD_GRAVITY
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.failure import Failure
 from mcnav.contract.filter_record import FilterSchema
-from mcnav.contract.history import Epochs, History, Panel
+from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output, Source, source_labels
+from mcnav.contract.questions import TimelineParts
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Capability, ScenarioError
+from mcnav.contract.scenario import Capability, PlainScenario, ScenarioError
 from mcnav.numerics.integration import Diverged
 from mcnav.numerics.refinement import refined_steps
 from mcnav.systems.histories import with_errors
@@ -110,6 +112,9 @@ steps from epoch to epoch."""
 HAND_OVER_SHARE: Final = 0.01
 """Share of probes beyond the kernel's validity above which the reference path does the work, in processes."""
 
+SHORTEST: Final = 1.0
+"""Shortest flight after a later start, s, or half of a flight that is itself short."""
+
 LONGEST: Final = 10.0 * 86_400.0
 """Longest flight, s; longer ones are taken for mistakes."""
 
@@ -122,11 +127,19 @@ class Navigation:
     ----------
     sources, outputs : tuple of int
         Rows of `SOURCES` and of `OUTPUTS`.
+    further_epochs : tuple of float
+        Epochs besides the usual ones, s.
     """
 
     flight: SteadyFlight
     sources: tuple[int, ...]
     outputs: tuple[int, ...]
+    further_epochs: tuple[float, ...] = ()
+
+    @property
+    def shares(self) -> Array:
+        """Epochs as shares of the flight."""
+        return np.union1d(SHARES, np.array(self.further_epochs) / self.flight.duration)
 
     def whole(self, errors: Array) -> Array:
         """Place errors among those that the physics takes, shape (n, 18)."""
@@ -213,7 +226,8 @@ class EnsembleEngine:
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples; where those with noise are asked for, their errors at every epoch as well."""
         errors = batch.errors
-        histories, valid = self.navigation.histories(errors, self.steps, SHARES if noise else SHARES[-1:])
+        shares = self.navigation.shares
+        histories, valid = self.navigation.histories(errors, self.steps, shares if noise else shares[-1:])
         values = histories[:, -1].copy()
         beyond = np.flatnonzero(~valid).tolist()
         histories[beyond] = np.nan
@@ -223,10 +237,10 @@ class EnsembleEngine:
     @property
     def epochs(self) -> Epochs:
         """Evenly spaced."""
-        return Epochs(HISTORY_TIME, SHARES * self.navigation.flight.duration / 60.0)
+        return Epochs(HISTORY_TIME, self.navigation.shares * self.navigation.flight.duration / 60.0)
 
 
-class Cruise:
+class Cruise(PlainScenario):
     """The scenario: steady flight along a great circle, or standing still, and a navigator that goes along.
 
     Raises `ScenarioError` when nothing holds the vehicle down, at or beyond orbital speed, and when an inertial
@@ -235,7 +249,9 @@ class Cruise:
 
     engines = ("ensemble", "reference")
     revision = REVISION
-    can = frozenset({Capability.LINEAR_OVER_TIME, Capability.LINEAR_AT_ANY_TIME, Capability.REPLAY})
+    can = frozenset({Capability.REPLAY})
+    parts = TimelineParts("any time", begins=True)
+    start_clock = StartClock("min of the flight", aligned="at the navigation's own start")
 
     def __init__(self, flight: SteadyFlight) -> None:
         if flight.effective_gravity <= 0.0:
@@ -279,8 +295,50 @@ class Cruise:
         nominal = np.zeros((len(times), len(self.outputs)))
         return LinearSystem(times / 60.0, self._partials(times), nominal, label=HISTORY_TIME)
 
-    def linear_over_time(self, count: int) -> LinearSystem:
-        """Compute the partial derivatives at evenly spaced times of the flight."""
+    @property
+    def reading_times(self) -> Array:
+        """The epochs, s."""
+        return self.navigation.shares * self.flight.duration
+
+    @property
+    def further_epochs(self) -> tuple[float, ...]:
+        """Those besides the usual ones, s."""
+        return self.navigation.further_epochs
+
+    def with_epochs(self, times: tuple[float, ...]) -> Self:
+        """Return the same with further epochs, s."""
+        other = copy(self)
+        other.navigation = replace(self.navigation, further_epochs=times)
+        return other
+
+    def check_start_axes(self, axes: str) -> None:
+        """Refuse axes of another time: a steady flight is the same from each start, with axes aligned there."""
+        if axes != "start":
+            raise ScenarioError(
+                "axes", f"got {axes!r}; axes of a steady flight are aligned at each start: leave it out"
+            )
+
+    def start_times(self, count: int) -> Array:
+        """Space start times from the flight's start to just before its end, shape (count,), s."""
+        return np.linspace(0.0, self.flight.duration - min(SHORTEST, self.flight.duration / 2.0), count)
+
+    def started_at(self, time: float, axes: str) -> Cruise:
+        """Start navigation at another time, s: the flight is steady, so that what is left of it is a shorter one."""
+        self.check_start_axes(axes)
+        last = float(self.start_times(2)[-1])
+        if not 0.0 <= time <= last:
+            raise ScenarioError("start", f"got {time:g} s; navigation starts from 0 s to {last:g} s")
+        return Cruise(replace(self.flight, duration=self.flight.duration - time))
+
+    def partials_at(self, times: Array, axes: str = "start") -> Array:
+        """Compute the partial derivatives at the end for navigation started at each time, rising, s."""
+        self.check_start_axes(axes)
+        return self._partials(self.flight.duration - times[::-1])[::-1]
+
+    def linear_over_time(self, count: int | None = None) -> LinearSystem:
+        """Compute the partial derivatives at the epochs, or at evenly spaced times of the flight."""
+        if count is None:
+            return self.linear(self.reading_times)
         times = np.linspace(0.0, self.flight.duration, count)
         return LinearSystem(times / 60.0, self._partials(times), label=HISTORY_TIME)
 

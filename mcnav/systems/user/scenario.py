@@ -24,8 +24,9 @@ from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import Of, Output, Source
+from mcnav.contract.questions import Question, reason_against
 from mcnav.contract.samples import SimulationResult
-from mcnav.contract.scenario import Capability, Scenario, ScenarioError, is_differenced
+from mcnav.contract.scenario import Capability, PlainScenario, Scenario, ScenarioError, is_differenced
 from mcnav.entries.inputs import InputFile, with_unique_names
 from mcnav.systems.finite_differences import DifferencedModel, differentiate
 from mcnav.systems.guard import LINEARIZING
@@ -67,7 +68,7 @@ def _check_entries(where: str, entries: Any, kind: type[Source] | type[Output]) 
         raise ScenarioError("type", f"{where} lists a name twice")
 
 
-class UserScenario:
+class UserScenario(PlainScenario):
     """A scenario made of the user's class.
 
     Parameters
@@ -80,6 +81,8 @@ class UserScenario:
     ScenarioError
         When the class does not follow the protocol.
     """
+
+    can = frozenset({Capability.USER_CODE, Capability.DIFFERENCED})
 
     def __init__(self, spec: UserScenarioSpec, sizes: Array | None = None) -> None:
         self.spec = spec
@@ -99,11 +102,6 @@ class UserScenario:
         entries: Any = self.spec.member(attribute)
         _check_entries(f"{self.spec.name}.{attribute}", entries, kind)
         return tuple(entries)
-
-    @property
-    def can(self) -> frozenset[Capability]:
-        """Capabilities of the scenario: its code runs where it cannot end the program."""
-        return frozenset({Capability.USER_CODE, Capability.DIFFERENCED})
 
     def with_sigmas(self, sizes: Array) -> UserScenario:
         """Return the scenario with the sigmas of a campaign's errors, shape (sources,), SI."""
@@ -171,8 +169,14 @@ class UserScenario:
         Raises `ScenarioError` when a simulation that they need fails, or the partial derivatives of the class have the
         wrong shape.
         """
+        if times is not None:
+            raise ScenarioError("at", reason_against(Question.ANY_TIME, self.parts))
         model = self._model if self.own_partials else self.differences.model
         return LinearSystem.at_end(model.partials, model.nominal)
+
+    def linear_over_time(self, count: int | None = None) -> LinearSystem:
+        """Return the linear system at the end."""
+        return self.linear()
 
     @cached_property
     def given_partials(self) -> Array:

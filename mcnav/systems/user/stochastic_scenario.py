@@ -25,7 +25,8 @@ from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output
-from mcnav.contract.scenario import Capability, Scenario, ScenarioError, can_have_noise, is_differenced
+from mcnav.contract.questions import TimelineParts
+from mcnav.contract.scenario import Scenario, ScenarioError, is_differenced
 from mcnav.systems.finite_differences import SHARES
 from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.sample_loop import SampleFailed, format_exception
@@ -86,7 +87,7 @@ class StochasticUserScenario(UserScenario):
 
     def __init__(self, spec: UserScenarioSpec, sizes: Array | None = None) -> None:
         super().__init__(spec, sizes)
-        self.noisy = _takes_noise(spec)
+        self._draws = _takes_noise(spec)
         if self.engines == ("vectorised",):
             message = f"{spec.name}.propagate takes errors alone; noise and epochs need fly, without a propagate"
             raise ScenarioError("type", message)
@@ -94,9 +95,14 @@ class StochasticUserScenario(UserScenario):
         self.epochs = self._epochs()
 
     @property
-    def can(self) -> frozenset[Capability]:
-        """Capabilities of the scenario."""
-        return super().can | ({Capability.NOISE} if self.noisy else frozenset())
+    def noisy(self) -> bool:
+        """True where samples have noise."""
+        return self._draws
+
+    @property
+    def parts(self) -> TimelineParts:
+        """What is known of its timeline."""
+        return TimelineParts("end", self.noisy)
 
     def _epochs(self) -> Epochs | None:
         return None
@@ -205,7 +211,7 @@ class StochasticUserScenario(UserScenario):
 
     def linear(self, times: Array | None = None) -> LinearSystem:
         """Return the linear system at the end, with the covariance of the noise; see `UserScenario.linear`."""
-        model, size = super().linear().end, len(self.outputs)
+        model, size = super().linear(times).end, len(self.outputs)
         noise = {name: each.reshape(-1, size, size)[-1] for name, each in self.noise.items()}
         return LinearSystem.at_end(model.partials, model.nominal, noise)
 
@@ -237,10 +243,9 @@ class TimedUserScenario(StochasticUserScenario):
     epochs: Epochs
 
     @property
-    def can(self) -> frozenset[Capability]:
-        """Capabilities of the scenario."""
-        timed = {Capability.EPOCHS} if self._second is not None else set()
-        return super().can | {Capability.LINEAR_OVER_TIME, Capability.FILTER} | timed
+    def parts(self) -> TimelineParts:
+        """What is known of its timeline."""
+        return TimelineParts("epochs", self.noisy, filter=True)
 
     def _epochs(self) -> Epochs:
         """Read the class's epochs: `Epochs`, or times in seconds."""
@@ -269,13 +274,8 @@ class TimedUserScenario(StochasticUserScenario):
 
     @property
     def reading_times(self) -> Array:
-        """The epochs, s."""
-        return np.asarray(self.epochs.times * (self._second or np.nan))
-
-    @property
-    def outages(self) -> tuple[tuple[float, float], ...]:
-        """Outages of sensors; the program knows of none."""
-        return ()
+        """The epochs, s; none where they are no times."""
+        return np.zeros(0) if self._second is None else np.asarray(self.epochs.times * self._second)
 
     @property
     def leading_shape(self) -> tuple[int, ...]:
@@ -299,10 +299,10 @@ class TimedUserScenario(StochasticUserScenario):
         forward, backward = np.split(over_time, 2)
         return np.asarray(((forward - backward) / (2.0 * steps[:, None, None])).transpose(1, 2, 0))
 
-    def linear_over_time(self, count: int) -> LinearSystem:
-        """Return the linear system at so many epochs, evenly chosen, or at all when there are fewer."""
+    def linear_over_time(self, count: int | None = None) -> LinearSystem:
+        """Return the linear system at all epochs, or at so many, evenly chosen."""
         last = len(self.epochs.times) - 1
-        chosen = np.unique(np.linspace(0, last, min(count, last + 1)).round().astype(int))
+        chosen = np.unique(np.linspace(0, last, min(count or last + 1, last + 1)).round().astype(int))
         processes = {name: each[chosen] for name, each in self.noise.items()}
         times, partials = self.epochs.times[chosen], self._partials_over_time[chosen]
         nominal = np.asarray(self._nominal.errors, dtype=float).reshape(len(self.epochs.times), -1)[chosen]
@@ -397,4 +397,4 @@ class TimedUserScenario(StochasticUserScenario):
 
 def is_users_with_noise(scenario: Scenario) -> TypeGuard[StochasticUserScenario]:
     """Return whether a scenario is made of a user's class with noise."""
-    return is_differenced(scenario) and can_have_noise(scenario)
+    return is_differenced(scenario) and scenario.parts.noise

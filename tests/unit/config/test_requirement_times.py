@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mcnav.config.read import parse_campaign
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import check_requirements, read_requirements
 from mcnav.config.schema import AcceptTable
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
+from mcnav.entries.examples import examples_folder
 from mcnav.entries.validation import validate
 from mcnav.store.manifest import RequirementRecord
 from mcnav.systems.ins.imu.instruments import Imu
@@ -42,7 +44,7 @@ def accept(kind: str, scenario: Scenario, **entry: Any) -> tuple[list[Requiremen
     entries = {kind: [{**of_kind, "below": "10 m", **entry}]}
     table = validate(AcceptTable, entries, context, "accept")
     check_requirements(entries, scenario.outputs, context)
-    if table is not None and isinstance(scenario, Ins):
+    if table is not None:
         scenario = with_epochs(scenario, table)
     found = [] if table is None else read_requirements(table, scenario, context)
     return found, [str(problem) for problem in context.problems]
@@ -132,8 +134,23 @@ def test_one_mistake_is_one_line(kind: str, entry: dict[str, Any], line: str) ->
     assert found.startswith(f"mine.toml: accept.{line}"), found
 
 
-def test_other_scenarios_have_requirements_at_the_end_alone() -> None:
-    _, (found,) = accept("quantile", reentry(4), output="altitude", after="600 s")
+def test_a_reentry_has_the_times_of_its_requirements_among_its_epochs() -> None:
+    scenario = reentry(4)
+    (record,), problems = accept("quantile", scenario, output="altitude", at="-123.4 s")
+    assert not problems
+    further = scenario.with_epochs((-123.4,))
+    assert record.epochs == (int(np.flatnonzero(further.reading_times == -123.4)[0]),)
+    assert len(further.reading_times) == len(scenario.reading_times) + 1
+    epochs = further.engine("ensemble", np.zeros((1, 12))).epochs
+    assert epochs is not None
+    np.testing.assert_allclose(epochs.times * 60.0, further.reading_times, rtol=1e-15)
+
+
+def test_a_function_of_the_errors_at_the_end_has_no_requirements_over_time() -> None:
+    content = {"scenario": {"type": "polar.py:Target"}, "errors": {"range": "1 m"}}
+    target = parse_campaign(content, str(examples_folder() / "mine.toml"), "mine").scenario
+    _, (found,) = accept("quantile", target, output="x", after="600 s")
     assert found == (
-        "mine.toml: accept.quantile #1.after: needs a scenario with epochs in time; other requirements hold at the end"
+        "mine.toml: accept.quantile #1.after: the system returns its errors at the end alone; declare epochs to have "
+        "them over time"
     )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from mcnav.contract.linear import LinearSystem
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Capability, ScenarioError
+from mcnav.contract.scenario import PlainScenario, ScenarioError
 from mcnav.linear.engine.propagate import propagate
 from mcnav.numerics.power_sums import sum_powers
 from mcnav.systems.histories import with_errors
@@ -109,7 +110,7 @@ class GuidedEngine:
         return np.asarray(self.histories(np.zeros((1, SOURCES)))[0])
 
 
-class GuidedReentry:
+class GuidedReentry(PlainScenario):
     """The scenario.
 
     Raises `ScenarioError` when the nominal flight never comes down, navigation would start outside it, or a law that
@@ -119,13 +120,7 @@ class GuidedReentry:
     sources = (*OF_NAVIGATION, *TRUTH_SOURCES)
     engines = ("ensemble", "reference")
     revision = REVISION
-    can = frozenset(
-        {
-            Capability.LINEAR_OVER_TIME, Capability.LINEAR_AT_ANY_TIME, Capability.START_TIMES, Capability.REPLAY,
-            Capability.REMARKS,
-        }
-    )  # fmt: skip
-    start_clock = Reentry.start_clock
+    can, parts, start_clock = Reentry.can, Reentry.parts, Reentry.start_clock
 
     def __init__(
         self,
@@ -169,8 +164,26 @@ class GuidedReentry:
         check_span(times, since, since + final, " from reentry")
         return self._readings(np.where(times - since > final - ROUNDING, final, np.maximum(times - since, 0.0)))
 
-    def linear_over_time(self, count: int) -> LinearSystem:
-        """Compute partial derivatives over the flight; those of the last time are of each sample's own end."""
+    @property
+    def reading_times(self) -> Array:
+        """The epochs, s from reentry; the last is the end of each sample."""
+        return self._unguided.reading_times
+
+    @property
+    def further_epochs(self) -> tuple[float, ...]:
+        """Those besides the usual ones, s from reentry."""
+        return self._unguided.further_epochs
+
+    def with_epochs(self, times: tuple[float, ...]) -> Self:
+        """Return the same with further epochs, s from reentry."""
+        other = copy(self)
+        other._unguided = self._unguided.with_epochs(times)
+        return other
+
+    def linear_over_time(self, count: int | None = None) -> LinearSystem:
+        """Compute partial derivatives at the epochs, or at a count of times; the last are of each sample's own end."""
+        if count is None:
+            return self.linear(self.reading_times)
         times, final = (
             epoch_times(self._unguided.navigation, count)[:-1] - self.navigation.start,
             self._flight.final_time,
@@ -235,9 +248,7 @@ class GuidedReentry:
         """Prepare one of `engines`."""
         if engine == "reference":
             return GuidedReferenceEngine(self.navigation, len(self.outputs))
-        navigation = self._unguided.navigation
-        times = (epoch_times(navigation) - navigation.trajectory.reentry_time) / 60.0
-        return GuidedEngine(self.navigation, Epochs(HISTORY_TIME, times, self.nominal().events))
+        return GuidedEngine(self.navigation, Epochs(HISTORY_TIME, self.reading_times / 60.0, self.nominal().events))
 
     def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
         """Say how flights with drawn errors depart from linear analysis, and whether the lift reaches its limit."""
