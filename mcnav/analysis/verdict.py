@@ -27,9 +27,6 @@ zero, and nothing is said of it."""
 LARGEST_FAILED_SHARE: Final = 1e-3
 """Largest share of failed samples with which agreement is claimed."""
 
-HOPELESS: Final = 1e4
-"""Ratio of half width to distance from the tolerance above which no number of samples is given (1e8 times as many)."""
-
 
 @dataclass(frozen=True)
 class Judgement:

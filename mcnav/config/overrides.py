@@ -91,25 +91,6 @@ def override(document: Mapping[str, Any], values: Mapping[str, Value], file: str
     return result
 
 
-def vary(campaign: Description, values: Mapping[str, Value]) -> Campaign:
-    """Read a campaign with some keys set to other values.
-
-    Parameters
-    ----------
-    campaign : str, Path, Campaign or mapping
-        Relative paths in it start from its own folder, those in a mapping from the current one. The file of a
-        `Campaign` is read again.
-    values : mapping of str to Value
-        By path.
-
-    Raises
-    ------
-    CampaignError
-        Lists every mistake that was found.
-    """
-    return parse_document(document_of(campaign), values)
-
-
 class VariedCampaign:
     """A campaign that is read with many values of some keys; its file is read once.
 
@@ -118,7 +99,8 @@ class VariedCampaign:
     Parameters
     ----------
     campaign : str, Path, Campaign or mapping
-        See `vary`.
+        Relative paths in it start from its own folder, those in a mapping from the current one. The file of a
+        `Campaign` is read again.
 
     Attributes
     ----------

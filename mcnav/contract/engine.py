@@ -45,14 +45,6 @@ class Engine(Protocol):
         """Simulate samples, with their noise or without."""
 
 
-class SmoothingEngine(Engine, Protocol):
-    """An engine whose samples' filters are followed by a smoother."""
-
-    @property
-    def smoother(self) -> FilterSchema | None:
-        """Columns of the smoothers' records (`SimulationResult.smoother_values`); none without a smoother."""
-
-
 class HistoryEngine(Engine, Protocol):
     """An engine that computes the errors at its epochs in a pass of their own, apart from the final ones."""
 
@@ -113,11 +105,6 @@ def scales_noise(engine: Engine) -> TypeGuard[ScalableEngine]:
 def has_histories(engine: Engine) -> TypeGuard[HistoryEngine]:
     """Return whether an engine computes the errors at its epochs in a pass of their own."""
     return engine.epochs is not None and hasattr(engine, "histories")
-
-
-def follows_samples(engine: Engine) -> bool:
-    """Return whether an engine returns the errors at its epochs with each sample (`SimulationResult.history`)."""
-    return engine.epochs is not None and not has_histories(engine)
 
 
 def without_noise(engine: Engine) -> Callable[[Array], SimulationResult]:

@@ -122,11 +122,6 @@ class Assessment:
         return np.asarray((above + 1.0) / (len(largest) + 1.0))
 
     @property
-    def alarms(self) -> Array:
-        """True for each record at odds with the campaign, shape (R,)."""
-        return np.asarray(self.probability(self.scores.max(axis=0)) <= LEVEL)
-
-    @property
     def foremost(self) -> IndexArray:
         """Candidate that is named for each record, shape (R,)."""
         return np.asarray(np.argmax(self.gains - self.freedom[:, None], axis=0))

@@ -42,11 +42,6 @@ REDUCTION: Final = 8
 """Number by which the flights on the side are divided for an engine that is quick but not fast."""
 
 
-METHODS: Final = ("variational", "differences", "runs")
-"""The equations of variation along the truth; one error at a time on the ensemble engine; F S^-1 from independent error
-sets on the reference engine."""
-
-
 def require_fast(engine: Engine) -> None:
     """Raise `SimulationFailed` for an engine that is too slow for thousands of further simulations."""
     if engine.chunk < QUICK:
@@ -148,7 +143,11 @@ def partials_throughout(engine: HistoryEngine, sizes: Array) -> tuple[Array, Arr
 
 
 def partials_by(scenario: Scenario, method: str) -> Array:
-    """Compute partial derivatives by one of `METHODS`, shape (outputs, sources), SI; see `compare_partials`."""
+    """Compute partial derivatives, shape (outputs, sources), SI, by one of three methods.
+
+    These are ``variational``, the equations of variation along the truth; ``differences``, one error at a time on the
+    ensemble engine; and ``runs``, F S^-1 from independent error sets on the reference engine.
+    """
     if method == "variational":
         return scenario.linear().end.partials
     sizes = np.array([source.nominal for source in scenario.sources])
@@ -159,7 +158,7 @@ def partials_by(scenario: Scenario, method: str) -> Array:
 
 
 def compare_partials(scenario: Scenario, methods: Sequence[str]) -> tuple[Array, dict[str, Array]]:
-    """Compute partial derivatives by the first of some of `METHODS`, and the differences of the others from them.
+    """Compute partial derivatives by the first of some methods, and the differences of the others from them.
 
     Raises `SimulationFailed` when a sample that they need fails.
 

@@ -63,14 +63,6 @@ class BlockReduction:
         return total[None][: 1 if position else 0]
 
 
-def reduce_samples(
-    frame: Normalization, begin: int, errors: Array, outcomes: Array, linear: Array | None = None
-) -> BlockSums:
-    """Reduce a stretch of samples that is known as a whole; arguments are those of `BlockReduction`."""
-    reduction = BlockReduction(frame, begin)
-    return reduction.add(errors, outcomes, linear).followed_by(reduction.rest())
-
-
 @compiled
 def _add(
     y: Array,

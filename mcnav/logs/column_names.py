@@ -15,8 +15,6 @@ from mcnav.units import QUESTIONS, UnitError, conversion
 
 BRACKET: Final = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*)[\])}]\s*$", re.DOTALL)
 AXIS: Final = re.compile(r"^(.*?)_?([xyz]|[0-3])$")
-PLACES: Final = {"x": 0, "y": 1, "z": 2}
-
 SPELLINGS: Final = {
     "degrees": "deg", "degree": "deg", "radians": "rad", "radian": "rad", "dps": "deg/s", "deg_s": "deg/s",
     "degs": "deg/s", "deg_per_s": "deg/s", "deg_h": "deg/h", "rad_s": "rad/s", "rads": "rad/s", "rad_per_s": "rad/s",

@@ -23,7 +23,6 @@ _FIRST: Final = np.uint64(0xD2511F53)
 _SECOND: Final = np.uint64(0xCD9E8D57)
 _FIRST_KEY: Final = np.uint64(0x9E3779B9)
 _SECOND_KEY: Final = np.uint64(0xBB67AE85)
-_UNUSED: Final = np.uint64(12)
 _DIRECTION: Final = np.uint64(0xFFFFFF)
 """Bits of a word that make a direction; the others of the word belong to the radius."""
 

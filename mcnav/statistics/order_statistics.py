@@ -17,15 +17,6 @@ from scipy import special
 from mcnav._types import Array
 
 
-def samples_for_upper_bound(quantile: float, confidence: float) -> int:
-    """Return the smallest sample size whose largest sample bounds a quantile from above: ``1 - q^n >= confidence``.
-
-    >>> [samples_for_upper_bound(q, 0.90) for q in (0.99, 0.9973, 0.99865)], samples_for_upper_bound(0.95, 0.95)
-    ([230, 852, 1705], 59)
-    """
-    return max(1, math.ceil(math.log1p(-confidence) / math.log(quantile)))
-
-
 def upper_rank(count: int, quantile: float, confidence: float) -> int | None:
     """Return the rank of the smallest order statistic that bounds a quantile from above; none with too few samples.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
@@ -279,12 +279,3 @@ def _scenario_errors(campaign: Campaign) -> Iterator[None]:
         raise CampaignError([Problem(campaign.file, f"scenario.{wrong.key}", str(wrong))]) from None
     except SimulationFailed as wrong:
         raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
-
-
-def described(values: Mapping[str, Value]) -> str:
-    """Describe a point in words.
-
-    >>> described({"imu.gyro.bias": "0.1 deg/h", "scenario.trajectory": 4})
-    'imu.gyro.bias = 0.1 deg/h, scenario.trajectory = 4'
-    """
-    return ", ".join(f"{path} = {value}" for path, value in values.items())

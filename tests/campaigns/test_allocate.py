@@ -16,10 +16,10 @@ import mcnav
 from mcnav.analysis.allocation import Allocation, Goal
 from mcnav.analysis.linear_answer import LinearRequirement
 from mcnav.config.data_sheet import data_sheet_numbers, next_grade, round_down
-from mcnav.config.overrides import vary
 from mcnav.studies.allocate import allocate, write_allocation
 from mcnav.validation.reproduce.story_of_84_minutes import schuler
 from tests.commands import invoke
+from tests.runs import vary
 
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 

@@ -20,13 +20,13 @@ from typing import Any
 import pytest
 
 from mcnav import _interrupts
-from mcnav.config.overrides import vary
 from mcnav.errors import CampaignError
 from mcnav.studies.lincov import answer_linearly
 from mcnav.studies.live import MOST, LiveCampaign
 from mcnav.studies.live_server import LARGEST, LiveServer, answer_requests
 from tests.commands import invoke
 from tests.conftest import ROOT
+from tests.runs import vary
 
 CRUISE = ROOT / "campaigns" / "11_cruise.toml"
 

@@ -18,7 +18,7 @@ import pytest
 import mcnav
 from mcnav.config.read import read_campaign
 from mcnav.config.templates import new_scenario
-from mcnav.contract.engine import follows_samples
+from mcnav.contract.engine import has_histories
 from mcnav.errors import CampaignError
 from mcnav.report.statements.linearity_words import WITHOUT_NOISE
 from mcnav.systems.user import noise_measurement
@@ -338,7 +338,7 @@ def test_errors_over_time_without_noise(tmp_path: Path) -> None:
     lines = [line for line in code.splitlines() if "steps" not in line]
     (tmp_path / "mine.py").write_text("\n".join(lines).replace("errors, noise", "errors"))
     run = read_campaign(path)
-    assert follows_samples(run.scenario.engine("single", np.zeros((1, 1))))
+    assert not has_histories(run.scenario.engine("single", np.zeros((1, 1))))
     summary = simulate(run, tmp_path / "run", None, 1).summary
     assert summary["sigma_ratio_paired"][0] == pytest.approx(1.0, abs=1e-9)
     epochs = pq.read_table(tmp_path / "run" / "epochs.parquet").to_pandas()

@@ -27,8 +27,8 @@ from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.running_ratios import convergence
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError, RunFolderError
-from mcnav.linear.block_sums import column_count
-from mcnav.linear.sample_reduction import BlockReduction, reduce_samples
+from mcnav.linear.block_sums import BlockSums, Normalization, column_count
+from mcnav.linear.sample_reduction import BlockReduction
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.shape import shape_of_sums
 from mcnav.store import summaries as store
@@ -228,6 +228,12 @@ def test_block_sums_are_those_of_the_samples(block: int) -> None:
     pairs.append(tuple(np.concatenate([sums for sums, _ in each.whitened()], axis=1) for each in (one, other)))
     for mine, its in pairs:
         np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-11)
+
+
+def reduce_samples(frame: Normalization, begin: int, errors: np.ndarray, outcomes: np.ndarray) -> BlockSums:
+    """Sums of a stretch of samples that is known as a whole."""
+    reduction = BlockReduction(frame, begin)
+    return reduction.add(errors, outcomes).followed_by(reduction.rest())
 
 
 def _both_ways(

@@ -14,12 +14,12 @@ import tomli_w
 
 import mcnav
 from mcnav.analysis.crossings import TOLERANCE
-from mcnav.config.overrides import vary
 from mcnav.config.read import read_campaign
 from mcnav.report.figures.sweep import contour_lines
 from mcnav.studies.sweep import SweepPlan, run_sweep, write_sweep
 from tests.commands import invoke
 from tests.conftest import ROOT
+from tests.runs import vary
 
 CAMPAIGNS = ROOT / "campaigns"
 REENTRY = CAMPAIGNS / "01_tn_d1772_trajectory_4.toml"

@@ -30,8 +30,6 @@ def test_sample_sizes_against_openturns() -> None:
         assert order_statistics.upper_rank(expected, quantile, confidence) == expected - exceedances
         fewer = order_statistics.upper_rank(expected - 1, quantile, confidence)
         assert fewer is None or fewer > expected - 1 - exceedances
-        if exceedances == 0:
-            assert order_statistics.samples_for_upper_bound(quantile, confidence) == expected
 
 
 def test_kolmogorov_smirnov_against_scipy() -> None:

@@ -15,7 +15,6 @@ from mcnav.validation.reproduce.story_of_84_minutes.altimeter import (
     largest,
     poorest,
     poorest_from_start,
-    settled_after,
     settled_before,
 )
 from mcnav.validation.reproduce.story_of_84_minutes.detuned import BIAS, GRAVITY, SHARES, closed_form, simulated
@@ -73,6 +72,11 @@ def test_a_wrong_gear_ratio_costs_its_share_of_the_distance() -> None:
         error = abs(float(simulated(share, SPEED, BIAS, np.array([TIME]))[0])) / MILE
         assert error == pytest.approx(expected, abs=0.05)
         assert error == pytest.approx(5060.0 * share / (1.0 + share), rel=0.05)
+
+
+def settled_after(sigma: float, interval: float) -> float:
+    """The height's sigma after a reading, once settled, m."""
+    return float(sigma * np.sqrt(-np.expm1(-2.0 * GROWTH * interval)))
 
 
 @pytest.mark.parametrize("interval", INTERVALS)

@@ -140,7 +140,7 @@ def rejected_errors(whitened: WhitenedFilter, positions: IndexArray, later: NDAr
                 a = np.concatenate([np.array(to_outputs[begun : begun + added]), a])
                 b, c = (np.concatenate([np.zeros((added, *table.shape[1:])), table]) for table in (b, c))
             vb, inner = innovation_covariance(b, gains[u].T)
-            av, inverse = a @ gains[u], np.linalg.inv(one + inner)  # A V, G
+            av, inverse = a @ gains[u], np.asarray(np.linalg.inv(one + inner), dtype=np.float64)  # A V, G
             of_update = av @ inverse
             responses[begun:, u] = of_update
             excess[begun:, u] = c + np.einsum("roe,roe->ro", of_update, av)

@@ -148,10 +148,6 @@ def common_spans(sweep: Sweep) -> tuple[Span, ...] | None:
     return ((None if low == -np.inf else low, None if high == np.inf else high),)
 
 
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
 def mean_words(sweep: Sweep) -> str:
     """Say where a mean error exceeds its sigma the most; empty where none does."""
     ratios = sweep.mean_shares

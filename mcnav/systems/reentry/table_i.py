@@ -10,8 +10,8 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE, TN_GRAVITY
 from mcnav.systems.reentry.instruments import Error
-from mcnav.systems.reentry.truth import NoReentry, Trajectory, fly_truth
-from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
+from mcnav.systems.reentry.truth import Trajectory
+from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift
 
 START_ALTITUDE: Final = 18_476_300.0
 START_RANGE: Final = -12_010_330.0
@@ -78,14 +78,8 @@ TABLE_I: Final = {
     7: Row(ConstantLift(0.27), 26_220.0),
 }
 
-ANGLE_BRACKET: Final = 0.002
-"""Distance from its printed value (deg) in which the start angle of a solved trajectory is sought."""
-
-ANGLE_TOLERANCE: Final = 1e-13
-"""Tolerance of the solution, deg."""
-
 START_ANGLES: Final = {4: -77.4070362767491, 6: -77.40674674411395}
-"""Start angles (deg) of the solved trajectories, as `solve_start_angle` computes them.
+"""Start angles (deg) of the solved trajectories, to 1e-13.
 
 Trajectories 4 and 6 react so sharply to the start angle (0.002 deg moves the end by thousands of kilometres) that the
 printed angle does not define them; theirs is solved for the printed final range.
@@ -116,30 +110,6 @@ def range_from_reentry(trajectory: Trajectory) -> float:
     """Compute r_E (theta_f - theta_R): final range from where the altitude falls through 121.92 km, m."""
     final, reentry = trajectory.state(trajectory.final_time), trajectory.state(trajectory.reentry_time)
     return float(EARTH_RADIUS * (final[1] - reentry[1]))
-
-
-def solve_start_angle(number: int) -> float:
-    """Solve for the start angle (deg) with which a trajectory has its printed final range: what `START_ANGLES` holds.
-
-    Raises `ValueError` when Table I prints no final range for the trajectory.
-    """
-    from scipy.optimize import brentq  # only a test solves
-
-    row = TABLE_I[number]
-    if row.final_range is None or row.printed_angle is None:
-        raise ValueError(f"trajectory {number} begins at the common start point")
-    vehicle, wanted = Vehicle(row.lift_law), row.final_range
-
-    def overshoot(angle: float) -> float:
-        try:
-            return (
-                range_from_reentry(fly_truth(start_at_angle(np.radians(angle)), vehicle, row.final_altitude)) - wanted
-            )
-        except NoReentry:  # skipped out of the atmosphere: farther than any range
-            return 2.0 * np.pi * EARTH_RADIUS
-
-    below, above = row.printed_angle - ANGLE_BRACKET, row.printed_angle + ANGLE_BRACKET
-    return float(brentq(overshoot, below, above, xtol=ANGLE_TOLERANCE))
 
 
 def start_state(number: int) -> tuple[float, ...]:

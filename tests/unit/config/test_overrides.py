@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.config.overrides import override, vary
+from mcnav.config.overrides import override
 from mcnav.config.read import campaign_from, read_campaign
 from mcnav.errors import CampaignError
 from mcnav.systems.ins.scenario import Ins
+from tests.runs import vary
 
 CAMPAIGNS = Path(__file__).parents[3] / "campaigns"
 AIDED = CAMPAIGNS / "19_flight_with_gnss.toml"

@@ -42,8 +42,6 @@ def _normal(count: int, covariance: np.ndarray, seed: int = 1) -> np.ndarray:
 )
 def test_published_sample_sizes(quantile: float, confidence: float, exceedances: int, samples: int) -> None:
     """No fewer samples do, and with so many the rank is the one that leaves just those exceedances."""
-    if exceedances == 0:
-        assert order_statistics.samples_for_upper_bound(quantile, confidence) == samples
     assert order_statistics.upper_rank(samples, quantile, confidence) == samples - exceedances
     fewer = order_statistics.upper_rank(samples - 1, quantile, confidence)
     assert fewer is None or fewer > samples - 1 - exceedances

@@ -52,11 +52,6 @@ def settled_before(sigma: float, interval: float) -> float:
     return float(sigma * np.sqrt(np.expm1(2.0 * GROWTH * interval)))
 
 
-def settled_after(sigma: float, interval: float) -> float:
-    """Return the height's sigma after a reading, once settled, m."""
-    return float(sigma * np.sqrt(-np.expm1(-2.0 * GROWTH * interval)))
-
-
 def poorest(height: float, interval: float) -> float:
     """Return the altimeter's largest sigma that holds a height to one sigma at all times, once settled, m."""
     return height / settled_before(1.0, interval)

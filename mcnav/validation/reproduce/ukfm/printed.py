@@ -35,8 +35,6 @@ class Filter(NamedTuple):
     turned: float
 
 
-NAMES: Final = ("EKF", "UKF", "left UKF", "right UKF", "IEKF")
-
 MEANT: Final = (
     Filter("EKF", STANDARD, False, 0.0),
     Filter("UKF", STANDARD, True, 0.0),
