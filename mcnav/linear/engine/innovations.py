@@ -113,7 +113,7 @@ def measurement_errors(
         return Steps(transitions, np.zeros((len(transitions), states, cases)))
 
     disturbed = replace(
-        timeline, start=Start(np.zeros((states, cases))), steps=steps, processes=(), biases={},
+        timeline, start=Start(np.zeros((states, cases))), steps=steps, processes=(), biases={}, sizes={},
         updates=replace(timeline.updates, disturbances=-errors, variances={}),
     )  # fmt: skip
     disturbing = np.flatnonzero(errors.any(axis=(1, 2)))
