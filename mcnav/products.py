@@ -40,21 +40,28 @@ def transformed_variances(matrix: Array, covariance: Array) -> Array:
 
 def step(covariance: Array, transition: Array, noise: Array) -> Array:
     """Compute the covariance after a step, ``F P F' + Q``; what rounding leaves asymmetric, an update makes even."""
-    return np.asarray(transition @ covariance @ transition.T + noise)
+    product = transition @ covariance @ transition.swapaxes(-1, -2)
+    product += noise
+    return np.asarray(product)
 
 
 def update(covariance: Array, gain: Array, response: Array, variances: Array) -> Array:
     """Compute the covariance after an update with any gain: Joseph's form, ``(I - K H) P (I - K H)' + K R K'``.
 
+    It is computed as ``N - (N H' - K R) K'`` with ``N = (I - K H) P``, whose products are small.
+
     Parameters
     ----------
-    gain, response, variances : ndarray, shapes (f, m), (m, f), (m,)
+    gain, response, variances : ndarray, shapes (..., f, m), (m, f), (..., m)
         K, H and the diagonal of R.
     """
-    left = -gain @ response
-    left.flat[:: len(left) + 1] += 1.0
-    product = left @ covariance @ left.T + (gain * variances) @ gain.T
-    return np.asarray(0.5 * (product + product.T))
+    half = covariance - gain @ (response @ covariance)
+    beside = half @ response.T
+    beside -= gain * variances[..., None, :]
+    half -= beside @ gain.swapaxes(-1, -2)
+    product = half + half.swapaxes(-1, -2)
+    product *= 0.5
+    return np.asarray(product)
 
 
 def innovation_covariance(covariance: Array, response: Array) -> tuple[Array, Array]:

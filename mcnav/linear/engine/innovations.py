@@ -123,7 +123,7 @@ def measurement_errors(
         return Steps(transitions, np.zeros((len(transitions), states, cases)))
 
     disturbed = replace(
-        timeline, start=Start(np.zeros((states, cases))), steps=steps, processes=(), biases={},
+        timeline, start=Start(np.zeros((states, cases))), steps=steps, processes=(), biases={}, sizes={},
         updates=replace(timeline.updates, disturbances=-errors, variances={}),
     )  # fmt: skip
     check_updates(timeline, updates)

@@ -22,12 +22,15 @@ class Noise:
         What it is added to.
     covariance, factor : ndarray, shapes (k, r, r), (k, r, c)
         Either of both, as in `mcnav.contract.timeline.StepNoise`.
+    size : float
+        By which its covariance is multiplied.
     """
 
     places: IndexArray
     rows: IndexArray
     covariance: Array | None
     factor: Array | None
+    size: float = 1.0
 
     def between(self, first: int, last: int) -> Noise:
         """Return that of the transitions from the first to before the last, counted from the first."""
@@ -37,8 +40,9 @@ class Noise:
             self.rows,
             None if self.covariance is None else self.covariance[begin:end],
             None if self.factor is None else self.factor[begin:end],
+            self.size,
         )
 
     def through(self, weights: Array) -> Array:
         """Compute ``sum_k Z_k Q_k Z_k'``, shape (o, o), with weights Z by transition, shape (transitions, o, n)."""
-        return sum_of_transforms(weights[self.places][:, :, self.rows], self.covariance, self.factor)
+        return self.size * sum_of_transforms(weights[self.places][:, :, self.rows], self.covariance, self.factor)

@@ -127,7 +127,9 @@ class _State:
         for row, name in zip(kept, names, strict=True):
             own = biases.get(name, owned[:0])
             row[len(core) : len(core) + len(own)] = own
-        started = start.noise if by_cause else {TOGETHER: sum(start.noise.values(), np.zeros((states, states)))}
+        started = timeline.sized(start.noise)
+        if not by_cause:
+            started = {TOGETHER: sum(started.values(), np.zeros((states, states)))}
         covariances = np.zeros((*kept.shape, kept.shape[1]))
         for place, (name, row) in enumerate(zip(names, kept, strict=True)):
             if name in started:

@@ -161,7 +161,7 @@ class _Stretches:
         numbers = timeline.steps_before[[first, last]].tolist()
         self.steps, self.own_steps = timeline.steps(*numbers), filtered.steps(*numbers)
         self.places = np.flatnonzero(~timeline.is_update[first:last])
-        self.noise = noise_of_steps(self.steps, self.places)
+        self.noise = noise_of_steps(timeline, self.steps, self.places)
 
     def take_back(self, back: _Back, low: int, high: int) -> None:
         """Take the recursion back from one position to an earlier one."""

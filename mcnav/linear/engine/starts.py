@@ -83,12 +83,13 @@ def _without_filter(
 
     def read_out(place: int, rows: Array) -> None:
         start = begin(int(ordered[place]))
+        started = timeline.sized(start.noise)
         turned = constants if start.constants is None else constants @ start.constants
         partials[place] = rows @ start.partials + turned
         covariances[place] = noise
         for number, name in enumerate(names):
-            if name in start.noise:
-                covariances[place, number] += transform(rows, start.noise[name])
+            if name in started:
+                covariances[place, number] += transform(rows, started[name])
 
     place, rows = len(ordered) - 1, outputs
     with one_thread():

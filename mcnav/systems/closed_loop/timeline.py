@@ -130,7 +130,7 @@ class LoopTransitions:
                 terms += [added * believed.corrections[number] for number, added in step.corrections.items()]
                 factor = states.reading @ np.concatenate(terms, axis=1)
                 noise[place] = factor @ factor.T
-        return FilterSteps(transitions, noise)
+        return FilterSteps.of(transitions, noise)
 
 
 def _noise(factors: Sequence[tuple[int, Array]], count: int) -> StepNoise:

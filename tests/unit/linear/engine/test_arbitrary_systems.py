@@ -55,7 +55,7 @@ def test_a_bias_may_be_any_of_the_states(system):
     updates = replace(timeline.updates, variances={"one": timeline.updates.variances["one"]})
     of = replace(
         timeline, start=replace(timeline.start, noise=noise), updates=updates, processes=("one",),
-        biases={"one": np.array([0])},
+        biases={"one": np.array([0])}, sizes={"one": timeline.sizes["one"]},
     )  # fmt: skip
     read = propagate(of, gains, [7, 300])
     for covariance, position in zip(read.covariances[:, 0], (7, 300), strict=True):

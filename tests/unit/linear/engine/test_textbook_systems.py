@@ -28,7 +28,8 @@ def test_position_fixes_have_the_gains_and_the_covariance_of_filterpy():
     designed = design(fixes, range(fixes.end + 1))
     theirs = KalmanFilter(dim_x=2, dim_z=1)
     steps = fixes.filter.steps(0, 1)
-    theirs.F, theirs.Q, theirs.H, theirs.R = steps.transitions[0], steps.noise[0], np.array([[1.0, 0.0]]), 9.0
+    theirs.F, theirs.Q = steps.transitions[0], steps.noise["all"].covariances[0]
+    theirs.H, theirs.R = np.array([[1.0, 0.0]]), 9.0
     theirs.P, theirs.x = start.copy(), np.zeros((2, 1))
     for number in range(40):
         theirs.predict()
@@ -51,7 +52,8 @@ def test_true_errors_of_a_filter_that_knows_the_truth_have_its_own_covariance():
 def test_a_long_filter_reaches_the_solution_of_riccatis_equation():
     fixes = constant_velocity(300, 0.5, 0.2, 3.0, np.diag([100.0, 4.0]))
     steps = fixes.filter.steps(0, 1)
-    steady = solve_discrete_are(steps.transitions[0].T, np.array([[1.0], [0.0]]), steps.noise[0], np.array([[9.0]]))
+    noise = steps.noise["all"].covariances[0]
+    steady = solve_discrete_are(steps.transitions[0].T, np.array([[1.0], [0.0]]), noise, np.array([[9.0]]))
     np.testing.assert_allclose(design(fixes, [599]).covariances[0], steady, rtol=1e-9)
 
 
@@ -100,7 +102,7 @@ def test_a_smoother_is_the_least_squares_solution_of_the_whole_batch():
     for number in range(count):
         both, new = slice(2 * number, 2 * number + 4), 2 * number + 2
         difference = np.concatenate([-steps.transitions[0], np.eye(2)], axis=1)
-        information[both, both] += difference.T @ np.linalg.solve(steps.noise[0], difference)
+        information[both, both] += difference.T @ np.linalg.solve(steps.noise["all"].covariances[0], difference)
         information[new, new] += 1.0 / 9.0
     batch = np.linalg.inv(information)
     positions = np.concatenate([[0], 2 * np.arange(1, count + 1)])
