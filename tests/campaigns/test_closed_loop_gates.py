@@ -56,7 +56,7 @@ def test_one_measurement_is_exact_in_linear_analysis_and_in_samples(tmp_path: Pa
     quantile = stats.norm.isf(0.5 * FALSE_ALARM)
     assert abs(squares.mean() - square) < quantile * squares.std() / np.sqrt(len(squares))
     summary = run_campaign(campaign, tmp_path, "vectorised", 1).summary
-    rejected = sum(summary["filter"]["sensors"]["fix"]["rejected"])  # of a flight, on average
+    rejected = summary["filter"]["sensors"]["fix"]["rejected"]  # of a flight, on average
     low, high = stats.binom.ppf([0.5 * FALSE_ALARM, 1.0 - 0.5 * FALSE_ALARM], campaign.samples, 0.01)
     assert low <= round(rejected * campaign.samples) <= high
 
@@ -110,7 +110,7 @@ def test_what_linear_analysis_does_not_know(name: str, doubt: str) -> None:
     ("changes", "told"),
     [
         ({"faults": [{**SPIKE, "sensor": "gps"}]}, "faults #1.sensor: got 'gps'; no sensor has this name"),
-        ({"faults": [{**SPIKE, "begin": "9 s"}]}, "faults #1.begin: got 9 s; fix has no measurement then"),
+        ({"faults": [{**SPIKE, "begin": "9 s"}]}, "faults #1.begin: got '9 s'; fix has no measurement then"),
         ({"faults": [{**SPIKE, "size": "8 s"}]}, "faults #1.size"),
         ({"faults": [{**SPIKE, "component": "north"}]}, "faults #1.component: got 'north'; fix measures fix"),
         ({"faults": [{"kind": "outage", "sensor": "fix", "begin": "1 s", "end": "2 s"}]}, "faults #1.kind"),

@@ -187,7 +187,7 @@ def _read_faults(
             continue
         sensor = maps.sensors[number]
         measured = dict.fromkeys(component_names(sensor), sensor.declared.unit)
-        fault = read_error(table, measured, times_of(schedule, number), key, context)
+        fault = read_error(table, entry, measured, times_of(schedule, number), key, context)
         if fault is not None:
             faults[table.sensor] = (*faults.get(table.sensor, ()), fault)
     return faults

@@ -126,36 +126,42 @@ def read_faults(
             context.problem(f"{key}.sensor", f"got {table.sensor!r}; no sensor has this name{known}")
             continue
         if isinstance(table, OutageTable):
-            if _ends_later(table.begin, table.end, key, context):
+            if _ends_later(table, entry, key, context):
                 by_name[sensor.name] = _without(sensor, table.begin, table.end, navigation, key, context)
             continue
         measured = {component.name: QUANTITIES[component.quantity].unit for component in sensor.components}
-        fault = read_error(table, measured, sensor.times, key, context)
+        fault = read_error(table, entry, measured, sensor.times, key, context)
         if fault is not None:
             by_name[sensor.name] = replace(sensor, faults=(*sensor.faults, fault))
     return tuple(by_name[sensor.name] for sensor in sensors)
 
 
-def _ends_later(begin: float, end: float, key: str, context: FileContext) -> bool:
-    if end <= begin:
-        context.problem(f"{key}.end", f"got {end:g} s; expected a time after the begin of {begin:g} s")
-    return end > begin
+def _ends_later(
+    table: RampTable | BiasTable | OutageTable, entry: Mapping[str, Any], key: str, context: FileContext
+) -> bool:
+    if table.end <= table.begin:
+        message = f"got {entry['end']!r}; expected a time after the begin of {table.begin:g} s"
+        context.problem(f"{key}.end", message)
+    return table.end > table.begin
 
 
 def read_error(
-    table: SpikeTable | RampTable | BiasTable, measured: Mapping[str, str], times: Array, key: str, context: FileContext
-) -> Fault | None:
+    table: SpikeTable | RampTable | BiasTable, entry: Mapping[str, Any], measured: Mapping[str, str], times: Array,
+    key: str, context: FileContext,
+) -> Fault | None:  # fmt: skip
     """Return a fault of a sensor; mistakes are added to the context, and none is returned.
 
     Parameters
     ----------
+    entry : mapping
+        The fault as it is written.
     measured : mapping of str to str
         SI units by what the sensor measures.
     times : ndarray
         Of its measurements, s.
     """
     begin, end = table.begin, table.begin if isinstance(table, SpikeTable) else table.end
-    if not isinstance(table, SpikeTable) and not _ends_later(begin, end, key, context):
+    if not isinstance(table, SpikeTable) and not _ends_later(table, entry, key, context):
         return None
     component = _component(table.component, list(measured), table.sensor, key, context)
     if component is None:
@@ -165,7 +171,7 @@ def read_error(
         return None
     fault = Fault(table.kind, component, begin, end, size)
     if not np.any(fault.errors(times) != 0.0):
-        context.problem(f"{key}.begin", f"got {begin:g} s; {table.sensor} has no measurement then")
+        context.problem(f"{key}.begin", f"got {entry['begin']!r}; {table.sensor} has no measurement then")
     return fault
 
 
