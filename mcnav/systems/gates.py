@@ -113,6 +113,8 @@ class GatedFilter:
         Of the updates, in the scenario's own time, s.
     mean, covariance : ndarray, shapes (s,), (s, s)
         Of the constant sources.
+    planned : bool
+        Whether gains are planned, and know of no rejection.
     """
 
     timeline: Timeline
@@ -122,6 +124,7 @@ class GatedFilter:
     times: Array
     mean: Array
     covariance: Array
+    planned: bool = False
 
     @cached_property
     def designed(self) -> Design:
@@ -264,6 +267,8 @@ def _doubt_and_variances(gated: GatedFilter, updates: IndexArray, positions: Ind
         return "faults", NOTHING
     if not filter_of(timeline).corrected.all():
         return "considers", NOTHING
+    if gated.planned:
+        return "planned", NOTHING
     if _is_steered(timeline):
         return "steered", NOTHING
     numbers = gated.of_sensors[updates]

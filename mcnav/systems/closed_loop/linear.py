@@ -191,7 +191,7 @@ class LinearLoop:
         processes = {name: covariances[:, number] for number, name in enumerate(names)}
         system = LinearSystem(
             np.array([reading.time for reading in readings]), partials[:, :, :-1],
-            np.array(nominal).reshape(len(readings), outputs), processes,
+            np.array(nominal).reshape(len(readings), outputs) + partials[:, :, -1], processes,
             tuple(reading.label for reading in readings),
             origin=np.array([loop.readout.origin(reading.x, floor) for reading in readings]).reshape(-1, outputs),
         )  # fmt: skip
