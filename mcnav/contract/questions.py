@@ -46,25 +46,24 @@ class Question(StrEnum):
     FAULTS = "faults"
 
 
-OF_TRANSITIONS: Final = frozenset(Question) - {Question.OVER_TIME, Question.NOISE, Question.FILTER}
-"""Questions that transitions between the readings answer."""
-
-OF_UPDATES: Final = frozenset({Question.UPDATES, Question.SMOOTHER, Question.GATES, Question.FAULTS})
+UNMEASURED: Final = "no known measurement updates the errors"
+"""Reason against what follows from measurements."""
 
 
 def reason_against(question: Question, parts: TimelineParts) -> str:
     """Say why a system of these parts has no answer to a question; empty where it has one.
 
     >>> reason_against(Question.SMOOTHER, TimelineParts("any time"))
-    'no measurement updates the errors'
+    'no known measurement updates the errors'
     """
     if question == Question.OVER_TIME and parts.readings == "end":
         return "the system returns its errors at the end alone; declare epochs to have them over time"
-    if question in OF_TRANSITIONS and parts.readings != "any time":
+    if question in (Question.ANY_TIME, Question.START_TIMES) and parts.readings != "any time":
         known = "the end" if parts.readings == "end" else "its epochs"
         return f"the system returns its errors at {known} alone, so its transitions are unknown"
     if question == Question.NOISE and not parts.noise:
         return "errors are constant: no process of noise acts"
-    if (question in OF_UPDATES and not parts.updates) or (question == Question.FILTER and not parts.filter):
-        return "no measurement updates the errors"
-    return ""
+    if question == Question.FILTER:
+        return "" if parts.filter else UNMEASURED
+    of_updates = question in (Question.UPDATES, Question.SMOOTHER, Question.GATES, Question.FAULTS)
+    return UNMEASURED if of_updates and not parts.updates else ""

@@ -12,6 +12,7 @@ from pydantic import TypeAdapter
 from mcnav._types import Array
 from mcnav.contract.gates import GateQuestion
 from mcnav.contract.quantities import may_be_share
+from mcnav.contract.questions import UNMEASURED
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
 from mcnav.entries.validation import validate, validate_entry
@@ -67,7 +68,7 @@ TABLES: Final[Mapping[str, FurtherTable]] = {
     "filter": FurtherTable(
         LoopFilterTable,
         "Error-state Kalman filter of an aided navigation, or beliefs of a closed loop's filter.",
-        "this scenario cannot be aided, which those of type ins can",
+        f"{UNMEASURED}; type ins has sensors that do",
     ),
     "imu": IMU,
     "faults": FurtherTable(FAULTS.form, FAULTS.description, FAULTS.absent),
@@ -98,7 +99,8 @@ def read_scenario(table: user.UserTable, entries: Mapping[str, Any], context: Fi
     if not isinstance(loop, ClosedLoop):
         for name in TABLES:
             if name in context.content:
-                context.problem(name, "this scenario is no ClosedLoop, whose sizes this table gives; leave it out")
+                reason = f"{UNMEASURED}; " if name == "filter" else ""
+                context.problem(name, f"{reason}this is no ClosedLoop, whose sizes this table gives; leave it out")
         return user.scenario_spec(described)
     sizes = without_errors(described.spec)
     scenario = ClosedLoopScenario(described.spec, sizes)

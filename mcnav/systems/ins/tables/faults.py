@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, TypeAdapter
 
 from mcnav._types import Array
+from mcnav.contract.questions import UNMEASURED
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import Duration, Table, Written
 from mcnav.entries.unions import ByType
@@ -100,9 +101,9 @@ FORM: Final = TypeAdapter[SpikeTable | RampTable | BiasTable | OutageTable](AnyF
 FAULTS: Final = FurtherTable(
     Annotated[list[AnyFault], Field(max_length=MOST_FAULTS)],
     "Faults of the sensors that aid the navigation; needs [[aiding]].",
-    "this scenario has no sensors that could fail, which those of type ins can have",
+    f"{UNMEASURED}; type ins has sensors, which can fail",
     "aiding",
-    "needs [[aiding]], the sensors that fail",
+    f"{UNMEASURED}; needs [[aiding]], the sensors that fail",
 )
 """The table of the campaign file."""
 
