@@ -43,7 +43,7 @@ from mcnav.systems.closed_loop.strapdown.shown import instrument_sources, shown_
 from mcnav.systems.closed_loop.timeline import LoopTimeline, sized_processes
 from mcnav.systems.closed_loop.transitions import Linearization
 from mcnav.systems.guard import LINEARIZING
-from mcnav.systems.user.code import UserScenarioSpec, ask
+from mcnav.systems.user.code import UserScenarioSpec
 
 Read = TypeVar("Read")
 
@@ -238,7 +238,7 @@ class ClosedLoopScenario:
     def _linearized(self, run: Callable[[], Read], what: str = "its flight without any error failed") -> Read:
         """Run code of the user's without errors, or with small ones; what fails is a `ScenarioError`."""
         with self._object.recording(self.spec.code.file, LINEARIZING), np.errstate(all="ignore"):
-            return ask(self.spec.code.file, LINEARIZING, what, run)
+            return self.spec.ask(LINEARIZING, what, run)
 
     @cached_property
     def _chosen(self) -> tuple[int, ...]:
@@ -536,4 +536,4 @@ def without_errors(spec: UserScenarioSpec) -> LoopSizes:
 
 def _read_loop(spec: UserScenarioSpec, read: Callable[[], Read]) -> Read:
     """Read what a user's loop declares; `ScenarioError` when its code fails."""
-    return ask(spec.code.file, f"while {spec.name} was read", spec.name, read)
+    return spec.ask(f"while {spec.name} was read", spec.name, read)
