@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -37,7 +36,7 @@ from mcnav.contract.questions import Question, reason_against
 from mcnav.contract.scenario import Scenario, ScenarioError, has_gates
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, to_json, write_texts
-from mcnav.linear.partials import SimulationFailed
+from mcnav.linear.refusals import scenario_errors
 from mcnav.report.columns.gates import gates_entry
 from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import Page
@@ -81,7 +80,7 @@ def linear_covariance(campaign: Description, times: Array | None = None) -> Line
     """
     described = campaign_from(campaign)
     answer = answer_linearly(described, times)
-    with one_thread(), _scenario_errors(described):
+    with one_thread(), scenario_errors(described.file):
         answer = replace(answer, requirements=with_curvature(answer, described))
         remarks = described.scenario.remarks_on(described.errors.mean, described.errors.covariance)
         gates = _gates(described)
@@ -109,7 +108,7 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
     """Compute what `linear_covariance` does, without what the scenario notices of itself."""
     scenario, errors = described.scenario, described.errors
     names = tuple(source.name for source in scenario.sources)
-    with one_thread(), _scenario_errors(described):
+    with one_thread(), scenario_errors(described.file):
         if times is not None:
             _check_times(described, times)
         _check_soundness(described)
@@ -198,17 +197,6 @@ def _stated(covariance: LinearCovariance) -> NDArray[np.bool_]:
     if own is None:
         return np.ones(len(covariance.readings.times), dtype=bool)
     return np.asarray(np.isfinite(np.diagonal(own, axis1=1, axis2=2)).any(axis=1))
-
-
-@contextmanager
-def _scenario_errors(campaign: Campaign) -> Iterator[None]:
-    """Convert errors of scenarios into `CampaignError`."""
-    try:
-        yield
-    except ScenarioError as wrong:
-        raise CampaignError([Problem(campaign.file, f"scenario.{wrong.key}", str(wrong))]) from None
-    except SimulationFailed as wrong:
-        raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
 
 
 def _check_times(campaign: Campaign, times: Array) -> None:

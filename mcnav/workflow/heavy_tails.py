@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -14,11 +13,11 @@ from mcnav.analysis.comparison import Model
 from mcnav.analysis.heavy_tails import outputs_felt
 from mcnav.contract.engine import Engine
 from mcnav.contract.samples import Batch
+from mcnav.contract.scenario import Scenario
 from mcnav.runner.chunks import DrawPlan
 from mcnav.runner.soundness import isolated
 from mcnav.store.chunk_files import Samples
 from mcnav.store.manifest import ModelRecord
-from mcnav.workflow.prepare import PreparedSystem, scenario_errors
 
 SAMPLES: Final = 8
 """Samples that are flown with the source moved."""
@@ -27,22 +26,21 @@ PLACES: Final = (-7.0, -3.0, -1.0, 0.0, 1.0, 3.0, 7.0)
 """Where it is moved to: quantiles of its own distribution, as standard normals; 7 is beyond any sample of a run."""
 
 
-def with_tail_outputs(system: PreparedSystem, model: Model) -> PreparedSystem:
-    """Name, in a system's linear model, the outputs that depend on a source with heavy tails; the same without any.
+def tail_outputs(
+    scenario: Scenario, draws: DrawPlan, engine: Engine, model: Model, timeout: float | None
+) -> tuple[str, ...] | None:
+    """Name the outputs that depend on a source with heavy tails; none where no source has any.
 
-    Raises `CampaignError` when the scenario cannot be simulated.
+    ``timeout`` is the limit of one sample, s. Raises `ScenarioError` when the scenario cannot be simulated.
     """
-    heavy = system.draws.errors.heavy_tailed(system.draws.design)
+    heavy = draws.errors.heavy_tailed(draws.design)
     if not heavy:
-        return system
-    columns = [system.draws.errors.names.index(name) for name in heavy]
+        return None
+    columns = [draws.errors.names.index(name) for name in heavy]
     sigmas = np.sqrt(np.diag(model.covariance))[columns]
     depends = np.any(np.abs(model.partials[:, columns]) * sigmas > model.rounding[:, None], axis=1)
-    with scenario_errors(system.file):
-        engine = isolated(system.scenario, system.engine, system.timeout)
-        depends |= moved_outputs(engine, system.draws, columns, model.floor)
-    names = tuple(output.name for output, own in zip(system.model.outputs, depends, strict=True) if own)
-    return replace(system, model=system.model.completed({"tail_outputs": names}))
+    depends |= moved_outputs(isolated(scenario, engine, timeout), draws, columns, model.floor)
+    return tuple(output.name for output, own in zip(scenario.outputs, depends, strict=True) if own)
 
 
 def moved_outputs(engine: Engine, draws: DrawPlan, columns: list[int], floor: Array) -> NDArray[np.bool_]:

@@ -22,8 +22,9 @@ from mcnav.contract.scenario import Scenario, ScenarioError, can_replay
 from mcnav.entries.context import EarlierFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, shortened
 from mcnav.files import INPUTS, read_whole, write_whole
+from mcnav.linear.at_epochs import linear_at_epochs
 from mcnav.linear.polynomial import PolynomialFitError
-from mcnav.linear.polynomial_engine import prepare_engine
+from mcnav.linear.polynomial_engine import exact_part, prepare_engine
 from mcnav.report.columns.requirements import NamedRequirement, stated
 from mcnav.report.names import humanize
 from mcnav.report.pages.replay import Outcome, Replay, files
@@ -47,9 +48,8 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 from mcnav.systems.histories import with_errors
 from mcnav.units import conversion
-from mcnav.workflow.analyse import linear_model
-from mcnav.workflow.exceedance import fly_way_to_fail, has_noise, linear_at_epochs
-from mcnav.workflow.prepare import exact_part
+from mcnav.workflow.exceedance import fly_way_to_fail, has_noise
+from mcnav.workflow.recorded_model import linear_model
 
 STORED: Final = "stored"
 

@@ -359,6 +359,17 @@ def grade_table(allocation: Allocation, search: GradeSearch) -> Table[GradeRow]:
     return Table(GRADES, columns, rows, grade_words(search))
 
 
+def terminal(allocation: Allocation) -> list[Part]:
+    """List what the terminal shows."""
+    parts: list[Part] = [*_mean_errors(allocation), Verdict(*standing(allocation)), Note(basis_words(allocation))]
+    for goal in allocation.goals:
+        notes = [*shown_changes(allocation, goal)[1], *goal_notes(goal)]
+        parts += [goal_table(allocation, goal), *map(Note, notes)]
+    if allocation.grades is not None:
+        parts.append(grade_table(allocation, allocation.grades))
+    return parts
+
+
 def _mean_errors(allocation: Allocation) -> list[Part]:
     """Say first which mean errors exceed one sigma."""
     return [Sentence(f"{words}.", tone) for words, tone in large_mean_words(allocation.answer)]

@@ -1,0 +1,45 @@
+"""The linear model of a manifest, as the functions of `mcnav.analysis` take it."""
+
+from __future__ import annotations
+
+from mcnav._types import Array
+from mcnav.analysis.comparison import Model
+from mcnav.analysis.linear_range import limits_of
+from mcnav.analysis.vector_sizes import components_of
+from mcnav.linear.block_sums import Normalization
+from mcnav.store.manifest import Manifest, ModelRecord, PartialsRecord
+from mcnav.store.summaries import SUMMARY
+
+
+def linear_model(record: ModelRecord) -> Model:
+    """Return the linear model of a manifest."""
+    processes = record.processes or {}
+    return Model(
+        record.partials,
+        record.nominal,
+        record.start_mean,
+        record.start_covariance,
+        processes,
+        components_of(record.outputs),
+        limits_of(output.limit for output in record.outputs),
+        origin=record.origin,
+    )
+
+
+def linear_moments(model: ModelRecord, development: PartialsRecord) -> tuple[Array, Array]:
+    """Return linear mean and covariance over time, shapes (n, outputs) and (n, outputs, outputs)."""
+    partials, covariance = development.partials, development.covariance
+    if covariance is None:
+        covariance = partials @ model.start_covariance @ partials.swapaxes(1, 2)
+    mean = partials @ model.start_mean
+    return mean if development.nominal is None else mean + development.nominal, covariance
+
+
+def summary_frame(manifest: Manifest, model: Model) -> Normalization | None:
+    """Return how the samples of a run are reduced to sums, with its linear model; none when all are stored."""
+    if manifest.store != SUMMARY:
+        return None
+    length = manifest.sampling_design.block_length
+    return Normalization.of(
+        model.partials, model.mean, model.outcome_mean, model.outcome_covariance, manifest.samples, length
+    )
