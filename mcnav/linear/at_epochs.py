@@ -1,6 +1,8 @@
-"""What linear analysis says at the epochs of an engine, where it is compared with samples."""
+"""What linear analysis says over time, and at the epochs of an engine, where it is compared with samples."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,3 +49,10 @@ def filter_at_epochs(scenario: Scenario, engine: Engine) -> FilterPrediction | N
         return None
     prediction = scenario.filter_prediction()
     return prediction if prediction is not None and same_times(prediction.times, engine.epochs.times) else None
+
+
+def linear_throughout(scenario: Scenario, count: int, differenced: LinearSystem | None) -> LinearSystem | None:
+    """Return the linear system at about so many times of the flight; by differences where it is not stated, or none."""
+    if scenario.parts.readings != "end":
+        return scenario.linear_over_time(count)
+    return None if differenced is None else replace(differenced, nominal=None)

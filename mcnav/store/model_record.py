@@ -4,25 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from typing import Protocol
 
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.contract.filter_record import FilterPrediction, FilterSchema
+from mcnav.contract.engine import Engine, smoother_of
+from mcnav.contract.filter_record import FilterPrediction
 from mcnav.contract.gates import FaultLaw
-from mcnav.contract.history import Epochs
-from mcnav.contract.linear import LinearSystem
+from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import Output, Source
+from mcnav.contract.scenario import Scenario
 from mcnav.store.manifest import (
     FaultRecord,
     FilterPredictionRecord,
     FilterRecord,
+    ModelRecord,
     PartialsRecord,
     SmootherRecord,
     UnsettledRecord,
     Variable,
 )
 from mcnav.systems.user.soundness import Unsettled
+
+
+class StoppedFault(Protocol):
+    """Expected rejections of the measurements during a fault, and the probability of any."""
+
+    @property
+    def rejections(self) -> float:
+        """Number."""
+
+    @property
+    def alarm(self) -> float:
+        """Probability."""
 
 
 def variables(entries: Sequence[Source | Output]) -> tuple[Variable, ...]:
@@ -39,26 +54,50 @@ def variables(entries: Sequence[Source | Output]) -> tuple[Variable, ...]:
     return tuple(map(variable, entries))
 
 
-def origin_of(outputs: Sequence[Output], origin: Array | None) -> Array | None:
-    """Return what outputs are measured from; none where all are navigation errors."""
-    if all(output.of == "navigation" for output in outputs):
-        return None
-    return np.zeros(len(outputs)) if origin is None else origin
+def end_record(
+    sources: Sequence[Source], outputs: Sequence[Output], end: LinearModel, mean: Array, covariance: Array
+) -> ModelRecord:
+    """Describe the linear model at the end, for errors of a mean and covariance."""
+    record = ModelRecord(
+        sources=variables(sources),
+        outputs=variables(outputs),
+        partials=end.partials,
+        nominal=end.nominal,
+        start_mean=mean,
+        start_covariance=covariance,
+    )
+    origin = None
+    if any(output.of != "navigation" for output in outputs):
+        origin = np.zeros(len(outputs)) if end.origin is None else end.origin
+    return record.completed({"origin": origin, "processes": dict(end.processes) or None})
 
 
-def partials_record(system: LinearSystem, start_covariance: Array) -> PartialsRecord:
-    """Describe a linear system over time."""
+def partials_record(
+    system: LinearSystem, start_covariance: Array, pairs: Sequence[tuple[int, int]] = ()
+) -> PartialsRecord:
+    """Describe a linear system over time, with what noise adds between pairs of outputs."""
     record = PartialsRecord(label=system.label, times=system.times, partials=system.partials)
     variances = {name: np.diagonal(added, axis1=1, axis2=2) for name, added in system.processes.items()}
     covariance = system.covariance(start_covariance) if variances else None
     moved = {"nominal": _unless_zero(system.nominal), "origin": _unless_zero(system.origin)}
-    return record.completed({"processes": variances or None, "covariance": covariance, **moved})
+    record = record.completed({"processes": variances or None, "covariance": covariance, **moved})
+    if not (pairs and variances):
+        return record
+    rows, columns = np.array(pairs).T
+    added = {name: process[..., rows, columns] for name, process in system.processes.items()}
+    return record.completed({"pairs": tuple(pairs), "process_pairs": added})
 
 
 def filter_record(
-    schema: FilterSchema, epochs: Epochs, prediction: FilterPrediction | None, mean: Array, covariance: Array
-) -> FilterRecord:
-    """Describe a filter, with what linear analysis says of it with errors of some mean and covariance, or nothing."""
+    engine: Engine, prediction: FilterPrediction | None, mean: Array, covariance: Array
+) -> FilterRecord | None:
+    """Describe the filter of an engine, with what linear analysis says of it with errors of a mean and covariance.
+
+    None without a filter.
+    """
+    schema, epochs = engine.filter, engine.epochs
+    if schema is None or epochs is None:
+        return None
     record = FilterRecord(
         label=epochs.label,
         times=epochs.times,
@@ -82,8 +121,12 @@ def filter_record(
     return record.completed({"prediction": linear})
 
 
-def smoother_record(schema: FilterSchema, smoothed: LinearSystem, start_covariance: Array) -> SmootherRecord | None:
-    """Describe a smoother, with what linear analysis says of it; none where it claims nothing."""
+def smoother_record(engine: Engine, scenario: Scenario, start_covariance: Array) -> SmootherRecord | None:
+    """Describe the smoother of an engine, with what linear analysis says of it; none where it says nothing."""
+    schema = smoother_of(engine)
+    if schema is None or not scenario.parts.smoother:
+        return None
+    smoothed = scenario.smoothed()
     if smoothed.own is None:
         return None
     record = FilterRecord(
@@ -97,13 +140,13 @@ def smoother_record(schema: FilterSchema, smoothed: LinearSystem, start_covarian
     return SmootherRecord(claims=record.completed({"prediction": linear}), errors=errors)
 
 
-def fault_record(law: FaultLaw, rejections: float, alarm: float, times: Array) -> FaultRecord:
-    """Describe the fault of a sensor, with the expected rejections and the probability of any, at epochs, s."""
+def fault_record(law: FaultLaw, stopped: StoppedFault, times: Array) -> FaultRecord:
+    """Describe the fault of a sensor, with what its gate is expected to stop of it, at epochs, s."""
     first, last = (int(np.abs(times - time).argmin()) for time in (law.before, law.last))
     return FaultRecord(
         sensor=law.sensor, kind=law.kind, component=law.component, unit=law.unit, shown_in=law.shown_in,
-        begin=law.begin, end=law.end, size=law.size, measurements=len(law.means), rejections=rejections,
-        alarm=alarm, first=first, last=last,
+        begin=law.begin, end=law.end, size=law.size, measurements=len(law.means),
+        rejections=stopped.rejections, alarm=stopped.alarm, first=first, last=last,
     )  # fmt: skip
 
 

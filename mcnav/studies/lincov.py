@@ -21,10 +21,10 @@ from mcnav.analysis.gates import GateAnswer, answer_gates
 from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, within_range
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
-from mcnav.analysis.linear_range import limits_of, picked
+from mcnav.analysis.linear_range import picked
 from mcnav.analysis.rejections import RejectionAnswer
 from mcnav.analysis.requirements import requirements_from, smallest_limits
-from mcnav.analysis.vector_sizes import components_of, linear_sizes
+from mcnav.analysis.vector_sizes import linear_sizes
 from mcnav.analysis.what_if import WhatIf
 from mcnav.analysis.withheld import with_rejections
 from mcnav.config.documents import Description, document_of
@@ -92,8 +92,7 @@ def _gates(campaign: Campaign) -> tuple[GateAnswer, ...]:
     scenario, errors = campaign.scenario, campaign.errors
     if not has_gates(scenario):
         return ()
-    outputs = [{"name": output.name} for output in scenario.outputs]
-    requirements = requirements_from([record.model_dump() for record in campaign.requirements], outputs)
+    requirements = requirements_from(campaign.requirements, [output.name for output in scenario.outputs])
     return answer_gates(scenario.gate_laws(errors.mean, errors.covariance), scenario.gate_question, requirements)
 
 
@@ -113,17 +112,11 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
             _check_times(described, times)
         _check_soundness(described)
         linear, readings = _linearize(scenario)
-        model = Model(
-            linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes,
-            components_of(scenario.outputs), limits_of(output.limit for output in scenario.outputs),
-            origin=linear.origin,
-        )  # fmt: skip
+        model = Model.of(linear, errors.mean, errors.covariance, scenario.outputs)
         moments = errors.mean, errors.covariance
         history = None if readings is None else covariance_over_time(readings, names, *moments)
-        outputs = [{"name": output.name} for output in scenario.outputs]
-        entries = [record.model_dump() for record in described.requirements]
-        required = requirements_from(entries, outputs)
-        model = replace(model, limits=smallest_limits(required, len(outputs)))
+        required = requirements_from(described.requirements, [output.name for output in scenario.outputs])
+        model = replace(model, limits=smallest_limits(required, len(scenario.outputs)))
         smoothed = None
         if scenario.parts.smoother:
             smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)

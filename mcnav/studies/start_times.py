@@ -13,7 +13,7 @@ from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.analysis.mean_errors import mean_errors, rounding_of_means
-from mcnav.analysis.vector_sizes import components_of
+from mcnav.analysis.sized_outputs import components_of
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine
 from mcnav.contract.members import ready_engine

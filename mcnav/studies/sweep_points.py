@@ -170,8 +170,7 @@ def campaign_requirements(campaign: Campaign) -> tuple[Requirement, ...]:
     if any(record.of for record in campaign.requirements):
         message = "a sweep has no requirements of a smoother; mcnav lincov judges them"
         raise CampaignError([Problem(campaign.file, "accept", message)])
-    outputs = [{"name": output.name} for output in campaign.scenario.outputs]
-    return requirements_from([record.model_dump() for record in campaign.requirements], outputs)
+    return requirements_from(campaign.requirements, [output.name for output in campaign.scenario.outputs])
 
 
 def _margin(measure: Measure, value: float) -> float:

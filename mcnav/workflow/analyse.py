@@ -21,10 +21,11 @@ from mcnav.analysis.requirements import (
 )
 from mcnav.analysis.requirements_over_time import ErrorHistories
 from mcnav.analysis.running_ratios import convergence
+from mcnav.analysis.sized_outputs import components_of
 from mcnav.analysis.summary import Summary
 from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
-from mcnav.analysis.vector_sizes import components_of, sampled_sizes
+from mcnav.analysis.vector_sizes import sampled_sizes
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.linear.at_epochs import same_times
 from mcnav.report.results.failures import Failures, failures_in, grouped
@@ -110,7 +111,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         model = linear_model(manifest.model)
         criterion = Criterion(**manifest.criterion.model_dump())
         described = manifest.to_json()["model"]
-        requirements = requirements_from([entry.model_dump() for entry in manifest.requirements], described["outputs"])
+        requirements = requirements_from(manifest.requirements, [output.name for output in manifest.model.outputs])
         model = replace(model, limits=smallest_limits(requirements, len(model.nominal)))
         units = [output.unit for output in manifest.model.outputs]
         predicted = predicted_from(described, len(model.partials))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Model
-from mcnav.analysis.linear_range import limits_of
-from mcnav.analysis.vector_sizes import components_of
+from mcnav.contract.linear import LinearModel
 from mcnav.linear.block_sums import Normalization
 from mcnav.store.manifest import Manifest, ModelRecord, PartialsRecord
 from mcnav.store.summaries import SUMMARY
@@ -13,17 +12,8 @@ from mcnav.store.summaries import SUMMARY
 
 def linear_model(record: ModelRecord) -> Model:
     """Return the linear model of a manifest."""
-    processes = record.processes or {}
-    return Model(
-        record.partials,
-        record.nominal,
-        record.start_mean,
-        record.start_covariance,
-        processes,
-        components_of(record.outputs),
-        limits_of(output.limit for output in record.outputs),
-        origin=record.origin,
-    )
+    linear = LinearModel(record.partials, record.nominal, record.processes or {}, record.origin)
+    return Model.of(linear, record.start_mean, record.start_covariance, record.outputs)
 
 
 def linear_moments(model: ModelRecord, development: PartialsRecord) -> tuple[Array, Array]:

@@ -130,8 +130,8 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
     record = _way_to_fail(path, manifest, number)
     campaign, engine_name = campaign_of(folder, manifest, campaign_file)
     scenario, draws = campaign.scenario, DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-    outputs = [output.model_dump() for output in manifest.model.outputs]
-    requirement = requirements_from([each.model_dump() for each in campaign.requirements], outputs)[number - 1]
+    outputs = [output.name for output in manifest.model.outputs]
+    requirement = requirements_from(campaign.requirements, outputs)[number - 1]
     with one_thread():
         try:
             engines = _engines(scenario, engine_name, draws)

@@ -154,15 +154,16 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     check_as_read(inputs)
     drawn = campaign.design, campaign.samples
     notices, processors = ([], target()) if fresh else check_resumable(folder, identity, *drawn)
+    digest, earlier = chunk_digest(identity, *drawn), earlier_digests(identity, *drawn)
     system = prepare_system(campaign, engine_name, force)
     if fresh:
         folder.clear([Path(file.path) for file in inputs])
     manifest = _first_manifest(system, identity, inputs, processors)
+    frame = summary_frame(manifest, system.linear)
     folder.begin(manifest, system.history, campaign.stored_files(), inputs)
     job = ChunkJob(
-        system.draws, system.engine, folder, chunk_digest(identity, *drawn), manifest.sample_schema,
-        campaign.sample_timeout, summary_frame(manifest, system.linear), inputs=inputs,
-        earlier=earlier_digests(identity, *drawn),
+        system.draws, system.engine, folder, digest, manifest.sample_schema, campaign.sample_timeout, frame,
+        inputs=inputs, earlier=earlier,
     )  # fmt: skip
     return _Begun(system, manifest, job, notices)
 
