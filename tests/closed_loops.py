@@ -14,6 +14,22 @@ from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign, read_campaign
 
 
+class Still(ClosedLoop):
+    """A constant that is measured; nothing is steered."""
+
+    truth = {"x": "m"}
+    measurements = (Measurement("fix", "m", interval=1.0, truth=lambda truth: truth.x),)
+    filter = Filter()
+    cycle, end = 1.0, 1.0
+    settings = {"until": "s"}
+
+    def __init__(self, until=1.0):
+        self.end = until
+
+    def rates(self, truth):
+        return {"x": 0.0 * truth.x}
+
+
 class Scalar(ClosedLoop):
     """x+ = x - L x_hat + w each second, z = x+ + v."""
 
@@ -299,6 +315,7 @@ class Gyroscopes(ClosedLoop):
 
 
 SIZES: Mapping[str, Mapping[str, Any]] = {
+    "Still": {"errors": {"x": "5 m"}, "measurements": {"fix": "2 m"}},
     "Scalar": {"processes": {"walk": "1 m/sqrt(s)"}, "measurements": {"position": "1 m"}},
     "DoubleIntegrator": {
         "errors": {"true_position": "10 m", "position": "3 m"},

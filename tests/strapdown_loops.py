@@ -94,6 +94,13 @@ class Aided(Free):
     filter = Filter(gains="nominal")
 
 
+class OwnAided(Aided):
+    """The same, each sample with gains of its own, and constant biases alone."""
+
+    navigator = Strapdown("earth", estimates=("gyro_bias", "accelerometer_bias"))
+    filter = Filter()
+
+
 class FreeAtASite(Free):
     """The same in axes north, east and down at the place where it begins."""
 
@@ -118,6 +125,6 @@ class FreeInInertialAxes(Free):
 
 def tables(name: str, step: float) -> dict[str, Any]:
     """Return the tables of the flight as a closed loop."""
-    measured = {"measurements": {"fix": "5 m"}} if name == "Aided" else {}
+    measured = {"measurements": {"fix": "5 m"}} if name.endswith("Aided") else {}
     scenario = {"type": f"{FILE.name}:{name}", "step": f"{step} s"}
     return {"samples": 8, "seed": 1, "scenario": scenario, "errors": START, "imu": IMU, **measured}

@@ -79,13 +79,12 @@ def arbitrary(seed: int, count: int, knows_truth: bool = False) -> Timeline:
         started["other"] = np.diag([0.5, 1.0, 1.5, 2.0, 0.0, 1.0])
     start = Start(sources * start_root, started)
     f = 6 if knows_truth else 3
-    total = np.zeros((steps, 6, 6))
-    for of in noise.values():
-        total[:, of.rows[:, None], of.rows] += of.covariances
-    believed = sum(started.values())[:f, :f] if knows_truth else np.eye(3)
+    processes = {"one": 2.0, "other": 0.3}
+    total = sum(processes[name] * spread(of, 6) for name, of in noise.items())
+    believed = sum(processes[name] * of for name, of in started.items()) if knows_truth else np.eye(3)
     filter_transitions = transitions[:, :f, :f] if knows_truth else transitions[:, :3, :3] * 0.9
     filtered = TimelineFilter(
-        lambda first, last: FilterSteps(filter_transitions[first:last], total[first:last, :f, :f]), seen[:, :, :f],
+        lambda first, last: FilterSteps.of(filter_transitions[first:last], total[first:last, :f, :f]), seen[:, :, :f],
         sum(variances.values()) if knows_truth else within * 0.7, believed, np.ones(f), np.eye(6, f),
         lambda position: (np.eye(f, 6), np.zeros((f, 3))),
     )  # fmt: skip
@@ -94,8 +93,15 @@ def arbitrary(seed: int, count: int, knows_truth: bool = False) -> Timeline:
         biases = {}
     return timeline_of(
         Steps(transitions, inputs, noise), start, ("one", "other", "third"), random.normal(size=(2, 6)),
-        Updates(sizes, seen, disturbances, variances), filtered, is_update, biases=biases,
+        Updates(sizes, seen, disturbances, variances), filtered, is_update, biases=biases, sizes=processes,
     )  # fmt: skip
+
+
+def spread(noise: StepNoise, states: int) -> Array:
+    """Return the covariance of all states that noise adds in each step."""
+    total = np.zeros((len(noise.covariances), states, states))
+    total[:, noise.rows[:, None], noise.rows] = noise.covariances
+    return total
 
 
 @dataclass(frozen=True)
@@ -128,7 +134,7 @@ class OneMap:
             process.extend([name] * driven.shape[1])
             return np.concatenate([state, driven], axis=1)
 
-        for name, covariance in start.noise.items():
+        for name, covariance in timeline.sized(start.noise).items():
             values, vectors = np.linalg.eigh(covariance)
             state = add(state, vectors * np.sqrt(np.maximum(values, 0.0)), name)
         del columns
@@ -141,6 +147,7 @@ class OneMap:
                 state[:, : timeline.sources + 1] += step.inputs[0] @ constants
                 for name, of in step.noise.items():
                     factor = np.linalg.cholesky(of.covariance[0]) if of.factor is None else of.factor[0]
+                    factor = np.sqrt(timeline.sizes.get(name, 1.0)) * factor
                     driven = np.zeros((timeline.states, factor.shape[1]))
                     driven[of.rows] = factor
                     state = add(state, driven, name)
@@ -183,7 +190,7 @@ def constant_velocity(
     variances = np.full((count, 1), sigma**2)
     of_filter = variances if believed is None else np.full((count, 1), believed**2)
     filtered = TimelineFilter(
-        lambda first, last: FilterSteps(transitions[first:last], covariances[first:last]), fixes, of_filter, start,
+        lambda first, last: FilterSteps.of(transitions[first:last], covariances[first:last]), fixes, of_filter, start,
         np.ones(2), np.eye(2), lambda position: (np.eye(2), np.zeros((2, 1))),
     )  # fmt: skip
     return timeline_of(

@@ -16,6 +16,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.linear.block_sums import BlockSums, Normalization
+from mcnav.products import transform
 from mcnav.statistics.chunked import scatter, squared_distances, stretches_of_blocks
 from mcnav.statistics.shape import power_sums
 from mcnav.statistics.whitening import Whitening
@@ -245,7 +246,7 @@ class SummaryMoments:
         matrix = self.given.matrix
         first, second = np.triu_indices(self.given.rank)
         yy, zz = self.centred
-        products = (matrix.T @ (yy - zz) @ matrix)[:, first, second]
+        products = transform(matrix.T, yy - zz)[:, first, second]
         sums = np.concatenate([self.y @ matrix, (self.y - self.z) @ matrix, products], axis=1).T
         yield sums, np.sum(sums**2, axis=1)
 

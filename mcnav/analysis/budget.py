@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.linear.covariance import propagated_variances
+from mcnav.products import transformed_variances
 
 ROUNDING: Final = 1e-9
 """Cross-term up to which correlations contribute nothing."""
@@ -58,7 +58,7 @@ def error_budget(partials: Array, start_covariance: Array, processes: Sequence[A
     """Split the diagonal of P S P^T, and of the covariance that each process adds, over their causes."""
     noise = np.stack([np.diag(each) for each in processes], axis=1) if processes else np.zeros((len(partials), 0))
     contributions = partials * np.sqrt(np.diag(start_covariance))
-    variances = propagated_variances(partials, start_covariance) + noise.sum(axis=1)
+    variances = transformed_variances(partials, start_covariance) + noise.sum(axis=1)
     divisor = np.where(variances > 0.0, variances, np.nan)[:, None]
     shares = contributions**2 / divisor
     crossed = 2.0 * partials * (partials @ start_covariance) / divisor
@@ -90,7 +90,7 @@ def largest_sigmas(row: Array, covariance: Array, limit: float) -> Array:
     unit = np.where(sigma > 0.0, sigma, 1.0)  # a source that is absent now would be independent of the others
     own = (row * unit) ** 2
     others = row * ~np.eye(len(row), dtype=bool)
-    rest = np.einsum("ij,jk,ik->i", others, covariance, others)
+    rest = transformed_variances(others, covariance)
     cross = 2.0 * row * np.einsum("ij,ij->i", covariance, others)
     with np.errstate(invalid="ignore", divide="ignore"):
         largest = (-cross + np.sqrt(cross**2 - 4.0 * own * (rest - limit**2))) / (2.0 * own)

@@ -14,6 +14,7 @@ from mcnav._types import Array
 from mcnav.analysis.block_moments import SampleMoments
 from mcnav.analysis.decision_rule import DecisionRule
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Judgement, Verdict, combine_verdicts
+from mcnav.products import transform
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate, block_begins
 from mcnav.statistics.whitening import whitening
@@ -88,7 +89,7 @@ def compare_covariance(
     nees = rule.mean(moments.nees()[0] * (moments.unbiased if mean is None else 1.0), moments.counts)
     together = rule.judge(nees, float(given.rank)) if given.rank else None
     sample = moments.covariances[0]
-    ratios, rotations = np.linalg.eigh(given.matrix.T @ sample @ given.matrix)
+    ratios, rotations = np.linalg.eigh(transform(given.matrix.T, sample))
     sigmas = np.sqrt(np.maximum(ratios, 0.0))
     farthest = int(np.argmax(np.abs(sigmas - 1.0))) if given.rank else 0
     direction = given.directions @ rotations[:, farthest] if given.rank else np.zeros(len(covariance))

@@ -12,6 +12,7 @@ from mcnav.analysis.block_moments import ReducedSamples
 from mcnav.analysis.combinations import Combination, combine
 from mcnav.analysis.decision_rule import DecisionRule
 from mcnav.analysis.verdict import Judgement, Verdict, combine_verdicts
+from mcnav.products import transform
 from mcnav.statistics.estimates import Estimate
 from mcnav.statistics.whitening import Whitening
 
@@ -126,7 +127,7 @@ def compare_ellipsoid(given: Whitening, samples: ReducedSamples, paired: Array, 
     if judgement.verdict != Verdict.AGREES:
         about = rule.mean(moments.unbiased * moments.nees_about_means(), moments.counts)
         dispersion = rule.judge(replace(about, value=dimension + about.value), float(dimension))
-    whitened = given.matrix.T @ paired @ given.matrix
+    whitened = transform(given.matrix.T, paired)
     ratios, rotations = np.linalg.eigh(whitened)
     directions = given.directions @ rotations
     directions = directions / np.linalg.norm(directions, axis=0)

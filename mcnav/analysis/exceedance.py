@@ -19,6 +19,7 @@ from mcnav.analysis.requirements import (
     size_members,
     size_probability,
 )
+from mcnav.products import transformed_variances
 from mcnav.rare.limits import AnyEpoch, Distance, Limit, Sides
 from mcnav.statistics.proportions import lower_probability, upper_probability
 from mcnav.statistics.samples_to_decide import samples_to_meet, samples_to_reject
@@ -93,7 +94,7 @@ class Event:
         """
         limit = self.limit.limit if isinstance(self.limit, AnyEpoch) else self.limit
         normals = limit.normals
-        sigma = np.sqrt(np.maximum(np.einsum("si,mij,sj->ms", normals, covariance, normals), 0.0))
+        sigma = np.sqrt(np.maximum(transformed_variances(normals, covariance), 0.0))
         left = limit.offsets - mean @ normals.T
         return np.asarray(np.divide(left, sigma, out=np.full_like(left, np.inf), where=sigma > 0.0))
 

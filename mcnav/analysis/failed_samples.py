@@ -9,7 +9,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.block_moments import ErrorSums, ReducedSamples
 from mcnav.analysis.comparison import Model
-from mcnav.linear.covariance import propagated_variances
+from mcnav.products import transformed_variances
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,6 @@ def failure_bias(model: Model, samples: ReducedSamples) -> FailureBias | None:
 
 def _linear_sigma(model: Model, sums: ErrorSums) -> Array:
     """Compute the sigma of the linear final errors, shape (outputs,)."""
-    about = propagated_variances(model.partials, sums.products / sums.samples)
+    about = transformed_variances(model.partials, sums.products / sums.samples)
     about = about + sum((np.diag(covariance) for covariance in model.processes.values()), np.zeros(len(about)))
     return np.asarray(np.sqrt(np.maximum(about - (model.partials @ (sums.total / sums.samples)) ** 2, 0.0)))

@@ -12,6 +12,7 @@ from mcnav._types import Array
 from mcnav.analysis.requirements import Requirement
 from mcnav.contract.gates import FaultLaw, GateLaw, GateQuestion
 from mcnav.contract.scenario import Scenario, has_gates
+from mcnav.products import transform
 from mcnav.statistics.gates import LARGEST, GatedError, acceptance, check_stopped, largest_of, smallest_stopped
 
 SIGMAS: Final = 4.0
@@ -97,8 +98,8 @@ def _limits(requirements: Sequence[Requirement]) -> Mapping[int, float]:
 
 
 def _answer(law: GateLaw, component: int, probability: float, limits: Mapping[int, float]) -> GateAnswer:
-    inverse = np.linalg.inv(law.root)
-    whitened = inverse @ law.covariance @ inverse.T
+    inverse = np.asarray(np.linalg.inv(law.root), dtype=np.float64)
+    whitened = transform(inverse, law.covariance)
     sigmas = np.sqrt(np.maximum(np.diag(law.errors), 0.0))
     allowed = np.array([limits.get(output, SIGMAS * sigma) for output, sigma in enumerate(sigmas.tolist())])
     shares = np.abs(law.responses[:, component]) / np.where(allowed > 0.0, allowed, np.inf)

@@ -10,7 +10,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.contract.linear import LinearSystem
-from mcnav.linear.covariance import propagated_variances
+from mcnav.products import transformed_variances
 
 NOMINAL: Final = "nominal_errors"
 """Name of the cause of a mean error that a system has without any error."""
@@ -98,7 +98,7 @@ def covariance_over_time(
     variances = {
         name: by_source[:, :, number] for number, name in enumerate(sources) if covariance[number, number] > 0.0
     }
-    correlations = np.stack([propagated_variances(each, covariance) for each in partials]) - by_source.sum(axis=2)
+    correlations = transformed_variances(partials, covariance) - by_source.sum(axis=2)
     for name, added in readings.processes.items():
         variances[name] = np.diagonal(added, axis1=1, axis2=2)
     total = correlations + sum(variances.values(), np.zeros(partials.shape[:2]))

@@ -24,7 +24,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Model
-from mcnav.linear.covariance import propagated_variances
+from mcnav.products import transformed_variances
 
 TERMS: Final = (
     "sampled_sigmas", "sampled_correlations", "sampled_noise", "partials", "second_order", "third_order", "rest"
@@ -104,11 +104,11 @@ def split_difference(
     linear = np.diag(comparison.covariance_linear)
     total = np.diag(comparison.covariance_sample) - linear
     excess = drawn - model.covariance
-    of_errors = propagated_variances(model.partials, excess)
+    of_errors = transformed_variances(model.partials, excess)
     paired = np.array([output.paired_variance.value for output in comparison.outputs]) - linear
     sampling = total - paired if model.processes else of_errors
     sigmas = np.einsum("ij,j,ij->i", model.partials, np.diag(excess), model.partials)
-    by_differences, by_model = (propagated_variances(each.partials, model.covariance) for each in (predicted, model))
+    by_differences, by_model = (transformed_variances(each.partials, model.covariance) for each in (predicted, model))
     terms = {
         "sampled_sigmas": sigmas,
         "sampled_correlations": of_errors - sigmas,

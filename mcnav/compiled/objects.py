@@ -40,7 +40,7 @@ OBJECTS: Final = Path(__file__).with_name("objects")
 ROOMS: Final = ("compiled", "numerics", "systems/reentry", "systems/steady", "systems/ins")
 """Folders of the package whose constants and functions compiled code may contain."""
 
-FILES: Final = ("constants.py", "linear/engine/products.py")
+FILES: Final = ("constants.py", "products.py")
 """Files besides whose constants it may contain."""
 
 UNCOMPILED: Final = {"tables", "recorded"}

@@ -159,7 +159,8 @@ class RejectionLaws:
     ----------
     doubt : str
         Why the innovations are not independent with the covariance that the filter believes: ``faults``,
-        ``considers`` or ``inconsistent``; then all else is empty. Empty where they are.
+        ``considers`` or ``inconsistent``; ``planned`` where the gains are, ``steered`` where corrections move the
+        truth. Then all else is empty. Empty where linear analysis knows what rejections do.
     sensors : tuple of str
     times : ndarray, shape (u,)
         In the scenario's own time, s.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
+from mcnav.products import transform
 
 Update = Literal["before", "after"] | None
 """Side of a reading, before or after an update of aiding that falls on its time; none without one."""
@@ -117,8 +118,7 @@ class LinearSystem:
 
     def covariance(self, start: Array) -> Array:
         """Compute ``P S P^T + sum Q_j`` at every time, shape (r, outputs, outputs), from the start covariance S."""
-        covariance = self.partials @ start @ self.partials.swapaxes(1, 2)
-        return np.asarray(sum(self.processes.values(), covariance))
+        return np.asarray(sum(self.processes.values(), transform(self.partials, start)))
 
 
 @dataclass(frozen=True)

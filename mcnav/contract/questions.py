@@ -23,8 +23,6 @@ class TimelineParts:
         Whether a filter may compute a covariance of its own.
     smoother : bool
         Whether a smoother follows the filter.
-    begins : bool
-        Whether a navigator may start at later positions.
     """
 
     readings: Literal["end", "epochs", "any time"] = "end"
@@ -32,7 +30,6 @@ class TimelineParts:
     updates: bool = False
     filter: bool = False
     smoother: bool = False
-    begins: bool = False
 
 
 class Question(StrEnum):
@@ -42,41 +39,31 @@ class Question(StrEnum):
     ANY_TIME = "at any time"
     UPDATES = "before and after updates"
     START_TIMES = "start times"
-    FILTER = "filter and NEES"
+    NOISE = "noise"
+    FILTER = "filter"
     SMOOTHER = "smoother"
     GATES = "gates"
     FAULTS = "faults"
 
 
-_NO_MEASUREMENT: Final = "no measurement updates the errors"
-
-_REASONS: Final = {
-    Question.OVER_TIME: "the system returns its errors at the end alone; declare epochs to have them over time",
-    Question.ANY_TIME: "the system returns its errors at {}; its transitions between these times are unknown",
-    Question.UPDATES: _NO_MEASUREMENT,
-    Question.START_TIMES: "the system returns its errors for its own start alone; its transitions are unknown",
-    Question.FILTER: f"{_NO_MEASUREMENT}, so there is no filter",
-    Question.SMOOTHER: f"{_NO_MEASUREMENT}, so there is no filter that a smoother could follow",
-    Question.GATES: f"{_NO_MEASUREMENT}, so there is none that a gate could reject",
-    Question.FAULTS: f"{_NO_MEASUREMENT}, so there is no sensor that could fail",
-}
+UNMEASURED: Final = "no known measurement updates the errors"
+"""Reason against what follows from measurements."""
 
 
 def reason_against(question: Question, parts: TimelineParts) -> str:
     """Say why a system of these parts has no answer to a question; empty where it has one.
 
     >>> reason_against(Question.SMOOTHER, TimelineParts("any time"))
-    'no measurement updates the errors, so there is no filter that a smoother could follow'
+    'no known measurement updates the errors'
     """
-    answered = {
-        Question.OVER_TIME: parts.readings != "end",
-        Question.ANY_TIME: parts.readings == "any time",
-        Question.UPDATES: parts.updates,
-        Question.START_TIMES: parts.begins,
-        Question.FILTER: parts.filter,
-        Question.SMOOTHER: parts.smoother or (parts.updates and parts.filter),
-        Question.GATES: parts.updates,
-        Question.FAULTS: parts.updates,
-    }
-    known = "the end alone" if parts.readings == "end" else "its epochs alone"
-    return "" if answered[question] else _REASONS[question].format(known)
+    if question == Question.OVER_TIME and parts.readings == "end":
+        return "the system returns its errors at the end alone; declare epochs to have them over time"
+    if question in (Question.ANY_TIME, Question.START_TIMES) and parts.readings != "any time":
+        known = "the end" if parts.readings == "end" else "its epochs"
+        return f"the system returns its errors at {known} alone, so its transitions are unknown"
+    if question == Question.NOISE and not parts.noise:
+        return "errors are constant: no process of noise acts"
+    if question == Question.FILTER:
+        return "" if parts.filter else UNMEASURED
+    of_updates = question in (Question.UPDATES, Question.SMOOTHER, Question.GATES, Question.FAULTS)
+    return UNMEASURED if of_updates and not parts.updates else ""

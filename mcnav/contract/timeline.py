@@ -86,6 +86,11 @@ class Steps:
     inputs: Array
     noise: Mapping[str, StepNoise] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        count, states = self.transitions.shape[:2]
+        _check_shape("steps.transitions", self.transitions, (count, states, states))
+        _check_shape("steps.inputs", self.inputs, (count, states, self.inputs.shape[-1]))
+
 
 @dataclass(frozen=True)
 class Updates:
@@ -164,12 +169,40 @@ class Instants:
         _check_shape("instants.after", self.after, self.times.shape)
 
 
+def add_up_noise(noise: Mapping[str, StepNoise], sizes: Mapping[str, float], count: int, states: int) -> Array:
+    """Add up what all processes add in k steps to n states, each of its size, shape (k, n, n)."""
+    total = np.zeros((count, states, states))
+    for name, added in noise.items():
+        if (size := sizes.get(name, 1.0)) == 0.0 or not len(added.rows):
+            continue
+        covariances = added.covariances if size == 1.0 else size * added.covariances
+        first, last = int(added.rows[0]), int(added.rows[-1]) + 1
+        if np.array_equal(added.rows, np.arange(first, last)):
+            total[:, first:last, first:last] += covariances
+        else:
+            total[:, added.rows[:, None], added.rows] += covariances
+    return total
+
+
 @dataclass(frozen=True)
 class FilterSteps:
-    """Some steps of a filter in order, k of them: F and Q, shape (k, f, f)."""
+    """Some steps of a filter in order, k of them.
+
+    Attributes
+    ----------
+    transitions : ndarray, shape (k, f, f)
+        F.
+    noise : mapping of str to StepNoise
+        What Q adds up, by process as the filter knows them.
+    """
 
     transitions: Array
-    noise: Array
+    noise: Mapping[str, StepNoise] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, transitions: Array, noise: Array) -> FilterSteps:
+        """Return steps whose noise is that of one process: F and Q, shape (k, f, f)."""
+        return cls(transitions, {"all": StepNoise(np.arange(noise.shape[1]), noise)})
 
 
 @dataclass(frozen=True)
@@ -192,6 +225,8 @@ class TimelineFilter:
         M: what an update does to X is ``-M K n``.
     true_errors : callable
         From a position to W and E, shapes (f, n), (f, s + 1).
+    sizes : mapping of str to float
+        As those of a timeline, for the noise of the filter's steps.
     """
 
     steps: Callable[[int, int], FilterSteps]
@@ -201,6 +236,7 @@ class TimelineFilter:
     corrected: Array
     place: Array
     true_errors: Callable[[int], tuple[Array, Array]]
+    sizes: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count, most, size = self.responses.shape
@@ -240,6 +276,11 @@ class Timeline:
         From a position to the start of a navigator there; none where it cannot start later.
     refined : callable, optional
         From rising times to the same timeline with these among its instants; none where instants are all there are.
+    sizes : mapping of str to float
+        Variances that multiply the noise of steps and starts by process, one where absent. Timelines that differ in
+        sizes, in variances of updates, and in their filter's covariance and variances are *tunings* of one another,
+        which the engine answers in one pass where they share ``steps``, the filter's ``steps`` and the updates'
+        ``responses``.
     """
 
     start: Start
@@ -253,16 +294,20 @@ class Timeline:
     filter: TimelineFilter | None = None
     begin: Callable[[int], Start] | None = None
     refined: Callable[[Array], Timeline] | None = None
+    sizes: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count = 0 if self.updates is None else len(self.updates.sizes)
         if int(self.is_update.sum()) != count:
             raise ValueError(f"is_update: has {int(self.is_update.sum())} updates, expected {count}")
-        named = {*self.start.noise, *self.biases, *(() if self.updates is None else self.updates.variances)}
+        measured = {} if self.updates is None else self.updates.variances
+        named = {*self.start.noise, *self.biases, *self.sizes, *measured}
         if unknown := named - set(self.processes):
             raise ValueError(f"processes: {sorted(unknown)} are not among {list(self.processes)}")
         if self.updates is not None:
-            _check_shape("updates.responses", self.updates.responses, (*self.updates.responses.shape[:2], self.states))
+            sized = self.updates.responses.shape[:2]
+            _check_shape("updates.responses", self.updates.responses, (*sized, self.states))
+            _check_shape("updates.disturbances", self.updates.disturbances, (*sized, self.sources + 1))
             if self.filter is not None:
                 _check_shape("filter.place", self.filter.place, (self.states, len(self.filter.covariance)))
                 _check_shape("filter.variances", self.filter.variances, self.updates.responses.shape[:2])
@@ -291,6 +336,10 @@ class Timeline:
     def steps_before(self) -> IndexArray:
         """Number of steps before each position, shape (T + 1,)."""
         return np.arange(len(self.is_update) + 1) - self.updates_before
+
+    def sized(self, noise: Mapping[str, Array]) -> dict[str, Array]:
+        """Return covariances by process, such as those of a start, in their sizes."""
+        return {name: self.sizes.get(name, 1.0) * covariance for name, covariance in noise.items()}
 
     def time_at(self, position: int) -> float:
         """Return the time of a position; between two updates it is that of both."""

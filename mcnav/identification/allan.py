@@ -23,6 +23,7 @@ from scipy.stats import chi2, norm
 
 from mcnav._types import Array
 from mcnav.identification.processes import GAUSS_MARKOV, QUANTIZATION, RATE_RANDOM_WALK, WHITE, Grid, Model
+from mcnav.products import transformed_variances
 
 PER_DECADE: Final = 6
 """Cluster times in a decade."""
@@ -91,7 +92,7 @@ def model_curve(model: Model, logs: Array, covariance: Array, times: Array) -> d
     """Compute the Allan deviation of a model at cluster times, with its band, as `AllanDeviation` names them."""
     curve = np.sqrt([model_variance(model, logs, time) for time in times])
     slopes = 0.5 * _slopes(model, logs, times)
-    reach = float(norm.ppf(0.975)) * np.sqrt(np.einsum("ki,ij,kj->k", slopes, covariance, slopes))
+    reach = float(norm.ppf(0.975)) * np.sqrt(transformed_variances(slopes, covariance))
     return {"model": curve, "model_low": curve * np.exp(-reach), "model_high": curve * np.exp(reach)}
 
 

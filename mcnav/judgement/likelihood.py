@@ -24,6 +24,7 @@ from mcnav._types import Array
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.errors import NumericalError
 from mcnav.judgement.simulation import Innovations
+from mcnav.products import innovation_covariance, transform
 
 WIDEST: Final = 30.0
 """Largest factor that is looked for, and the inverse of the smallest."""
@@ -51,7 +52,7 @@ def whiten(
     for row, each in zip(scale, factors, strict=True):
         row[list(each)] = list(each.values())
     initial = scale[:, record.initial_causes]
-    covariance = record.to_states @ (record.initial * initial[:, :, None] * initial[:, None, :]) @ record.to_states.T
+    covariance = transform(record.to_states, record.initial * initial[:, :, None] * initial[:, None, :])
     mean = np.repeat(np.repeat(record.mean[:, None], len(innovations), axis=1)[None], len(factors), axis=0)
     estimates = np.zeros((len(record.stages[0].decay), len(innovations)))
     squared = scale[:, :, None, None] ** 2
@@ -60,11 +61,10 @@ def whiten(
             mean = stage.transition @ mean
             mean[:, :9] -= stage.feedback @ estimates
             estimates = stage.decay[:, None] * estimates
-            covariance = stage.transition @ covariance @ stage.transition.T
+            covariance = transform(stage.transition, covariance)
             for part in stage.processes:
                 covariance[:, *part.block] += part.covariance * squared[:, part.cause]
-        cross = stage.response @ covariance
-        total = cross @ stage.response.T
+        cross, total = innovation_covariance(covariance, stage.response)
         for part in stage.noise:
             total[:, *part.block] += part.covariance * squared[:, part.cause]
         try:

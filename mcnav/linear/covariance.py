@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from mcnav._types import Array
+from mcnav.products import transform
 
 
 def propagated_covariance(partials: Array, start_covariance: Array) -> Array:
@@ -18,10 +17,4 @@ def propagated_covariance(partials: Array, start_covariance: Array) -> Array:
             "partials and start covariance must list the same sources; got shapes "
             f"{partials.shape} and {start_covariance.shape}"
         )
-    covariance = partials @ start_covariance @ partials.T
-    return np.asarray(0.5 * (covariance + covariance.T))
-
-
-def propagated_variances(partials: Array, start_covariance: Array) -> Array:
-    """Compute the diagonal of P S P^T, shape (outputs,)."""
-    return np.asarray(np.einsum("ij,jk,ik->i", partials, start_covariance, partials))
+    return transform(partials, start_covariance)

@@ -17,6 +17,7 @@ from mcnav.logs.geodetic import from_earth_fixed, north_east_down
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, Values, table_of
 from mcnav.logs.times import GPS_EPOCH, WEEK
+from mcnav.products import transformed_variances
 from mcnav.units import printable
 
 HEADER: Final = re.compile(r"^%\s+(GPST|UTC|JST)\s+(.*)$")
@@ -121,7 +122,7 @@ def _from_earth_fixed(path: Path, values: dict[str, Array]) -> dict[str, Values]
         signed = values[name] * np.abs(values[name])
         covariance[:, row, column] = covariance[:, column, row] = signed
     local = north_east_down(latitude, longitude)
-    variances = np.einsum("nji,njk,nki->ni", local, covariance, local)
+    variances = transformed_variances(local.swapaxes(1, 2), covariance)
     if np.any(variances < 0.0):
         raise LogError(path, "has covariances of earth-fixed positions that are not positive", "sdxy(m)")
     return result | dict(zip(("sdn(m)", "sde(m)", "sdd(m)"), np.sqrt(variances).T, strict=True))

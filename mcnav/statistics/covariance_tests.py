@@ -6,6 +6,7 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array
+from mcnav.products import transform
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.whitening import leaves_range, whitening
 
@@ -37,7 +38,7 @@ def covariance_likelihood_ratio(sample: Array, count: int, covariance: Array) ->
         return certain
     if rank == 0 or degrees < rank:
         return None
-    values = np.linalg.eigvalsh(given.matrix.T @ sample @ given.matrix)
+    values = np.linalg.eigvalsh(transform(given.matrix.T, sample))
     if values[0] <= 0.0:
         return certain
     ratio = degrees * float(np.sum(values - 1.0 - np.log(values)))

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array
+from mcnav.products import transform
 from mcnav.statistics.chi_square import LEVELS
 
 RANK_TOLERANCE: Final = 1e-9
@@ -68,6 +69,6 @@ def leaves_range(of: Whitening, covariance: Array, sample: Array) -> bool:
         return False
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.divide(1.0, sigma, out=np.ones_like(sigma), where=sigma > 0.0)
-    outside = of.complement.T @ (sample * np.outer(scale, scale)) @ of.complement
+    outside = transform(of.complement.T, sample * np.outer(scale, scale))
     size = float(np.max(np.diag(sample) * scale**2, initial=0.0))
     return bool(np.trace(outside) > RANK_TOLERANCE * size)

@@ -15,6 +15,7 @@ from mcnav.contract.gates import FaultLaw
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Scenario
+from mcnav.products import transformed_variances
 from mcnav.store.manifest import (
     FaultRecord,
     FilterPredictionRecord,
@@ -111,7 +112,7 @@ def filter_record(
     if prediction is None:
         return record
     about_zero = covariance + np.outer(mean, mean)
-    state_true = np.einsum("mqk,kl,mql->mq", prediction.state_partials, about_zero, prediction.state_partials)
+    state_true = transformed_variances(prediction.state_partials, about_zero)
     linear = FilterPredictionRecord(
         covariance=prediction.covariance,
         state_variance=prediction.state_variance,

@@ -29,6 +29,7 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.linear.at_epochs import stated_at_epochs
 from mcnav.linear.polynomial_engine import exact_part
+from mcnav.products import transform
 from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.facets import BEHIND
 from mcnav.rare.jumps import known_facets
@@ -94,7 +95,7 @@ class _Law:
         else:
             partials, nominal = model.partials[None, chosen], model.nominal[None, chosen]
             processes = {name: each[None][:, chosen][:, :, chosen] for name, each in model.processes.items()}
-        covariance = np.einsum("mis,st,mjt->mij", partials, errors.covariance, partials)
+        covariance = transform(partials, errors.covariance)
         mean = nominal + partials @ errors.mean
         return cls(
             mean if event.origin is None else mean + event.origin, sum(processes.values(), covariance), processes

@@ -6,6 +6,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Model
 from mcnav.contract.linear import LinearModel
 from mcnav.linear.block_sums import Normalization
+from mcnav.products import transform
 from mcnav.store.manifest import Manifest, ModelRecord, PartialsRecord
 from mcnav.store.summaries import SUMMARY
 
@@ -20,7 +21,7 @@ def linear_moments(model: ModelRecord, development: PartialsRecord) -> tuple[Arr
     """Return linear mean and covariance over time, shapes (n, outputs) and (n, outputs, outputs)."""
     partials, covariance = development.partials, development.covariance
     if covariance is None:
-        covariance = partials @ model.start_covariance @ partials.swapaxes(1, 2)
+        covariance = transform(partials, model.start_covariance)
     mean = partials @ model.start_mean
     return mean if development.nominal is None else mean + development.nominal, covariance
 

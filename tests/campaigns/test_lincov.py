@@ -80,7 +80,7 @@ class Jump:
 def test_times_need_a_trajectory(tmp_path: Path) -> None:
     """A class whose `propagate` returns the end alone has none."""
     _, own, _ = new_scenario("own", tmp_path)
-    with pytest.raises(CampaignError, match="--at: the scenario has no trajectory"):
+    with pytest.raises(CampaignError, match="--at: the system returns its errors at the end alone"):
         linear_covariance(own, np.array([60.0]))
 
 
@@ -112,7 +112,7 @@ def test_files_of_a_linear_covariance(tmp_path: Path) -> None:
     shares = np.array([each["share"] for each in stored["budget"]])
     np.testing.assert_allclose(shares.sum(axis=0), 1.0, rtol=1e-12)
     np.testing.assert_allclose(np.diag(stored["correlation"]), 1.0, rtol=1e-12)
-    assert len(stored["rows"]) == 61
+    assert len(stored["rows"]) == 60
     text = page.read_text()
     assert "1 of 4 requirements that linear analysis can judge is not met" in text
     for figure in ("sigmas", "budget", "development", "correlations"):

@@ -211,7 +211,7 @@ def smoothed_samples(of: Ins, loop: ClosedLoop, readings: Array, count: int) -> 
         return generator.standard_normal((count, len(scale))) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T * scale
 
     x = constants @ timeline.start.partials.T
-    for covariance in timeline.start.noise.values():
+    for covariance in timeline.sized(timeline.start.noise).values():
         x += drawn(covariance)
     over, noises = whole(loop)
     p, kept, innovations, u = loop.filter.initial, {}, [], 0
@@ -230,8 +230,8 @@ def smoothed_samples(of: Ins, loop: ClosedLoop, readings: Array, count: int) -> 
         k = position - u
         steps = timeline.steps(k, k + 1)
         x = x @ steps.transitions[0].T + constants @ steps.inputs[0].T
-        for noise in steps.noise.values():
-            x[:, noise.rows] += drawn(noise.covariances[0])
+        for name, noise in steps.noise.items():
+            x[:, noise.rows] += drawn(timeline.sizes[name] * noise.covariances[0])
         p = over[k] @ p @ over[k].T + noises[k]
     kept[timeline.end] = x, p
     smoothed, adjoint = {}, np.zeros((count, len(p)))

@@ -138,3 +138,37 @@ def test_truth_is_the_given_flight() -> None:
         )
     assert np.all(np.array(gaps_[0]) < [0.1, 3e-3])
     assert np.all(np.array(gaps_[1]) < 0.1 * np.array(gaps_[0]))
+
+
+def test_gates_are_those_of_type_ins() -> None:
+    """One function serves both: what gates stop, what one rejection leaves, and whether the next one follows.
+
+    Axes differ, so that sums over axes are compared. Each has steps of its own, by which variances differ by 2e-5, and
+    what rejections add to them by up to 7e-4.
+    """
+    imu = {
+        "gyro": {"bias": "1 deg/h", "angle_random_walk": "0.1 deg/sqrt(h)"},
+        "accelerometer": {"bias": "1 mg", "velocity_random_walk": "0.05 m/s/sqrt(h)"},
+    }
+    ins, loop = flown(aided=True), tables("OwnAided", 0.5)
+    results = []
+    for content in (ins, {**loop, "filter": {}}):
+        content = {**content, "imu": imu, "filter": {**content["filter"], "gate": 0.99}}
+        described = parse_campaign(content, str(FILE.with_name("x.toml")), "x")
+        scenario: Any = described.scenario
+        (law,) = scenario.gate_laws(described.errors.mean, described.errors.covariance)
+        laws = scenario.rejection_laws(
+            described.errors.mean, described.errors.covariance, scenario.reading_times[-1:]
+        )  # fmt: skip
+        assert not laws.doubt
+        (reading,) = laws.readings
+        positions = [place for place, output in enumerate(scenario.outputs) if output.name.startswith("position_")]
+        results.append([
+            np.linalg.eigvalsh(law.covariance), np.linalg.eigvalsh(law.root @ law.root.T),
+            *(errors.excess[:, positions].sum(axis=1) for errors in (reading.once, reading.never)),
+            *((errors.responses[:, positions] ** 2).sum(axis=(1, 2)) for errors in (reading.once, reading.never)),
+            laws.correlations,
+        ])  # fmt: skip
+    assert len(results[0][2]) == 8
+    for of_ins, of_loop in zip(*results, strict=True):
+        np.testing.assert_allclose(of_loop, of_ins, rtol=5e-3, atol=1e-6)

@@ -71,7 +71,7 @@ AIDED = INS + GNSS + FILTER
 
 AIDING = {
     "no filter": (INS + GNSS, "aiding: needs a [filter], which says what is estimated from its measurements"),
-    "no sensors": (INS + FILTER, "filter: needs [[aiding]], the sensors whose measurements it uses"),
+    "no sensors": (INS + FILTER, "filter: no known measurement updates the errors; needs [[aiding]]"),
     "one table": (AIDED.replace("[[aiding]]", "[aiding]"), "aiding: expected tables [[aiding]]"),
     "text for a table": (
         INS.replace("[scenario]", 'filter = "ekf"\n[scenario]', 1) + GNSS,
@@ -98,7 +98,7 @@ AIDING = {
     ),
     "not a number": (AIDED.replace('"3 m"', "nan"), "aiding #1.position: got nan without a unit; expected a length"),
     "infinite": (AIDED.replace('"1 s"', "inf"), "aiding #1.interval: got inf without a unit; expected a time"),
-    "of another scenario": (REENTRY + GNSS, "aiding: this scenario cannot be aided, which those of type ins can"),
+    "of another scenario": (REENTRY + GNSS, "aiding: no known measurement updates the errors; type ins has sensors"),
     "a requirement after the end": (
         AIDED + '[[accept.cep]]\noutputs = ["position_north", "position_east"]\nbelow = "9 m"\nat = "99999 s"\n',
         "accept.cep #1.at: got 99999 s; navigation is from ",

@@ -7,6 +7,7 @@ import numpy as np
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.contract.timeline import Timeline
+from mcnav.linear.engine.checks import check_gains, check_outputs, check_positions
 from mcnav.linear.engine.transitions import Block, bounds, expand
 
 
@@ -26,8 +27,15 @@ def adjoint(timeline: Timeline, gains: Array | None, end: int, outputs: Array) -
     -------
     ndarray, shape (end + 1, o, n)
         Of the outputs to X at each position.
+
+    Raises
+    ------
+    ValueError
+        Where the end, C or gains are not of the timeline.
     """
-    rows = np.empty((end + 1, *outputs.shape))
+    check_positions(timeline, [end])
+    check_gains(timeline, gains)
+    rows = np.empty((end + 1, *check_outputs(timeline, outputs).shape))
     rows[end] = outputs
     with one_thread():
         for first, last in reversed(bounds(0, end)):

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg.lapack import dposv
 
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
-from mcnav.contract.timeline import Start, Timeline, TimelineFilter
-from mcnav.linear.engine.products import step, update
+from mcnav.contract.timeline import Start, Timeline, TimelineFilter, add_up_noise
+from mcnav.linear.engine.checks import check_gains, check_positions
 from mcnav.linear.engine.transitions import bounds
+from mcnav.products import innovation_covariance, step, update
 
 
 @dataclass(frozen=True)
@@ -57,48 +59,63 @@ def design(
 
     All are NaN from an update on whose innovation has no positive definite covariance.
     """
-    wanted = np.asarray(positions, dtype=np.int64)
+    wanted = check_positions(timeline, positions, begin)
     filtered = filter_of(timeline)
-    size, most = len(filtered.covariance), filtered.responses.shape[1]
-    held, count = gains is not None, len(filtered.responses)
+    check_gains(timeline, gains)
+    held, (count, most, size) = gains is not None, filtered.responses.shape
     gains = np.zeros((count, size, most)) if gains is None else gains
-    roots, covariances = np.zeros((count, most, most)), np.zeros((len(wanted), size, size))
+    innovations, covariances = np.zeros((count, most, most)), np.zeros((len(wanted), size, size))
+    measured = filtered.variances[:, :, None] * np.eye(most)
     given = None if start is None else start.filter_covariance
     covariance = filtered.covariance if given is None else given
     readings = {position: np.flatnonzero(wanted == position) for position in set(wanted.tolist())}
+    sizes = np.zeros(0, np.int64) if timeline.updates is None else timeline.updates.sizes
+    considers, u = not filtered.corrected.all(), int(timeline.updates_before[begin])
     with one_thread():
         for first, last in bounds(begin, timeline.end):
             steps = filtered.steps(*timeline.steps_before[[first, last]].tolist())
+            noise = add_up_noise(steps.noise, filtered.sizes, len(steps.transitions), size)
             number = 0
-            for position in range(first, last):
+            for position, is_update in enumerate(timeline.is_update[first:last].tolist(), first):
                 if position in readings:
                     covariances[readings[position]] = covariance
-                if not timeline.is_update[position]:
-                    covariance = step(covariance, steps.transitions[number], steps.noise[number])
+                if not is_update:
+                    covariance = step(covariance, steps.transitions[number], noise[number])
                     number += 1
                     continue
-                u = int(timeline.updates_before[position])
-                covariance = _update(timeline, filtered, u, covariance, gains, roots, held)
+                m = int(sizes[u])
+                response, gain = filtered.responses[u, :m], gains[u, :, :m]
+                cross, innovation = innovation_covariance(covariance, response)
+                innovation += measured[u, :m, :m]
+                innovations[u, :m, :m] = innovation
+                if not held:
+                    _, solved, failed = dposv(innovation, cross, lower=1)
+                    gain[:] = np.nan if failed else solved.T
+                    if considers:
+                        gain *= filtered.corrected[:, None]
+                covariance = update(covariance, gain, response, filtered.variances[u, :m])
+                u += 1
     if timeline.end in readings:
         covariances[readings[timeline.end]] = covariance
-    return Design(gains, roots, wanted, covariances)
+    reached = np.where(np.arange(count) < timeline.updates_before[begin], 0, sizes)
+    return Design(gains, _roots(innovations, reached), wanted, covariances)
 
 
-def _update(
-    timeline: Timeline, filtered: TimelineFilter, u: int, covariance: Array, gains: Array, roots: Array, held: bool
-) -> Array:
-    """Compute the covariance after an update, with its gain unless it is held."""
-    assert timeline.updates is not None
-    m = int(timeline.updates.sizes[u])
-    response, variances = filtered.responses[u, :m], filtered.variances[u, :m]
-    cross = response @ covariance
-    innovations = cross @ response.T
-    innovations.flat[:: m + 1] += variances
+def _roots(innovations: Array, sizes: IndexArray) -> Array:
+    """Return the Cholesky factors of innovations' covariances, shape (U, M, M), zero beyond their sizes.
+
+    They are NaN where a covariance is not positive definite.
+    """
+    beyond = np.arange(innovations.shape[1]) >= sizes[:, None]
+    added = beyond[:, :, None] * np.eye(innovations.shape[1])
     try:
-        roots[u, :m, :m] = np.linalg.cholesky(innovations)
-        solved = cross if held else np.linalg.solve(innovations, cross)
+        return np.asarray(np.linalg.cholesky(innovations + added) - added)
     except np.linalg.LinAlgError:
-        roots[u, :m, :m], solved = np.nan, np.full_like(cross, np.nan)
-    if not held:
-        gains[u, :, :m] = solved.T * filtered.corrected[:, None]
-    return update(covariance, gains[u, :, :m], response, variances)
+        if len(innovations) == 1:
+            return np.full(innovations.shape, np.nan)
+        return np.concatenate([_roots(*one) for one in zip(innovations[:, None], sizes[:, None], strict=True)])
+
+
+def is_definite(innovations: Array, sizes: IndexArray) -> bool:
+    """Return whether all covariances of innovations, shape (U, M, M), are positive definite up to their sizes."""
+    return bool(np.isfinite(_roots(innovations, sizes)).all())

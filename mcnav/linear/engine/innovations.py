@@ -14,9 +14,10 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Steps, Timeline, Updates
+from mcnav.linear.engine.checks import check_updates
 from mcnav.linear.engine.design import filter_of
-from mcnav.linear.engine.products import transform
-from mcnav.linear.engine.propagate import propagate, readout_maps
+from mcnav.linear.engine.propagate import Propagated, propagate, readout_maps
+from mcnav.products import transform
 
 
 @dataclass(frozen=True)
@@ -46,19 +47,28 @@ def positions_of(timeline: Timeline, updates: IndexArray) -> IndexArray:
     return np.asarray(np.flatnonzero(timeline.is_update)[updates], dtype=np.int64)
 
 
-def innovation_laws(timeline: Timeline, gains: Array, updates: IndexArray) -> list[InnovationLaw]:
+def states_at(timeline: Timeline, gains: Array, positions: IndexArray) -> Propagated:
+    """Propagate X itself to positions, in any order, all processes of noise together."""
+    whole = np.eye(timeline.states)
+    return propagate(timeline, gains, positions, by_cause=False, maps=lambda _: whole)
+
+
+def innovation_laws(
+    timeline: Timeline, gains: Array, updates: IndexArray, before: Propagated | None = None
+) -> list[InnovationLaw]:
     """Compute the laws of updates by their numbers, in any order.
 
     Parameters
     ----------
     gains : ndarray, shape (U, f, M)
         K.
+    before : Propagated, optional
+        `states_at` the positions of the updates, where it is known.
     """
     if timeline.updates is None:
         raise ValueError("timeline: has no updates")
-    positions = positions_of(timeline, updates)
-    whole = np.eye(timeline.states)
-    before = propagate(timeline, gains, positions, by_cause=False, maps=lambda _: whole)
+    positions = positions_of(timeline, check_updates(timeline, updates))
+    before = states_at(timeline, gains, positions) if before is None else before
     return [
         _law(timeline, timeline.updates, gains, u, position, partials, covariances.sum(axis=0))
         for u, position, partials, covariances in zip(
@@ -113,11 +123,12 @@ def measurement_errors(
         return Steps(transitions, np.zeros((len(transitions), states, cases)))
 
     disturbed = replace(
-        timeline, start=Start(np.zeros((states, cases))), steps=steps, processes=(), biases={},
+        timeline, start=Start(np.zeros((states, cases))), steps=steps, processes=(), biases={}, sizes={},
         updates=replace(timeline.updates, disturbances=-errors, variances={}),
     )  # fmt: skip
+    check_updates(timeline, updates)
     disturbing = np.flatnonzero(errors.any(axis=(1, 2)))
-    begin = int(positions_of(timeline, np.append(disturbing, updates)).min())
+    begin = int(positions_of(timeline, np.append(disturbing, updates)).min(initial=end))
     read_at, whole = np.append(positions_of(timeline, updates), end), np.eye(states)
     read = propagate(disturbed, gains, read_at, begin=begin, maps=lambda _: whole).partials
     innovations = timeline.updates.responses[updates] @ read[:-1] - errors[updates]

@@ -19,8 +19,9 @@ from numpy.typing import ArrayLike
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline
-from mcnav.linear.engine.products import map_covariances, sum_of_products, transform
+from mcnav.linear.engine.checks import check_gains, check_outputs, check_positions, check_start
 from mcnav.linear.engine.transitions import TOGETHER, Block, bounds, expand
+from mcnav.products import map_covariances, transform
 
 Maps = Callable[[int], Array]
 """From a position to C, shape (o, n)."""
@@ -66,17 +67,17 @@ def propagate(
     maps : callable, optional
         From a position to what is read there, shape (o, n), always as many; by default the outputs.
     """
-    wanted = np.asarray(positions, dtype=np.int64)
+    wanted = check_positions(timeline, positions, begin)
     start, maps = timeline.start if start is None else start, readout_maps(timeline) if maps is None else maps
-    if len(wanted) and not begin <= wanted.min() <= wanted.max() <= timeline.end:
-        raise ValueError(f"positions: got {wanted.min()} to {wanted.max()}, expected {begin} to {timeline.end}")
+    check_start(timeline, start)
+    check_gains(timeline, gains)
     ordered, inverse = np.unique(wanted, return_inverse=True)
     state = _State.at(timeline, start, by_cause)
     read: list[tuple[Array, Array]] = []
 
     def read_out(position: int) -> None:
         if len(read) < len(ordered) and ordered[len(read)] == position:
-            read.append(state.mapped(maps(position)))
+            read.append(state.mapped(check_outputs(timeline, maps(position))))
 
     with one_thread():
         read_out(begin)
@@ -86,6 +87,10 @@ def propagate(
             for low, high in zip([first, *inner], [*inner, last], strict=True):
                 state.advance(block, low - first, high - first)
                 read_out(high)
+    if not read:  # none, of as many outputs as are read elsewhere
+        outputs = len(maps(begin))
+        none = np.zeros((0, outputs, timeline.sources + 1)), np.zeros((0, len(state.names), outputs, outputs))
+        return Propagated(*none)
     partials, covariances = (np.stack(tables)[inverse] for tables in zip(*read, strict=True))
     return Propagated(partials, covariances)
 
@@ -122,7 +127,9 @@ class _State:
         for row, name in zip(kept, names, strict=True):
             own = biases.get(name, owned[:0])
             row[len(core) : len(core) + len(own)] = own
-        started = start.noise if by_cause else {TOGETHER: sum(start.noise.values(), np.zeros((states, states)))}
+        started = timeline.sized(start.noise)
+        if not by_cause:
+            started = {TOGETHER: sum(started.values(), np.zeros((states, states)))}
         covariances = np.zeros((*kept.shape, kept.shape[1]))
         for place, (name, row) in enumerate(zip(names, kept, strict=True)):
             if name in started:
@@ -150,7 +157,7 @@ class _State:
             for noise in block.noise.get(name, ()):
                 within = noise.between(first, last)
                 if len(within.places):
-                    self.covariances[place][np.ix_(used, used)] += sum_of_products(later, within)[rows, columns]
+                    self.covariances[place][np.ix_(used, used)] += within.through(later)[rows, columns]
 
     def mapped(self, maps: Array) -> tuple[Array, Array]:
         """Return partial derivatives and covariances of what is read; variances that are rounding are zero."""

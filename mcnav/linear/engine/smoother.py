@@ -31,10 +31,12 @@ from numpy.typing import ArrayLike
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Timeline, TimelineFilter, Updates
+from mcnav.linear.engine.checks import check_positions
 from mcnav.linear.engine.design import Design, filter_of
-from mcnav.linear.engine.products import Noise, sum_of_products, transform
+from mcnav.linear.engine.noise import Noise
 from mcnav.linear.engine.propagate import propagate
 from mcnav.linear.engine.transitions import bounds, noise_of_steps
+from mcnav.products import transform
 
 SAME_INSTANT: Final = 1e-6
 """Times that differ by no more, s, are the same: a lag is written to fewer digits."""
@@ -78,12 +80,14 @@ def smooth(timeline: Timeline, designed: Design, positions: ArrayLike, lag: floa
     Raises
     ------
     ValueError
-        With considered states, of which the covariance that a smoother computes may be negative.
+        With considered states, of which the covariance that a smoother computes may be negative; of a negative lag.
     """
-    wanted = np.asarray(positions, dtype=np.int64)
+    wanted = check_positions(timeline, positions)
     filtered = filter_of(timeline)
     if not filtered.corrected.all():
         raise ValueError("smoother: expected a filter without considered states, whose own covariance may be negative")
+    if not lag >= 0.0:
+        raise ValueError(f"lag: got {lag:g} s, expected none that is negative")
     if not np.array_equal(designed.positions, wanted):
         raise ValueError("designed: expected the filter's covariance at the positions of the smoother")
     states = np.eye(timeline.states)
@@ -157,13 +161,12 @@ class _Stretches:
         numbers = timeline.steps_before[[first, last]].tolist()
         self.steps, self.own_steps = timeline.steps(*numbers), filtered.steps(*numbers)
         self.places = np.flatnonzero(~timeline.is_update[first:last])
-        self.noise = noise_of_steps(self.steps, self.places)
+        self.noise = noise_of_steps(timeline, self.steps, self.places)
 
     def take_back(self, back: _Back, low: int, high: int) -> None:
         """Take the recursion back from one position to an earlier one."""
         timeline, count, size = self.timeline, high - low, len(back.own)
-        updates = timeline.updates
-        assert updates is not None
+        updates = Updates.none(timeline.states, timeline.sources) if timeline.updates is None else timeline.updates
         products, before = np.eye(size), int(timeline.steps_before[self.first])
         own, weights = np.empty((count, size, size)), np.empty((count, *back.state.shape))
         innovations = np.zeros((count, size, updates.responses.shape[1]))
@@ -186,9 +189,9 @@ class _Stretches:
         back.noise = transform(products, back.noise)
         for number, name in enumerate(timeline.processes):
             for of in self.noise.get(name, ()):
-                back.noise[number] += sum_of_products(weights, of.between(low - self.first, high - self.first))
+                back.noise[number] += of.between(low - self.first, high - self.first).through(weights)
             if name in updates.variances:
-                back.noise[number] += sum_of_products(innovations, _of_updates(timeline, updates, name, low, high))
+                back.noise[number] += _of_updates(timeline, updates, name, low, high).through(innovations)
 
     def _over_update(self, back: _Back, updates: Updates, u: int, innovation: Array) -> Array:
         """Take the recursion back over an update; write N, and return ``(I - K H)'``."""

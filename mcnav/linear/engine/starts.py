@@ -13,19 +13,21 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mcnav._threads import one_thread
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline
 from mcnav.linear.engine.adjoint import take_back
+from mcnav.linear.engine.checks import check_outputs, check_positions
 from mcnav.linear.engine.design import design
-from mcnav.linear.engine.products import sum_of_products, transform
 from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.linear.engine.transitions import bounds, expand
+from mcnav.products import transform
 
 
 def start_times(
-    timeline: Timeline, end: int, outputs: Array, positions: IndexArray, begin: Callable[[int], Start] | None = None
+    timeline: Timeline, end: int, outputs: Array, positions: ArrayLike, begin: Callable[[int], Start] | None = None
 ) -> Propagated:
     """Compute outputs at the end for a navigator that starts at each of the positions, in any order.
 
@@ -41,14 +43,19 @@ def start_times(
     Raises
     ------
     ValueError
-        Where no start but the timeline's own is known.
+        Where no start but the timeline's own is known, or one is after the end.
     """
     begin = timeline.begin if begin is None else begin
     if begin is None:
         raise ValueError("begin: got none, and the timeline has none; its navigator cannot start later")
+    check_positions(timeline, [end])
+    starts, names = check_positions(timeline, positions, last=end), timeline.processes
+    size = len(check_outputs(timeline, outputs))
+    if not len(starts):
+        return Propagated(np.zeros((0, size, timeline.sources + 1)), np.zeros((0, len(names), size, size)))
     if timeline.is_update[:end].any():
-        return _with_filter(timeline, end, outputs, positions, begin)
-    return _without_filter(timeline, end, outputs, positions, begin)
+        return _with_filter(timeline, end, outputs, starts, begin)
+    return _without_filter(timeline, end, outputs, starts, begin)
 
 
 def _with_filter(
@@ -76,12 +83,13 @@ def _without_filter(
 
     def read_out(place: int, rows: Array) -> None:
         start = begin(int(ordered[place]))
+        started = timeline.sized(start.noise)
         turned = constants if start.constants is None else constants @ start.constants
         partials[place] = rows @ start.partials + turned
         covariances[place] = noise
         for number, name in enumerate(names):
-            if name in start.noise:
-                covariances[place, number] += transform(rows, start.noise[name])
+            if name in started:
+                covariances[place, number] += transform(rows, started[name])
 
     place, rows = len(ordered) - 1, outputs
     with one_thread():
@@ -100,7 +108,7 @@ def _without_filter(
                 constants = constants + np.einsum("kon,kns->os", later, block.inputs[low - first : high - first])
                 for number, name in enumerate(names):
                     for of in block.noise.get(name, ()):
-                        noise[number] += sum_of_products(later, of.between(low - first, high - first))
+                        noise[number] += of.between(low - first, high - first).through(later)
                 if place >= 0 and ordered[place] == low:
                     read_out(place, table[low - first])
                     place -= 1

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.contract.timeline import Steps, Timeline
-from mcnav.linear.engine.products import Noise
+from mcnav.contract.timeline import Steps, Timeline, add_up_noise
+from mcnav.linear.engine.noise import Noise
 
 BLOCK: Final = 256
 """Transitions that are expanded at the same time."""
@@ -79,7 +79,11 @@ def expand(
     if len(places):
         steps = timeline.steps(*timeline.steps_before[[first, last]].tolist())
         transitions[places], inputs[places] = steps.transitions, steps.inputs
-        noise = {TOGETHER: (_added_up(steps, places),)} if together else noise_of_steps(steps, places)
+        if together:
+            total = add_up_noise(steps.noise, timeline.sizes, len(places), states)
+            noise = {TOGETHER: (Noise(places, np.arange(states), total, None),)}
+        else:
+            noise = noise_of_steps(timeline, steps, places)
     if is_update.any():
         variances = timeline.updates.variances if timeline.updates is not None else {}
         if together and variances:
@@ -88,17 +92,12 @@ def expand(
     return Block(transitions, inputs if constants is None else inputs @ constants, noise)
 
 
-def noise_of_steps(steps: Steps, places: IndexArray) -> dict[str, tuple[Noise, ...]]:
+def noise_of_steps(timeline: Timeline, steps: Steps, places: IndexArray) -> dict[str, tuple[Noise, ...]]:
     """Return the noise of steps by process, at their places in a block."""
-    return {name: (Noise(places, of.rows, of.covariance, of.factor),) for name, of in steps.noise.items()}
-
-
-def _added_up(steps: Steps, places: IndexArray) -> Noise:
-    """Return the noise of all processes in steps."""
-    total = np.zeros_like(steps.transitions)
-    for of in steps.noise.values():
-        total[:, of.rows[:, None], of.rows] += of.covariances
-    return Noise(places, np.arange(total.shape[1]), total, None)
+    return {
+        name: (Noise(places, of.rows, of.covariance, of.factor, timeline.sizes.get(name, 1.0)),)
+        for name, of in steps.noise.items()
+    }
 
 
 def _expand_updates(

@@ -20,6 +20,10 @@ DOUBTS: Final = {
     "reject",
     "considers": "The filter considers errors without estimating them, so its innovations are not independent. Run "
     "samples to see how many good measurements its gates reject, and what that does",
+    "planned": "The filter's gains are planned and know of no rejection. Run samples to see how many good measurements "
+    "its gates reject, and what that does",
+    "steered": "The vehicle is steered by what it estimates, so a rejected measurement changes its path. Run samples "
+    "to see how many good measurements its gates reject, and what that does",
     "inconsistent": "The filter is not consistent, so only samples show how many good measurements its gates reject, "
     "and what that does",
 }

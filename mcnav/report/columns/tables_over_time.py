@@ -17,6 +17,7 @@ from mcnav.analysis.filter_consistency import (
     SigmaConsistency,
 )
 from mcnav.analysis.filter_evidence import independent_share
+from mcnav.products import transformed_variances
 from mcnav.report.columns.over_time import OverTime, TimeColumn
 from mcnav.report.columns.result_table import ResultTable, Units, in_units
 from mcnav.report.results.model import RunAnalysis
@@ -177,7 +178,7 @@ def budget_over_time(content: RunAnalysis, units: Units = "shown") -> OverTime |
     covariance = model.covariance
     parts = {name: (known.partials[:, :, j] ** 2) * covariance[j, j] for j, name in enumerate(names)}
     parts = {name: part for name, part in parts.items() if np.any(part > 0.0)} | dict(known.processes)
-    whole = np.einsum("tij,jk,tik->ti", known.partials, covariance, known.partials, optimize=True)
+    whole = transformed_variances(known.partials, covariance)
     whole = np.maximum(sum(known.processes.values(), whole), 0.0)
     variances = np.stack(list(parts.values()), axis=2) if parts else np.zeros((*whole.shape, 0))
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
+from mcnav.products import transform
 from mcnav.report.results.model import RunAnalysis
 
 HEADER: Final = 116
@@ -92,7 +93,7 @@ def linear_covariances(content: RunAnalysis) -> Array | None:
         return None
     covariance = None if development is None else development.covariance
     if covariance is None and not history.processes:
-        return history.partials @ content.model.covariance @ history.partials.swapaxes(1, 2)
+        return transform(history.partials, content.model.covariance)
     return covariance
 
 

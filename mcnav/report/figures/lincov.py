@@ -12,7 +12,7 @@ from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, sizes_over_time
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.contract.quantities import end_words
-from mcnav.linear.covariance import propagated_variances
+from mcnav.products import transformed_variances
 from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Cells, Line, Mark, Panel, Points, Rule, Series, Span, axis
 from mcnav.report.drawing.palette import FILTER, FLOWN, INK, LINEAR
@@ -187,7 +187,7 @@ def _variances(answer: LinearAnswer, history: LinearCovariance, members: Sequenc
     count = len(answer.sources)
     sources = [j for j in members if j < count]
     partials, covariance = history.readings.partials[:, :, sources], answer.model.covariance[np.ix_(sources, sources)]
-    total = np.stack([propagated_variances(each, covariance) for each in partials])
+    total = transformed_variances(partials, covariance)
     for j in (j for j in members if j >= count):
         total = total + history.variances[answer.causes[j]]
     return total

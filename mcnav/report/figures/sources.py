@@ -10,6 +10,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.filter_consistency import FilterConsistency
+from mcnav.products import transformed_variances
 from mcnav.report.drawing.axis_groups import stem
 from mcnav.report.drawing.marks import Series, numbered
 from mcnav.report.drawing.palette import OTHER, SOURCE_COLOURS
@@ -153,7 +154,7 @@ def variance_over_time(content: RunAnalysis, members: Sequence[int] = ()) -> Arr
         noise = [noise[j - len(covariance)] for j in members if j >= len(covariance)]
         sources = [j for j in members if j < len(covariance)]
         partials, covariance = partials[:, :, sources], covariance[np.ix_(sources, sources)]
-    variance: Array = np.einsum("tij,jk,tik->ti", partials, covariance, partials, optimize=True)
+    variance: Array = transformed_variances(partials, covariance)
     return np.maximum(variance + sum(noise, np.zeros_like(variance)), 0.0)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.causes import causes_of
 from mcnav.analysis.filter_consistency import MEAN
+from mcnav.products import transformed_variances
 from mcnav.report.columns.requirements import NAMED
 from mcnav.report.results.model import RunAnalysis
 
@@ -32,7 +33,7 @@ def causes_at(content: RunAnalysis, time: float, output: int) -> list[tuple[str,
     variances |= {name: part[at, [output]] for name, part in known.processes.items()}
     means = {name: row[:, k] * model.mean[k] for k, name in enumerate(names) if model.mean[k]}
     noise = sum(float(part[at, output]) for part in known.processes.values())
-    total = float((row @ model.covariance @ row.T)[0, 0]) + noise + float((row @ model.mean)[0] ** 2)
+    total = float(transformed_variances(row, model.covariance)[0]) + noise + float((row @ model.mean)[0] ** 2)
     labels = dict(zip([*names, *model.processes], content.cause_names, strict=True))
     return [
         (f"mean of {labels[cause.name.removeprefix(MEAN)]}" if cause.name.startswith(MEAN) else labels[cause.name],

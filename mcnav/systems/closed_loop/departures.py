@@ -10,6 +10,7 @@ from mcnav._types import Array
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import ScenarioError
+from mcnav.products import transformed_variances
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.soundness import SAMPLES, SMALL_SHARE
 
@@ -108,7 +109,7 @@ def growth_of(readings: LinearSystem, names: tuple[str, ...], start: Array) -> l
 
 def sigmas_of(readings: LinearSystem, start: Array) -> Array:
     """Compute the linear sigmas of the outputs at the epochs, shape (m, outputs)."""
-    variances = np.einsum("moi,ij,moj->mo", readings.partials, start, readings.partials)
+    variances = transformed_variances(readings.partials, start)
     variances = variances + sum(np.diagonal(each, axis1=1, axis2=2) for each in readings.processes.values())
     return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
 

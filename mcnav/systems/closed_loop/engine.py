@@ -15,6 +15,7 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.closed_loop.conditional import ConditionalDraws, noise_partials, rows_of
 from mcnav.systems.closed_loop.declarations import Filter
 from mcnav.systems.closed_loop.filter import FilterStates, read_filter
+from mcnav.systems.closed_loop.gates import NO_GATES, LoopGates, SampleGates
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.plan import Plan
 from mcnav.systems.closed_loop.reading import read_maps, read_start
@@ -51,16 +52,18 @@ def readout_of(maps: Maps) -> Readout:
 
 
 def set_up(
-    instance: Any, name: str, sizes: LoopSizes, plan: Plan, epochs: Mapping[int, int], schema: FilterSchema | None
-) -> Setup:
+    instance: Any, name: str, sizes: LoopSizes, plan: Plan, epochs: Mapping[int, int], schema: FilterSchema | None,
+    gates: LoopGates = NO_GATES,
+) -> Setup:  # fmt: skip
     """Put together what samples share."""
     maps = maps_of(instance, name, sizes)
+    schedule = read_schedule(instance, name, tuple(sensor.declared for sensor in maps.sensors))
     start, readout = read_start(instance, name, maps.structure), readout_of(maps)
     steps = difference_steps(maps, start, sizes.true)
     return Setup(
-        maps, read_schedule(instance, name, tuple(sensor.declared for sensor in maps.sensors)), plan,
-        read_filter(instance.filter, name, maps.structure), judged_states(instance, name, maps), sizes.true,
-        sizes.believed, start, steps, epochs, readout, schema, readout.floor(plan),
+        maps, schedule, plan, read_filter(instance.filter, name, maps.structure), judged_states(instance, name, maps),
+        sizes.true, sizes.believed, start, steps, epochs, readout, schema, readout.floor(plan),
+        SampleGates.of(gates, maps.sensors, schedule),
     )  # fmt: skip
 
 
@@ -84,6 +87,7 @@ class ClosedLoopEngine:
     epochs: Epochs | None
     noisy: bool
     filter: FilterSchema | None
+    gates: LoopGates = NO_GATES
     parallel: str = "processes"
 
     def with_noise(self, multiple: float) -> ClosedLoopEngine:
@@ -113,7 +117,7 @@ class ClosedLoopEngine:
     def set_up(self) -> Setup:
         """Put together what samples share."""
         instance = with_navigator(self.spec.build().value)
-        return set_up(instance, self.spec.name, self.sizes, self.plan, self.instants, self.filter)
+        return set_up(instance, self.spec.name, self.sizes, self.plan, self.instants, self.filter, self.gates)
 
     def each_alone(self, batch: Batch, some: Callable[[slice], SimulationResult]) -> SimulationResult:
         """Simulate all samples together or, where that fails, each by itself."""

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason
-from mcnav.systems.closed_loop.algebra import combine, propagate, update
+from mcnav.systems.closed_loop.algebra import combine, propagate, update, whiten
 from mcnav.systems.closed_loop.differences import differentiate_own
 from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Event
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, SENSORS, Noise, NoNoise
 from mcnav.systems.closed_loop.own_update import stated_covariance, updated
 from mcnav.systems.closed_loop.passage import Step, find_passages, meet, pass_through
-from mcnav.systems.closed_loop.records import Recorder
+from mcnav.systems.closed_loop.records import Recorder, sum_rows
 from mcnav.systems.closed_loop.schedule import Instant
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.structure import Part
@@ -359,6 +359,9 @@ class Flight:
         setup, maps, states = self.setup, self.setup.maps, self.setup.states
         sigma = setup.believed.measurements[number]
         drawn = self.noise.draw(SENSORS + number, len(sigma)) * setup.true.measurements[number][:, None]
+        fault = setup.gates.errors.get((number, time))
+        if fault is not None:
+            drawn = drawn + fault[:, None]
         if planned is not None:
             self.follow(planned, drawn)
             self.gains[number] = planned
@@ -373,7 +376,7 @@ class Flight:
 
         exact = function(self.x, drawn)
         noise = self.of_flight(drawn)
-        innovation = exact + noise
+        innovation, before = exact + noise, self.covariance
         if self.own:
             gain, factor, self.covariance = self.own_update(OwnMap(function, self.x, noise, sigma), exact, planned)
             added = combine(gain, innovation)
@@ -382,11 +385,18 @@ class Flight:
             assert last.gain is not None
             assert last.factor is not None
             factor, added = last.factor, combine(last.gain, innovation)
+        limit = setup.gates.limits[number]
+        if self.recorder is not None or np.isfinite(limit):
+            white = whiten(factor, innovation)
+            rejected = sum_rows(white**2) > limit
+            added[:, rejected] = 0.0
+            if self.own and rejected.any():
+                self.covariance[:, :, rejected] = before[:, :, rejected]
+            if self.recorder is not None:
+                self.recorder.sensors[number].add(self.rows, white, rejected)
         change = np.zeros_like(self.x)
         change[states.estimates] = added
         self.x = maps.structure.space.plus(self.x, change)
-        if self.recorder is not None:
-            self.recorder.sensors[number].add(self.rows, innovation, factor)
 
     def own_update(self, map_: OwnMap, exact: Array, planned: Transition | None) -> tuple[Array, Array, Array]:
         """Compute samples' own gains, factors of their innovations' covariances, and covariances after an update."""

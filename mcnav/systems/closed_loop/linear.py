@@ -17,6 +17,7 @@ from mcnav.contract.timeline import Instants, Start, Timeline
 from mcnav.linear.engine.design import Design, design
 from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.linear.engine.smoother import smooth
+from mcnav.products import transformed_variances
 from mcnav.systems.closed_loop.nominal_flight import within_step
 from mcnav.systems.closed_loop.timeline import LoopTimeline, LoopTransitions
 from mcnav.systems.closed_loop.transitions import Moment, Transition
@@ -190,7 +191,7 @@ class LinearLoop:
         processes = {name: covariances[:, number] for number, name in enumerate(names)}
         system = LinearSystem(
             np.array([reading.time for reading in readings]), partials[:, :, :-1],
-            np.array(nominal).reshape(len(readings), outputs), processes,
+            np.array(nominal).reshape(len(readings), outputs) + partials[:, :, -1], processes,
             tuple(reading.label for reading in readings),
             origin=np.array([loop.readout.origin(reading.x, floor) for reading in readings]).reshape(-1, outputs),
         )  # fmt: skip
@@ -254,7 +255,7 @@ def without_rounding(system: LinearSystem, loop: LoopTimeline) -> LinearSystem:
     """
     start, floor = loop.sizes.true.start, loop.readout.floor(loop.linear)
     steps = np.array([loop.linear.steps[source.moves[0]] for source in loop.maps.structure.sources])
-    variances = np.einsum("rij,jk,rik->ri", system.partials, start, system.partials)
+    variances = transformed_variances(system.partials, start)
     for process in system.processes.values():
         variances = variances + np.diagonal(process, axis1=1, axis2=2)
     kept = ~(variances <= floor**2)  # NaN of a loop that diverges is kept, and told

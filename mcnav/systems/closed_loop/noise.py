@@ -1,4 +1,4 @@
-"""Noise of a loop's samples by counter: generators keyed by seed and sample, one for each stream.
+"""Noise of a loop's samples by counter: normal variates by seed, sample and stream (`mcnav.sampler.normals`).
 
 The streams are what enters the steps with the processes at the start, each sensor, and each correction, so that a
 sensor more leaves the others' noise as it was. Samples have the same bits in any chunk and any worker.
@@ -9,16 +9,14 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
-from mcnav.systems.closed_loop.normals import draw_normals
+from mcnav.sampler.normals import draw_for_samples
 
-PROCESSES: Final = 0x636C_0000
-"""Stream of the processes: the highest word of the counter, apart from the streams of other systems."""
-
-SENSORS: Final = PROCESSES + 0x1000
-CORRECTIONS: Final = PROCESSES + 0x2000
+PROCESSES: Final = 0x1000
+SENSORS: Final = 0x2000
+CORRECTIONS: Final = 0x3000
+"""Streams of the processes, of the first sensor and of the first correction; those of the others follow."""
 
 BLOCK: Final = 256
 """Numbers that are drawn of a sample's stream at once."""
@@ -29,15 +27,16 @@ class Noise:
 
     def __init__(self, seed: int, index: IndexArray, shares: Array | None = None) -> None:
         self._shares, self._seed, self._samples = shares, seed, np.asarray(index).astype(np.uint64)
-        self._used: dict[int, NDArray[np.int64]] = {}
+        self._reached: dict[int, int] = {}
         self._drawn: dict[int, Array] = {}
 
     def draw(self, stream: int, count: int) -> Array:
         """Draw the next numbers of a stream for every sample, shape (count, n); they must not be changed."""
         left = self._drawn.get(stream)
         if left is None or len(left) < count:
-            used = self._used.setdefault(stream, np.zeros(len(self._samples), dtype=np.int64))
-            fresh = draw_normals(self._seed, self._samples, stream, used, max(count, BLOCK))
+            first, more = self._reached.get(stream, 0), max(count, BLOCK)
+            fresh = draw_for_samples(self._seed, self._samples, stream, first, more)
+            self._reached[stream] = first + more
             left = fresh if left is None or not len(left) else np.concatenate([left, fresh])
         self._drawn[stream] = left[count:]
         return left[:count] if self._shares is None else left[:count] * self._shares

@@ -60,20 +60,15 @@ class Innovations:
     sums: Array
     last: Array | None = None
 
-    def add(self, rows: NDArray[np.intp], innovation: Array, factor: Array) -> None:
-        """Add an update of some samples: innovations, shape (k, n), and factors of what the filter expects of them.
-
-        Parameters
-        ----------
-        factor : ndarray, shape (k, k, n) or (k, k, 1)
-        """
-        white = whiten(factor, innovation)
+    def add(self, rows: NDArray[np.intp], white: Array, rejected: NDArray[np.bool_]) -> None:
+        """Add an update of some samples: innovations, whitened by what the filter expects of them, shape (k, n)."""
         if self.last is None:
             self.last = np.full((len(white), self.sums.shape[1]), np.nan)
         along = sum_rows(white * self.last[:, rows]) / len(white)
         known = np.isfinite(along)
         added = np.zeros((len(self.sums), len(rows)))
-        added[0], added[1], added[3], added[4] = sum_rows(white**2), 1.0, np.where(known, along, 0.0), known
+        added[0], added[1], added[2] = sum_rows(white**2), ~rejected, rejected
+        added[3], added[4] = np.where(known, along, 0.0), known
         self.sums[:, rows] += added
         self.last[:, rows] = white
 

@@ -12,6 +12,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
+from mcnav.contract.gates import FaultLaw, GateLaw, GateQuestion, RejectionLaws
 from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import TRUE_DISPERSION, Output, Source
@@ -28,6 +29,7 @@ from mcnav.systems.closed_loop.departures import (
 )
 from mcnav.systems.closed_loop.engine import ClosedLoopEngine, judged_states, maps_of, readout_of, set_up
 from mcnav.systems.closed_loop.filter import read_filter
+from mcnav.systems.closed_loop.gates import NO_GATES, LoopGates, SampleGates, around_faults, gated_filter
 from mcnav.systems.closed_loop.linear import LinearLoop, Reading
 from mcnav.systems.closed_loop.nominal_flight import linearize
 from mcnav.systems.closed_loop.own_update import stated_covariance
@@ -43,13 +45,14 @@ from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.strapdown.shown import instrument_sources, shown_units
 from mcnav.systems.closed_loop.timeline import LoopTimeline, sized_processes
 from mcnav.systems.closed_loop.transitions import Linearization
+from mcnav.systems.gates import GatedFilter, fault_laws, gate_laws, rejection_laws
 from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.user.code import UserScenarioSpec, ask
 
 Read = TypeVar("Read")
 
-REVISION: Final = 1
-"""Counts the changes of the samples' last digits: before, products of a library were of all samples at once."""
+REVISION: Final = 2
+"""Counts the changes of the samples: 0 had products of a library of all samples at once, 1 numpy's normal variates."""
 
 LABEL: Final = "time [s]"
 
@@ -101,6 +104,8 @@ class ClosedLoopScenario(PlainScenario):
         A navigator that starts within the flight.
     lag : float, optional
         Of a smoother that follows the filter, s; infinite where it uses all measurements.
+    gates : LoopGates, optional
+        Of the filter, with faults of its sensors.
 
     Raises
     ------
@@ -113,11 +118,12 @@ class ClosedLoopScenario(PlainScenario):
     start_clock = START_CLOCK
 
     def __init__(
-        self, spec: UserScenarioSpec, sizes: LoopSizes, begun: Begun | None = None, lag: float | None = None
-    ) -> None:
+        self, spec: UserScenarioSpec, sizes: LoopSizes, begun: Begun | None = None, lag: float | None = None,
+        gates: LoopGates = NO_GATES,
+    ) -> None:  # fmt: skip
         self.spec = spec
         self.sizes = sizes
-        self._begun, self._lag = begun, lag
+        self._begun, self._lag, self._gates = begun, lag, gates
         self._shared: Linearization | None = None
         self._ends: tuple[tuple[float, ...], LinearSystem] | None = None
         self._object = spec.build_current()
@@ -161,14 +167,18 @@ class ClosedLoopScenario(PlainScenario):
             sources.append(Source(each.name, each.unit, unit, sigma or usual, group=each.group, of=each.of))
         return tuple(sources)
 
-    can = frozenset({Capability.USER_CODE})
+    @property
+    def can(self) -> frozenset[Capability]:
+        """Capabilities of the scenario."""
+        gated = {Capability.GATES} if self._gates.any and self._begun is None else set()
+        return frozenset({Capability.USER_CODE} | gated)
 
     @property
     def parts(self) -> TimelineParts:
         """What its timeline has."""
         smoothed = self._lag is not None and self._begun is None
         measured, judged = bool(self.maps.sensors), self.judged is not None
-        return TimelineParts("any time", self.noisy, updates=measured, filter=judged, smoother=smoothed, begins=True)
+        return TimelineParts("any time", self.noisy, updates=measured, filter=judged, smoother=smoothed)
 
     @property
     def processes(self) -> tuple[Output, ...]:
@@ -177,11 +187,11 @@ class ClosedLoopScenario(PlainScenario):
 
     def with_sizes(self, sizes: LoopSizes) -> ClosedLoopScenario:
         """Return the scenario with other sizes."""
-        return type(self)(self.spec, sizes, lag=self._lag)
+        return type(self)(self.spec, sizes, lag=self._lag, gates=self._gates)
 
-    def with_smoother(self, lag: float | None) -> ClosedLoopScenario:
-        """Return the scenario with a smoother of this lag, s; infinite where it uses all measurements."""
-        return type(self)(self.spec, self.sizes, lag=lag)
+    def with_filter(self, lag: float | None, gates: LoopGates) -> ClosedLoopScenario:
+        """Return the scenario with a smoother of this lag, s, infinite where it uses all measurements, and gates."""
+        return type(self)(self.spec, self.sizes, lag=lag, gates=gates)
 
     def along(self, earlier: ClosedLoopScenario) -> ClosedLoopScenario:
         """Return the scenario with the derivatives of one with other sizes, for linear answers; itself if it cannot be.
@@ -190,7 +200,7 @@ class ClosedLoopScenario(PlainScenario):
         """
         if self._object is not earlier._object or not _same_maps(self, earlier):
             return self
-        tuned = type(self)(self.spec, self.sizes, lag=self._lag)
+        tuned = type(self)(self.spec, self.sizes, lag=self._lag, gates=self._gates)
         tuned._shared = earlier.linearization
         return tuned
 
@@ -216,7 +226,10 @@ class ClosedLoopScenario(PlainScenario):
         """The linear system along the nominal."""
         if self._begun is not None:
             return self._begun.linear
-        return LinearLoop(LoopTimeline(self.linearization, self.maps, self.states, self.sizes, self.readout))
+        faults = SampleGates.of(self._gates, self.maps.sensors, self.schedule).errors
+        return LinearLoop(
+            LoopTimeline(self.linearization, self.maps, self.states, self.sizes, self.readout, faults=faults)
+        )
 
     @cached_property
     def plan(self) -> Plan:
@@ -250,7 +263,15 @@ class ClosedLoopScenario(PlainScenario):
         width = len(self.outputs) + (0 if schema is None else schema.width)
         most = max(FEWEST_EPOCHS, MOST_NUMBERS // width) - 1
         places = np.unique(np.linspace(len(possible) - 1, 0, min(most, len(possible))).round().astype(int))
-        return (*(possible[place] for place in places.tolist()), end)
+        chosen = {possible[place] for place in places.tolist()} | self._around_faults(possible[-1] if possible else 0)
+        return (*sorted(chosen), end)
+
+    def _around_faults(self, last: int) -> set[int]:
+        """Return the instants of measurements before faults and of the last ones during them, up to the last epoch."""
+        times = around_faults(self._gates, self.maps.sensors, self.schedule)
+        return {
+            number for number, instant in enumerate(self.schedule[: last + 1]) if instant.time in times and instant.time
+        }
 
     @cached_property
     def readings(self) -> LinearSystem:
@@ -307,6 +328,27 @@ class ClosedLoopScenario(PlainScenario):
         system, claimed = self.linear_loop.smooth(readings, self._lag)
         own = self._of_outputs(claimed)
         return replace(system, label=LABEL, own=own, own_outputs=schema.known, believed=self.believed)
+
+    @property
+    def gate_question(self) -> GateQuestion:
+        """Question that is asked of the sensors' gates."""
+        return self._gates.question
+
+    def gate_laws(self, mean: Array, covariance: Array) -> tuple[GateLaw, ...]:
+        """Compute the laws of the sensors' gates; none without any."""
+        return gate_laws(self._gated(mean, covariance), self.gate_question.ramp)
+
+    def fault_laws(self, mean: Array, covariance: Array) -> tuple[FaultLaw, ...]:
+        """Compute the laws of the sensors' faults; none without any."""
+        return fault_laws(self._gated(mean, covariance))
+
+    def rejection_laws(self, mean: Array, covariance: Array, times: Array) -> RejectionLaws | None:
+        """Compute the laws of good measurements that gates reject, with errors at epochs; none without any."""
+        numbers = np.array(self._chosen)[np.searchsorted(self.reading_times, times)]
+        return rejection_laws(self._gated(mean, covariance), times, self.linear_loop.loop.after[numbers])
+
+    def _gated(self, mean: Array, covariance: Array) -> GatedFilter:
+        return gated_filter(self.linear_loop, self._gates, mean, covariance)
 
     def linear_over_time(self, count: int | None = None) -> LinearSystem:
         """Return the linear system at all epochs, or at so many, evenly chosen."""
@@ -423,7 +465,7 @@ class ClosedLoopScenario(PlainScenario):
         instants = {number: epoch for epoch, number in enumerate(self._chosen)}
         return ClosedLoopEngine(
             self.spec.pinned(self._object), self.sizes, self.plan, instants, len(self.outputs), chunk, self.accuracy,
-            epochs, self.noisy, schema,
+            epochs, self.noisy, schema, self._gates,
         )  # fmt: skip
 
     def check_start_axes(self, axes: str) -> None:
@@ -448,7 +490,9 @@ class ClosedLoopScenario(PlainScenario):
         self.check_start_axes(axes)
         number = self._start_at(time)
         return self._linearized(
-            lambda: type(self)(self.spec, self.sizes, self._starts.begun(self._starts.numbers[number]))
+            lambda: type(self)(
+                self.spec, self.sizes, self._starts.begun(self._starts.numbers[number]), gates=self._gates
+            )
         )
 
     def _start_at(self, time: float) -> int:

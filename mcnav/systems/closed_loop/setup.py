@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from mcnav._types import Array
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.systems.closed_loop.filter import FilterStates
+from mcnav.systems.closed_loop.gates import SampleGates
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.plan import Plan
 from mcnav.systems.closed_loop.readout import Readout
@@ -46,3 +47,4 @@ class Setup:
     readout: Readout
     schema: FilterSchema | None
     floor: Array
+    gates: SampleGates

@@ -11,7 +11,9 @@ from pydantic_core.core_schema import CoreSchema, with_info_plain_validator_func
 from mcnav._types import Array
 from mcnav.entries.axes import AxisSizes
 from mcnav.entries.quantities import Duration, JsonSchema, Later, Table
+from mcnav.systems.ins.tables.filter import StopsTable
 from mcnav.systems.ins.tables.imu import BelievedImuTable
+from mcnav.systems.ins.tables.sensor_tables import Gate, OfGate
 from mcnav.systems.smoother_table import SmootherEntry
 
 
@@ -82,6 +84,11 @@ class LoopFilterTable(Table):
         SmootherEntry | None,
         Field(description="Smoother that follows the filter, of which linear analysis is known."),
     ] = None
+    gate: Annotated[Gate | None, OfGate] = None
+    stops: Annotated[
+        StopsTable,
+        Field(description="With what probability gates stop errors whose size is asked for, and how long ramps are."),
+    ] = StopsTable()
 
 
 class NoiseTable(Table):

@@ -7,9 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from mcnav._types import Array
+from mcnav.contract.gates import GateQuestion
 from mcnav.contract.quantities import may_be_share
+from mcnav.contract.questions import UNMEASURED
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
 from mcnav.entries.validation import validate, validate_entry
@@ -17,9 +20,11 @@ from mcnav.errors import suggestion
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.closed_loop.declarations import ClosedLoop
 from mcnav.systems.closed_loop.filter import FilterStates
+from mcnav.systems.closed_loop.gates import LoopGates, component_names, times_of
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.quantities import Quantity
 from mcnav.systems.closed_loop.scenario import ClosedLoopScenario, without_errors
+from mcnav.systems.closed_loop.schedule import Instant
 from mcnav.systems.closed_loop.size_tables import (
     BELIEVED_MARKOV,
     MARKOV,
@@ -35,6 +40,16 @@ from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.closed_loop.strapdown.merged import navigator_of
 from mcnav.systems.closed_loop.strapdown.table import read_instruments
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
+from mcnav.systems.faults import Fault
+from mcnav.systems.ins.tables.faults import (
+    FAULTS,
+    MOST_FAULTS,
+    BiasTable,
+    RampTable,
+    SpikeTable,
+    WrongError,
+    read_error,
+)
 from mcnav.systems.ins.tables.imu import IMU
 from mcnav.systems.smoother_table import lag_of
 from mcnav.systems.user import table as user
@@ -53,11 +68,16 @@ TABLES: Final[Mapping[str, FurtherTable]] = {
     "filter": FurtherTable(
         LoopFilterTable,
         "Error-state Kalman filter of an aided navigation, or beliefs of a closed loop's filter.",
-        "this scenario cannot be aided, which those of type ins can",
+        f"{UNMEASURED}; type ins has sensors that do",
     ),
     "imu": IMU,
+    "faults": FurtherTable(FAULTS.form, FAULTS.description, FAULTS.absent),
 }
 """Tables besides ``[scenario]`` and ``[errors]`` that a closed loop reads."""
+
+
+ERRONEOUS: Final = TypeAdapter[SpikeTable | RampTable | BiasTable](WrongError)
+"""Faults of a loop's sensors; outages are instants of its measurements."""
 
 
 @dataclass(frozen=True)
@@ -79,21 +99,22 @@ def read_scenario(table: user.UserTable, entries: Mapping[str, Any], context: Fi
     if not isinstance(loop, ClosedLoop):
         for name in TABLES:
             if name in context.content:
-                context.problem(name, "this scenario is no ClosedLoop, whose sizes this table gives; leave it out")
+                reason = f"{UNMEASURED}; " if name == "filter" else ""
+                context.problem(name, f"{reason}this is no ClosedLoop, whose sizes this table gives; leave it out")
         return user.scenario_spec(described)
     sizes = without_errors(described.spec)
     scenario = ClosedLoopScenario(described.spec, sizes)
     before = len(context.problems)
     instruments = read_instruments(navigator_of(loop), described.spec.name, context)
-    read = _read_sizes(scenario.maps, context, scenario.states)
+    read = _read_sizes(scenario.maps, scenario.schedule, context, scenario.states)
     if read is None or len(context.problems) > before:
         return None
-    sizes, beliefs, lag = read
+    sizes, beliefs, lag, gates = read
     sigmas: Mapping[str, float] = {}
     if instruments is not None:
         sizes, sigmas = instruments.sized(sizes, scenario.maps.structure), instruments.true.sigmas
         beliefs = Beliefs({**instruments.believed.sigmas, **beliefs.errors})
-    sized = scenario.with_sizes(sizes).with_smoother(lag)
+    sized = scenario.with_sizes(sizes).with_filter(lag, gates)
 
     def complete(scenario: Scenario, errors: ErrorModel) -> Scenario:
         return _with_errors(beliefs, sized, errors)
@@ -117,9 +138,9 @@ def _with_errors(beliefs: Beliefs, scenario: ClosedLoopScenario, errors: ErrorMo
 
 
 def _read_sizes(
-    maps: Maps, context: FileContext, filtered: FilterStates | None
-) -> tuple[LoopSizes, Beliefs, float | None] | None:
-    """Read true and believed sizes, and the smoother's lag; mistakes are added, and none is returned."""
+    maps: Maps, schedule: tuple[Instant, ...], context: FileContext, filtered: FilterStates | None
+) -> tuple[LoopSizes, Beliefs, float | None, LoopGates] | None:
+    """Read true and believed sizes, the smoother's lag, and gates; mistakes are added, and none is returned."""
     before, content = len(context.problems), context.content
     if filtered is None and "filter" in content:
         context.problem("filter", "this loop has no Filter whose beliefs it could give; leave it out")
@@ -136,9 +157,42 @@ def _read_sizes(
     if lag is not None and filtered is not None and len(filtered.considered):
         message = "is not defined with considers, whose errors the filter's gains leave out; estimate them"
         context.problem("filter.smoother", message)
+    question = GateQuestion(filter_table.stops.probability, filter_table.stops.ramp)
+    gates = LoopGates(filter_table.gate, question, _read_faults(maps, schedule, context, filtered))
     if len(context.problems) > before:
         return None
-    return LoopSizes(true, believed), Beliefs(errors), lag
+    return LoopSizes(true, believed), Beliefs(errors), lag, gates
+
+
+def _read_faults(
+    maps: Maps, schedule: tuple[Instant, ...], context: FileContext, filtered: FilterStates | None
+) -> dict[str, tuple[Fault, ...]]:
+    """Read the faults of sensors by name; mistakes are added to the context."""
+    entries = context.content.get("faults", [])
+    if entries and filtered is None:
+        context.problem("faults", "this loop has no Filter that uses measurements; leave it out")
+        return {}
+    if not isinstance(entries, list) or len(entries) > MOST_FAULTS:
+        context.problem("faults", f"expected at most {MOST_FAULTS} tables [[faults]]")
+        return {}
+    numbers = {sensor.declared.name: number for number, sensor in enumerate(maps.sensors)}
+    faults: dict[str, tuple[Fault, ...]] = {}
+    for place, entry in enumerate(entries, start=1):
+        key = f"faults #{place}"
+        table = validate_entry(ERRONEOUS, entry, context, key)
+        if table is None:
+            continue
+        number = numbers.get(table.sensor)
+        if number is None:
+            known = suggestion(table.sensor, list(numbers))
+            context.problem(f"{key}.sensor", f"got {table.sensor!r}; no sensor has this name{known}")
+            continue
+        sensor = maps.sensors[number]
+        measured = dict.fromkeys(component_names(sensor), sensor.declared.unit)
+        fault = read_error(table, entry, measured, times_of(schedule, number), key, context)
+        if fault is not None:
+            faults[table.sensor] = (*faults.get(table.sensor, ()), fault)
+    return faults
 
 
 def _believed_errors(maps: Maps, entries: Mapping[str, Any], context: FileContext) -> dict[str, float]:

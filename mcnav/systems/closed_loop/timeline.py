@@ -7,8 +7,8 @@ timeline is what the navigator expects less what is measured, so that ``n = H_f 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -130,7 +130,7 @@ class LoopTransitions:
                 terms += [added * believed.corrections[number] for number, added in step.corrections.items()]
                 factor = states.reading @ np.concatenate(terms, axis=1)
                 noise[place] = factor @ factor.T
-        return FilterSteps(transitions, noise)
+        return FilterSteps.of(transitions, noise)
 
 
 def _noise(factors: Sequence[tuple[int, Array]], count: int) -> StepNoise:
@@ -151,6 +151,8 @@ class LoopTimeline:
     states : FilterStates, optional
     waits : bool
         Whether the navigator waits; its estimates stay, and X is with them.
+    faults : mapping of (int, float) to ndarray
+        What faults add to the measurements of a sensor, by number, at a time, s.
     """
 
     linear: Linearization
@@ -159,6 +161,7 @@ class LoopTimeline:
     sizes: LoopSizes
     readout: Readout
     waits: bool = False
+    faults: Mapping[tuple[int, float], Array] = field(default_factory=dict)
 
     @cached_property
     def pairs(self) -> Pairs:
@@ -238,23 +241,27 @@ class LoopTimeline:
         return columns_of_errors(self.pairs, self.readout.partials(x, self.linear.steps, time))
 
     @cached_property
-    def _innovations(self) -> list[Innovation]:
-        return [each for each in self._order if isinstance(each, Innovation)]
+    def _innovations(self) -> list[tuple[float, Innovation]]:
+        return [
+            (planned.instant.time, each)
+            for planned in self.linear.instants for each in planned.updates if isinstance(each, Innovation)
+        ]  # fmt: skip
 
     @cached_property
     def _updates(self) -> Updates:
         structure, innovations = self.maps.structure, self._innovations
-        sizes = np.array([len(each.response) for each in innovations], dtype=np.int64)
+        sizes = np.array([len(each.response) for _, each in innovations], dtype=np.int64)
         most = int(sizes.max(initial=0))
         responses = np.zeros((len(sizes), most, structure.size))
         names = [sensor.declared.name for sensor in self.maps.sensors]
         variances = {name: np.zeros((len(sizes), most)) for name in names if name in self.processes}
-        for row, (size, each) in enumerate(zip(sizes.tolist(), innovations, strict=True)):
+        disturbances = np.zeros((len(sizes), most, len(structure.sources) + 1))
+        for row, (size, (time, each)) in enumerate(zip(sizes.tolist(), innovations, strict=True)):
+            disturbances[row, :size, -1] = -self.faults.get((each.number, time), 0.0)
             responses[row, :size] = -columns_of_errors(self.pairs, each.response)
             sigmas = self.sizes.true.measurements[each.number]
             if names[each.number] in variances:
                 variances[names[each.number]][row, :size] = sigmas**2
-        disturbances = np.zeros((len(sizes), most, len(structure.sources) + 1))
         return Updates(sizes, responses, disturbances, variances)
 
     @cached_property
@@ -265,7 +272,7 @@ class LoopTimeline:
         most = self._updates.responses.shape[1]
         responses = np.zeros((len(self._innovations), most, states.count))
         variances = np.zeros((len(self._innovations), most))
-        for row, each in enumerate(self._innovations):
+        for row, (_, each) in enumerate(self._innovations):
             sigmas = sized(self.maps, self.sizes.believed, each.number)
             responses[row, : len(sigmas)] = -each.response @ states.moving
             variances[row, : len(sigmas)] = sigmas**2

@@ -29,8 +29,9 @@ from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, PlainScenario, ScenarioError
 from mcnav.contract.time_axis import TimeAxis, time_axis
-from mcnav.linear.engine.products import transform
 from mcnav.linear.engine.propagate import Propagated, propagate
+from mcnav.products import transform
+from mcnav.systems.gates import GatedFilter, GatedSensor, fault_laws, gate_laws, rejection_laws
 from mcnav.systems.histories import first_and_last
 from mcnav.systems.ins.aided import (
     PROBES,
@@ -46,7 +47,6 @@ from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured,
 from mcnav.systems.ins.ensemble.free import EnsembleErrors, EnsembleTables, simulate, simulate_given, tabulate
 from mcnav.systems.ins.filter.model import EKF, FilterModel
 from mcnav.systems.ins.filter.tables import same_memory
-from mcnav.systems.ins.gates import fault_laws, gate_laws, rejection_laws
 from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
@@ -58,7 +58,8 @@ from mcnav.systems.ins.linear.recent_responses import recent_responses
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
-from mcnav.systems.ins.sensors.aiding import Sensor, gate_limits
+from mcnav.systems.ins.sensors.aiding import Component, Sensor
+from mcnav.systems.ins.sensors.registry import QUANTITIES
 from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources, flexure_rates
 from mcnav.systems.ins.truth.gravity import GravityPath
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
@@ -263,6 +264,12 @@ class Navigation:
             closed = self.aided.linear
             return LinearErrors(closed.times, closed.partials, closed.processes)
         return free_errors(self.truth, self.responses, self.imu, np.arange(len(self.times)))
+
+
+def _described(component: Component) -> tuple[str, str, str]:
+    """Return the name of a component, its SI unit, and the unit in which it is shown."""
+    quantity = QUANTITIES[component.quantity]
+    return component.name, quantity.unit, quantity.shown_in
 
 
 def _around_faults(sensor: Sensor) -> list[tuple[float, ...]]:
@@ -473,7 +480,7 @@ class Ins(PlainScenario):
         model = self.navigation.filter
         aided = model is not None
         smoothed = model is not None and model.smoothed
-        return TimelineParts("any time", noise=True, updates=aided, filter=aided, smoother=smoothed, begins=True)
+        return TimelineParts("any time", noise=True, updates=aided, filter=aided, smoother=smoothed)
 
     def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
         """Return `remarks`, whatever the errors."""
@@ -622,22 +629,34 @@ class Ins(PlainScenario):
 
     def gate_laws(self, mean: Array, covariance: Array) -> tuple[GateLaw, ...]:
         """Compute the laws of the sensors' gates; none without any."""
-        aided = self.navigation.aided
-        if aided is None:
-            return ()
-        return gate_laws(aided, aided.sensors, gate_limits(aided.sensors), mean, covariance, self.gate_question.ramp)
+        gated = self._gated(mean, covariance)
+        return () if gated is None else gate_laws(gated, self.gate_question.ramp)
 
     def fault_laws(self, mean: Array, covariance: Array) -> tuple[FaultLaw, ...]:
         """Compute the laws of the sensors' faults; none without any."""
-        aided = self.navigation.aided
-        return () if aided is None else fault_laws(aided, aided.sensors, gate_limits(aided.sensors), mean, covariance)
+        gated = self._gated(mean, covariance)
+        return () if gated is None else fault_laws(gated)
 
     def rejection_laws(self, mean: Array, covariance: Array, times: Array) -> RejectionLaws | None:
         """Compute the laws of good measurements that gates reject, with errors at epochs; none without any."""
+        gated = self._gated(mean, covariance)
+        if gated is None:
+            return None
+        instants = gated.timeline.instants
+        return rejection_laws(gated, times, instants.after[np.searchsorted(instants.times, times - 1e-9)])
+
+    def _gated(self, mean: Array, covariance: Array) -> GatedFilter | None:
+        """Return the filter with its gates for errors of a mean and a covariance; none without aiding."""
         aided = self.navigation.aided
         if aided is None:
             return None
-        return rejection_laws(aided, aided.sensors, gate_limits(aided.sensors), mean, covariance, times)
+        sensors = tuple(
+            GatedSensor(sensor.name, tuple(map(_described, sensor.components)), sensor.gate, sensor.faults)
+            for sensor in aided.sensors
+        )
+        loop = aided.loop
+        measured = loop.measurements
+        return GatedFilter(loop.timeline, loop.designed, sensors, measured.sensors, measured.times, mean, covariance)
 
     @property
     def further_epochs(self) -> tuple[float, ...]:

@@ -298,7 +298,7 @@ class Reentry(PlainScenario):
     revision = REVISION
     start_clock = StartClock("min from reentry", "reentry")
     can = frozenset({Capability.REPLAY})
-    parts = TimelineParts("any time", begins=True)
+    parts = TimelineParts("any time")
 
     _latest: tuple[bytes, EnsembleEngine] | None = None
     """Content of the last probes, and the ensemble: another run of the campaign has the same."""

@@ -250,7 +250,7 @@ class Cruise(PlainScenario):
     engines = ("ensemble", "reference")
     revision = REVISION
     can = frozenset({Capability.REPLAY})
-    parts = TimelineParts("any time", begins=True)
+    parts = TimelineParts("any time")
     start_clock = StartClock("min of the flight", aligned="at the navigation's own start")
 
     def __init__(self, flight: SteadyFlight) -> None:

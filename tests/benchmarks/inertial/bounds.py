@@ -19,10 +19,10 @@ import numpy as np
 from mcnav.compiled.vectors import LANES, room
 from mcnav.contract.engine import without_noise
 from mcnav.contract.samples import Batch
+from mcnav.sampler.normals import draw_normals
 from mcnav.systems.ins.aided import AidedEngine
 from mcnav.systems.ins.ensemble.free import EnsembleTables
-from mcnav.systems.ins.imu.instruments import process_sizes
-from mcnav.systems.ins.imu.variates import IMU_STREAM, draw_normals
+from mcnav.systems.ins.imu.instruments import IMU_STREAM, process_sizes
 from mcnav.systems.ins.scenario import EnsembleEngine
 from tests.benchmarks.inertial.engines import PROBES, SEED
 from tests.benchmarks.inertial.flight import FREE, Setup, draws, read

@@ -10,6 +10,7 @@ import pytest
 
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
+from mcnav.contract.questions import UNMEASURED
 from mcnav.errors import CampaignError
 from mcnav.systems.ins.scenario import Ins
 from mcnav.systems.ins.sensors.aiding import Sensor
@@ -322,7 +323,7 @@ def test_one_mistake_is_one_line(entry: Any, line: str) -> None:
         ("gnss", "aiding: expected tables [[aiding]]"),
         (GNSS, "aiding: expected tables [[aiding]]"),
         (3, "aiding: expected tables [[aiding]]"),
-        ([], "filter: needs [[aiding]], the sensors whose measurements it uses"),
+        ([], f"filter: {UNMEASURED}; needs [[aiding]], the sensors whose measurements it uses"),
     ],
 )  # fmt: skip
 def test_one_mistake_of_all_sensors_is_one_line(entries: Any, line: str) -> None:
@@ -371,7 +372,7 @@ def test_a_mistake_of_a_sensor_leaves_its_errors_alone() -> None:
 def test_other_scenarios_cannot_be_aided(kind: dict[str, Any]) -> None:
     found = mistakes({"scenario": kind, "errors": {}, "aiding": [GNSS], "filter": {"estimates": STATES}})
     assert [line.partition(";")[0] for line in found] == [
-        f"mine.toml: {name}: this scenario cannot be aided, which those of type ins can"
+        f"mine.toml: {name}: no known measurement updates the errors; type ins has sensors that do"
         for name in ("aiding", "filter")
     ]
 

@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from mcnav.config.read import parse_campaign
+from mcnav.contract.questions import UNMEASURED
 from mcnav.errors import CampaignError
 from mcnav.runner.identity import identity_of
 from mcnav.systems.ins.filter.model import FilterModel
@@ -244,7 +245,7 @@ def test_aiding_and_filter_come_together() -> None:
     alone = described()
     del alone["aiding"]
     (found,) = mistakes(alone)
-    assert found == "mine.toml: filter: needs [[aiding]], the sensors whose measurements it uses"
+    assert found == f"mine.toml: filter: {UNMEASURED}; needs [[aiding]], the sensors whose measurements it uses"
 
 
 def test_a_word_for_the_table_of_instruments() -> None:

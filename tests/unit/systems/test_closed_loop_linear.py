@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError
 from mcnav.systems.closed_loop.timeline import entering
-from tests.closed_loops import campaign
+from tests.closed_loops import CAMPAIGNS, campaign
 
 
 def sigmas(described: Any, system: Any) -> Array:
@@ -81,6 +82,21 @@ def test_a_smoother_of_a_consistent_filter_claims_its_true_errors() -> None:
     assert true[-1] == pytest.approx(sigmas(described, filtered)[-1, known], rel=1e-12)
     lagging: Any = campaign("DoubleIntegrator", filter={"smoother": {"lag": "2 s"}}).scenario
     assert np.all(sigmas(described, lagging.smoothed())[:, known] >= sigmas(described, scenario.smoothed())[:, known])
+
+
+def test_a_smoother_of_the_orbit_correction_claims_its_true_errors() -> None:
+    """Campaign 29 as it is, with a smoother: not a line of its class knows of it.
+
+    Derivatives are differences of fourth order, to some 1e-7 of their size; tens of measurements add them up.
+    """
+    content = tomllib.loads((CAMPAIGNS / "29_orbit_correction.toml").read_text(encoding="utf-8"))
+    content |= {"filter": {"smoother": "fixed-interval"}, "accept": {}}
+    described = parse_campaign(content, str(CAMPAIGNS / "x.toml"), "x")
+    scenario: Any = described.scenario
+    smoothed = scenario.smoothed()
+    known = list(smoothed.own_outputs)
+    true, own = sigmas(described, smoothed)[:, known], np.sqrt(np.diagonal(smoothed.own, axis1=1, axis2=2))[:, known]
+    assert true == pytest.approx(own, rel=1e-5)
 
 
 def test_a_smoother_with_considered_states_is_refused() -> None:

@@ -9,12 +9,10 @@ import pytest
 
 from mcnav._types import Array
 from mcnav.config.read import parse_campaign
-from mcnav.systems.ins.gates import rejection_laws
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 from mcnav.systems.ins.linear.covariance import output_map
 from mcnav.systems.ins.linear.filter_system import filter_system
 from mcnav.systems.ins.scenario import Ins
-from mcnav.systems.ins.sensors.aiding import gate_limits
 
 DIGITS = 1e-8
 """Of the filter's sigmas: differences of two covariances after some thirty updates, each rounded to 1e-16."""
@@ -98,7 +96,7 @@ def test_each_first_rejection_as_a_filter_of_its_own_has_it(reading: float | Non
         end if reading is None else float(described.reading_times[np.abs(described.reading_times - reading).argmin()])
     )
     errors = parse_errors(described)
-    laws = rejection_laws(aided, aided.sensors, gate_limits(aided.sensors), np.zeros(sources), errors, np.array([time]))
+    laws = described.rejection_laws(np.zeros(sources), errors, np.array([time]))
     assert laws is not None
     assert not laws.doubt
     (read,) = laws.readings
@@ -130,10 +128,7 @@ def test_correlations_with_the_next_measurement_of_the_sensor() -> None:
     aided = described.navigation.aided
     assert aided is not None
     loop, sources = aided.loop, len(described.sources)
-    laws = rejection_laws(
-        aided, aided.sensors, gate_limits(aided.sensors), np.zeros(sources), parse_errors(described),
-        described.reading_times[-1:],
-    )  # fmt: skip
+    laws = described.rejection_laws(np.zeros(sources), parse_errors(described), described.reading_times[-1:])
     assert laws is not None
     sensors = loop.measurements.sensors
     gated = np.flatnonzero(sensors != 1)

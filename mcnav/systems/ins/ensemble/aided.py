@@ -22,6 +22,7 @@ from mcnav.compiled.blocks import blocks_of
 from mcnav.compiled.jit import allocation_free_loop, allocation_free_part, allocation_free_subroutine, inlined
 from mcnav.compiled.shapes import check_shapes
 from mcnav.compiled.vectors import LANES, Store, load, parts_of, room, store
+from mcnav.sampler.normals import draw_normals
 from mcnav.systems.ins.ensemble.adjoint import Adjoint, add_linear, adjoint_of_closed
 from mcnav.systems.ins.ensemble.deviations import deviate
 from mcnav.systems.ins.ensemble.filters import (
@@ -87,8 +88,7 @@ from mcnav.systems.ins.ensemble.updates import (
 )
 from mcnav.systems.ins.filter.consistency import COUNTS
 from mcnav.systems.ins.filter.model import NAVIGATION
-from mcnav.systems.ins.imu.instruments import CONSTANTS
-from mcnav.systems.ins.imu.variates import IMU_STREAM, draw_normals
+from mcnav.systems.ins.imu.instruments import CONSTANTS, IMU_STREAM
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs
 from mcnav.systems.ins.sensors.aiding import gate_limits
 from mcnav.systems.ins.sensors.measurements import rate_error, white_sigmas

@@ -23,6 +23,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free, compiled
 from mcnav.compiled.shapes import check_shapes
 from mcnav.compiled.vectors import LANES, Store, load, room, store
+from mcnav.sampler.normals import draw_normals
 from mcnav.systems.ins.ensemble.adjoint import Adjoint, add_linear, adjoint_of_free
 from mcnav.systems.ins.ensemble.deviations import StartingPoint, deviate, starting_point
 from mcnav.systems.ins.ensemble.readout import LOCAL, TrueStates, copy_linear, copy_rows, read_errors, true_states
@@ -37,8 +38,7 @@ from mcnav.systems.ins.ensemble.steps import (
     respond,
     start,
 )
-from mcnav.systems.ins.imu.instruments import CONSTANTS, GYRO, Imu
-from mcnav.systems.ins.imu.variates import IMU_STREAM, draw_normals
+from mcnav.systems.ins.imu.instruments import CONSTANTS, GYRO, IMU_STREAM, Imu
 from mcnav.systems.ins.linear.covariance import output_map, process_systems
 from mcnav.systems.ins.linear.response import StepResponses
 from mcnav.systems.ins.truth.trajectory import Platform, Truth

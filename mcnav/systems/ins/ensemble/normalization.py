@@ -13,7 +13,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_subroutine, inlined
 from mcnav.compiled.vectors import Vector, load, room, store, where
-from mcnav.linear.engine.products import ROUNDED, map_covariances
+from mcnav.products import ROUNDED, map_covariances
 from mcnav.systems.ins.filter.model import NAVIGATION
 
 GROUPS: Final = 6

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from mcnav._types import Array
-from mcnav.linear.engine.products import map_covariances
+from mcnav.products import map_covariances
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import OUTPUTS
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel

@@ -48,6 +48,8 @@ class FilterTables:
         one and zero but for flexure.
     partners : ndarray of int, shape (q,)
         Number of that other one; of a state without one its own.
+    believed : StepResponses
+        To the processes of the instruments as believed.
     rate_errors : ndarray of int, shape (q,)
         Number of the gyros' constant error as which a state enters the rate that a lever arm needs, -1 for none.
     """
@@ -65,6 +67,7 @@ class FilterTables:
     parts: tuple[int, ...]
     natural: Array
     partners: IndexArray
+    believed: StepResponses
 
 
 def tabulate_filter(
@@ -84,14 +87,14 @@ def tabulate_filter(
     tables = FilterTables(
         np.zeros((steps, NAVIGATION, count)), np.ones((steps, count)),
         np.zeros((steps, NAVIGATION + count, NAVIGATION + count)),
-        initial_covariance(truth, model, float(responses.times[0]), 0.0),
+        initial_covariance(truth, beliefs.covariance, states, float(responses.times[0]), 0.0),
         np.zeros((*measurements.components.shape, count)), sigmas**2,
         np.array([1.0] * NAVIGATION + [0.0 if state.considered else 1.0 for state in states]),
         np.array([sources.get(state.name, -1) for state in states], dtype=np.int64),
         tuple(() if name in sources else (name,) for name in modelled),
         np.array([rate_error(state.name) for state in states], dtype=np.int64),
         tuple(0 if state.flexure is None else int(state.flexure.rate) for state in states),
-        np.tile(np.array([1.0, 0.0]), (steps + 1, count, 1)), np.arange(count),
+        np.tile(np.array([1.0, 0.0]), (steps + 1, count, 1)), np.arange(count), believed,
     )  # fmt: skip
     for place, (state, name) in enumerate(zip(states, modelled, strict=True)):
         tables.decay[:, place] = np.exp(-np.diff(responses.times) / state.correlation_time)
@@ -140,23 +143,27 @@ def _process_of(name: str, sources: Mapping[str, int]) -> str:
     return name.replace("_bias_", "_rate_random_walk_") if name in sources else name
 
 
-def initial_covariance(truth: Truth, model: FilterModel, start: float, since: float) -> Array:
+def initial_covariance(
+    truth: Truth, navigation: Array, states: Sequence[FilterState], start: float, since: float
+) -> Array:
     """Return the covariance of psi, v, x and of the other states, which are independent, where navigation starts.
 
     Parameters
     ----------
+    navigation : ndarray, shape (9, 9)
+        Covariance of the outputs.
     start : float
         Time, s.
     since : float
         Duration since the time from which the states of flexures are counted, s.
     """
     start_map = np.linalg.inv(output_map(truth, start))
-    initial = np.diag([0.0] * NAVIGATION + [state.sigma**2 for state in model.states])
-    for place, state in enumerate(model.states, NAVIGATION):
+    initial = np.diag([0.0] * NAVIGATION + [state.sigma**2 for state in states])
+    for place, state in enumerate(states, NAVIGATION):
         if (of := state.flexure) is not None and not of.rate:
             variance, pair = of.flexure.sigma[of.axis] ** 2, slice(place, place + 2)
             initial[pair, pair] = variance * of.flexure.covariance(np.array([since]))[0]
-    initial[:NAVIGATION, :NAVIGATION] = start_map @ model.beliefs.covariance @ start_map.T
+    initial[:NAVIGATION, :NAVIGATION] = start_map @ navigation @ start_map.T
     return initial
 
 

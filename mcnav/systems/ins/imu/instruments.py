@@ -7,13 +7,13 @@ of scale factors and misalignments, plus what its own error law and its processe
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.systems.ins.imu.gravity import GravityDisturbance
+from mcnav.systems.ins.imu.gravity import DISTURBANCES, GravityDisturbance
 
 AXES: Final = ("x", "y", "z")
 CROSS_AXES: Final = ("xy", "xz", "yx", "yz", "zx", "zy")
@@ -50,6 +50,8 @@ ACCELEROMETER: Final = tuple(_constants("accelerometer", "nonlinearity"))
 CONSTANTS: Final = (*OUTPUTS, *GYRO, *ACCELEROMETER)
 """Constant error sources in order."""
 
+IMU_STREAM: Final = 1
+"""Stream of the variates of the instruments' processes (`mcnav.sampler.normals`)."""
 
 READING_INTERVAL: Final = 0.01
 """Usual interval between readings of an instrument, s."""
@@ -127,3 +129,22 @@ def process_sizes(imu: Imu) -> dict[str, float]:
     ]
     present = {name: float(size) for name, size in zip(PROCESSES, sizes, strict=True) if size > 0.0}
     return present | imu.gravity.sizes
+
+
+def of_unit_sizes(imu: Imu) -> Imu:
+    """Return a unit with the same processes, each of size one."""
+    sizes = ("random_walk", "instability", "rate_random_walk", "quantization")
+    gyro, accelerometer = (
+        replace(noise, **{name: (getattr(noise, name) > 0.0).astype(float) for name in sizes})
+        for noise in (imu.gyro, imu.accelerometer)
+    )
+    gravity = imu.gravity
+    disturbed = replace(gravity, deflection=float(gravity.deflection > 0.0), anomaly=float(gravity.anomaly > 0.0))
+    return Imu(gyro, accelerometer, disturbed)
+
+
+def process_variances(imu: Imu) -> dict[str, float]:
+    """Return the squared size of each process that is not zero, those of gravity by disturbance."""
+    sizes = {name: size for name, size in process_sizes(imu).items() if name in PROCESSES}
+    sizes |= {name: size for name in DISTURBANCES if (size := imu.gravity.sigma(name)) > 0.0}
+    return {name: size**2 for name, size in sizes.items()}

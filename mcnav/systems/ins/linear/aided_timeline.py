@@ -7,27 +7,30 @@ section 6.8)::
     y' = Phi y + (errors of the instruments) - C e^          e^' = D e^
     n = H y + (errors of the measurement) - H_e e^           y+ = y - K_y n          e^+ = e^ + K_e n
 
-Its sources are the constant errors of instruments and sensors. Faults of sensors are deterministic.
+Its sources are the constant errors of instruments and sensors. Faults of sensors are deterministic. Processes of noise
+are of size one, for the truth and for the filter: sizes are those of a timeline, so that one system has many tunings.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import FilterSteps, Instants, Start, StepNoise, Steps, Timeline, TimelineFilter, Updates
-from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
+from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel, FilterState
 from mcnav.systems.ins.filter.tables import FilterTables, initial_covariance
-from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu
-from mcnav.systems.ins.linear.covariance import output_map, transitions
+from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, of_unit_sizes, process_variances
+from mcnav.systems.ins.linear.covariance import biased_processes, output_map, process_systems, transitions
 from mcnav.systems.ins.linear.inertial_steps import InertialSteps
 from mcnav.systems.ins.linear.response import StepResponses, responses_between
-from mcnav.systems.ins.linear.sensor_processes import SensorProcess, sensor_processes
-from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
-from mcnav.systems.ins.sensors.measurements import Measurements, rate_error
+from mcnav.systems.ins.linear.sensor_processes import SensorProcess, sensor_processes, white_variances
+from mcnav.systems.ins.linear.sizes import same_kind, same_sensors, states_of_sizes
+from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants, aiding_processes
+from mcnav.systems.ins.sensors.measurements import Measurements, rate_error, white_sigmas
 from mcnav.systems.ins.truth.trajectory import Truth
 
 
@@ -50,16 +53,51 @@ class AidedSystem:
     filter: FilterTables
     first_updates: IndexArray
 
-    @property
+    @cached_property
     def timeline(self) -> Timeline:
         """The timeline; navigation may start at any time of its grid."""
+        return self._sized(self.imu, self.sensors, self.model, self.model.states)
+
+    def tuned(self, imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel) -> Timeline | None:
+        """Return the timeline of other errors and another filter; none where they differ in more than sizes."""
+        if not (
+            same_kind(self.imu, imu) and same_kind(self.model.beliefs.imu, model.beliefs.imu)
+            and same_sensors(self.sensors, sensors)
+            and same_sensors(self.model.beliefs.sensors, model.beliefs.sensors)
+        ):  # fmt: skip
+            return None
+        states = states_of_sizes(self.model.states, model.states)
+        return None if states is None else self._sized(imu, sensors, model, states)
+
+    def _sized(
+        self, imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel, states: Sequence[FilterState]
+    ) -> Timeline:
+        """Return the timeline of errors and of a filter that differ from this system's in sizes alone."""
+        timeline, beliefs = self._of_unit_sizes, model.beliefs
+        updates, filtered = timeline.updates, timeline.filter
+        assert updates is not None
+        assert filtered is not None
+        start = float(self.responses.times[0])
+        return replace(
+            timeline, sizes=_sizes(imu, sensors, timeline.processes),
+            updates=replace(updates, variances=white_variances(sensors, self.measurements)),
+            filter=replace(
+                filtered, covariance=initial_covariance(self.truth, beliefs.covariance, states, start, 0.0),
+                variances=white_sigmas(beliefs.sensors, self.measurements) ** 2,
+                sizes=_sizes(beliefs.imu, beliefs.sensors, self._believed_processes),
+            ),
+        )  # fmt: skip
+
+    @cached_property
+    def _of_unit_sizes(self) -> Timeline:
         places, count = np.arange(len(self.responses.times)), len(self.measurements.times)
         before, after = self.first_updates[:-1] + places, self.first_updates[1:] + places
         is_update = np.ones(count + len(places) - 1, dtype=np.bool_)
         is_update[after[:-1]] = False
         return Timeline(
             self._begin(0), is_update, self._steps, Instants(self.responses.times, before, after), self._readout,
-            (*self._inertial.variances, *self._processes), self._biases, self._updates, self._filter, self._begin,
+            (*self._inertial.variances, *aiding_processes(self.sensors)), self._biases, self._updates, self._filter,
+            self._begin,
         )  # fmt: skip
 
     @property
@@ -81,9 +119,9 @@ class AidedSystem:
         biases = dict(self._inertial.biases)
         first = NAVIGATION + self._others + sum(map(len, biases.values()))
         for name, process in self._processes.items():
-            if count := process.decay.shape[1]:
-                biases[name] = np.arange(first, first + count)
-                first += count
+            count = process.decay.shape[1]
+            biases[name] = np.arange(first, first + count)
+            first += count
         return biases
 
     def _begin(self, position: int) -> Start:
@@ -93,10 +131,10 @@ class AidedSystem:
         partials = np.zeros((inertial.states, inertial.sources + 1))
         partials[:NAVIGATION, :NAVIGATION] = np.linalg.inv(output_map(self.truth, start))
         for name, process in self._processes.items():
-            if name in self._biases:
-                started[name] = np.zeros((inertial.states,) * 2)
-                started[name][np.ix_(self._biases[name], self._biases[name])] = process.started[number]
-        own = initial_covariance(self.truth, self.model, start, start - float(self.responses.times[0]))
+            started[name] = np.zeros((inertial.states,) * 2)
+            started[name][np.ix_(self._biases[name], self._biases[name])] = process.started[number]
+        since, model = start - float(self.responses.times[0]), self.model
+        own = initial_covariance(self.truth, model.beliefs.covariance, model.states, start, since)
         return Start(partials, started, filter_covariance=own if number else None)
 
     def _readout(self, _: int, time: float) -> Array:
@@ -108,10 +146,9 @@ class AidedSystem:
         over[:, :NAVIGATION, estimates] = -self.filter.coupling[first:last]
         over[:, estimates, estimates] = self.filter.decay[first:last]
         for name, process in self._processes.items():
-            if name in self._biases:
-                rows = self._biases[name]
-                over[:, rows, rows] = process.decay[first:last]
-                noise[name] = StepNoise(rows, process.noise[first:last])
+            rows = self._biases[name]
+            over[:, rows, rows] = process.decay[first:last]
+            noise[name] = StepNoise(rows, process.noise[first:last])
         return Steps(over, steps.inputs, noise)
 
     @cached_property
@@ -124,14 +161,12 @@ class AidedSystem:
             if measured.swings.size and rate_error(name) >= 0:
                 responses[:, :, rows] = measured.swings[:, :, [rate_error(name)]]
         for name, process in self._processes.items():
-            if name in self._biases:
-                responses[:, :, self._biases[name]] = process.seen
+            responses[:, :, self._biases[name]] = process.seen
         disturbances = np.zeros((*measured.components.shape, inertial.sources + 1))
         disturbances[:, :, NAVIGATION : NAVIGATION + measured.swings.shape[2]] = measured.swings
         disturbances[:, :, len(CONSTANTS) : -1] = measured.constants
         disturbances[:, :, -1] = -measured.faults
-        variances = {name: process.measured for name, process in self._processes.items() if process.measured.any()}
-        return Updates(measured.sizes, responses * within, disturbances * within, variances)
+        return Updates(measured.sizes, responses * within, disturbances * within)
 
     @property
     def _filter(self) -> TimelineFilter:
@@ -149,7 +184,36 @@ class AidedSystem:
         over[:, :NAVIGATION, :NAVIGATION] = transitions(responses_between(self.responses, first, last))
         over[:, :NAVIGATION, NAVIGATION:] = tables.coupling[first:last]
         over[:, states, states] = tables.decay[first:last]
-        return FilterSteps(over, tables.noise[first:last])
+        return FilterSteps(over, self._believed_noise(first, last))
+
+    @cached_property
+    def _believed_processes(self) -> tuple[str, ...]:
+        """Names of the processes of the filter's noise: white ones, and biases that are states."""
+        beliefs, modelled = self.model.beliefs, {name for names in self.filter.processes for name in names}
+        biased = biased_processes(responses_between(self.filter.believed, 0, 1), beliefs.imu)
+        white = set(process_variances(beliefs.imu)) - set(biased)
+        return tuple(sorted(white | modelled))
+
+    def _believed_noise(self, first: int, last: int) -> dict[str, StepNoise]:
+        """Return what the filter's processes, of size one, add in some steps to psi, v, x and to its other states."""
+        noise, times = dict[str, StepNoise](), self.responses.times
+        place_of = {name: place for place, names in enumerate(self.filter.processes, NAVIGATION) for name in names[:1]}
+        imu = of_unit_sizes(self.model.beliefs.imu)
+        for name, (_, added, _) in process_systems(responses_between(self.filter.believed, first, last), imu).items():
+            if name in self._believed_processes:
+                rows, used = np.arange(NAVIGATION + 1), added.any(axis=(0, 1))
+                rows[NAVIGATION] = place_of.get(name, NAVIGATION)
+                used[NAVIGATION] &= name in place_of
+                noise[name] = StepNoise(rows[used], added[:, used][:, :, used])
+        steps = slice(first, last)
+        for place, (state, names) in enumerate(zip(self.model.states, self.filter.processes, strict=True), NAVIGATION):
+            if state.flexure is not None and not state.flexure.rate:
+                added = state.flexure.flexure.noise(times - times[0])[steps]
+                noise[names[0]] = StepNoise(np.array([place, place + 1]), added)
+            elif names and names[0] not in noise and state.flexure is None and np.isfinite(state.correlation_time):
+                added = -np.expm1(-2.0 * np.diff(times[first : last + 1]) / state.correlation_time)
+                noise[names[0]] = StepNoise(np.array([place]), added[:, None, None])
+        return noise
 
     def _true_errors(self, position: int) -> tuple[Array, Array]:
         """Return W and E: true errors are y, and what the other states model less its estimates."""
@@ -178,3 +242,9 @@ class AidedSystem:
         """Return the number of the time of a position."""
         before = self.first_updates[:-1] + np.arange(len(self.responses.times))
         return int(np.searchsorted(before, position, side="right")) - 1
+
+
+def _sizes(imu: Imu, sensors: tuple[Sensor, ...], names: Collection[str]) -> dict[str, float]:
+    """Return the variances of processes by name, zero of those that are absent."""
+    sizes = process_variances(imu) | {name: size**2 for name, size in aiding_processes(sensors).items()}
+    return {name: sizes.get(name, 0.0) for name in names}

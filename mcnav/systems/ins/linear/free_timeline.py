@@ -14,7 +14,7 @@ from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.linear.engine.starts import start_times
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.gravity import add_by_cause
-from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu
+from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, process_variances
 from mcnav.systems.ins.linear.covariance import (
     LinearErrors,
     output_map,
@@ -40,7 +40,7 @@ def free_timeline(truth: Truth, responses: StepResponses, imu: Imu) -> Timeline:
     places = np.arange(len(times))
     return Timeline(
         begin(0), np.zeros(len(times) - 1, dtype=np.bool_), inertial.between, Instants(times, places, places), readout,
-        tuple(inertial.variances), inertial.biases, begin=begin,
+        tuple(inertial.variances), inertial.biases, begin=begin, sizes=process_variances(imu),
     )  # fmt: skip
 
 

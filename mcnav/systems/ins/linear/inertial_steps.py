@@ -10,7 +10,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import StepNoise, Steps
 from mcnav.systems.ins.filter.model import NAVIGATION
-from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu
+from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, of_unit_sizes
 from mcnav.systems.ins.linear.covariance import constant_inputs, process_systems, transitions
 from mcnav.systems.ins.linear.response import StepResponses, responses_between
 
@@ -19,8 +19,12 @@ from mcnav.systems.ins.linear.response import StepResponses, responses_between
 class InertialSteps:
     """Steps of psi, v, x with constant errors of the instruments, and with a bias of each process that has one.
 
+    Processes are of size one: sizes are those of a timeline.
+
     Attributes
     ----------
+    imu : Imu
+        Which has all processes.
     states, sources : int
         n and s of the timeline.
     first_bias : int
@@ -40,9 +44,13 @@ class InertialSteps:
         return replace(named, states=first_bias + len(named.biases) + after)
 
     @cached_property
+    def _unit(self) -> Imu:
+        return of_unit_sizes(self.imu)
+
+    @cached_property
     def variances(self) -> dict[str, float | None]:
         """Variance of each process's bias at the start; none of a process without one."""
-        systems = process_systems(responses_between(self.responses, 0, 1), self.imu)
+        systems = process_systems(responses_between(self.responses, 0, 1), self._unit)
         return {name: float(variance) if response.any() else None for name, (response, _, variance) in systems.items()}
 
     @cached_property
@@ -68,7 +76,7 @@ class InertialSteps:
         over[:, :NAVIGATION, :NAVIGATION], over[:, places, places] = transitions(responses), 1.0
         inputs[:, :NAVIGATION, NAVIGATION : len(CONSTANTS)] = constant_inputs(responses)
         noise = {}
-        for name, (response, covariance, _) in process_systems(responses, self.imu).items():
+        for name, (response, covariance, _) in process_systems(responses, self._unit).items():
             rows, used = np.arange(NAVIGATION + 1), covariance.any(axis=(0, 1))
             if name in self.biases:
                 rows[NAVIGATION] = bias = int(self.biases[name][0])

@@ -25,7 +25,7 @@ from mcnav.contract.recorded import (
     RecordingError,
     Stage,
 )
-from mcnav.linear.engine.products import map_covariances
+from mcnav.products import map_covariances, transform
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.recorded.causes import Campaign, CauseTable, list_offsets, tabulate_causes
@@ -210,7 +210,7 @@ class _Passing:
             transition = each @ transition
             for number, support in enumerate(self.supports):
                 inner = each[np.ix_(support, support)]
-                parts[number] = inner @ parts[number] @ inner.T + noises[number][step][np.ix_(support, support)]
+                parts[number] = transform(inner, parts[number]) + noises[number][step][np.ix_(support, support)]
         processes = tuple(
             Part(cause, support, part)
             for (cause, _), support, part in zip(self.causes.driving, self.supports, parts, strict=True)

@@ -26,7 +26,8 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from mcnav._types import Array, IndexArray
-from mcnav.linear.engine.products import map_covariances
+from mcnav.products import map_covariances
+from mcnav.systems.faults import fault_errors
 from mcnav.systems.ins.filter.consistency import SensorCounts, normalized_errors, record_row
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
@@ -51,7 +52,6 @@ from mcnav.systems.ins.reference.nonlinear_updates import (
     update_by_sigma_points,
 )
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
-from mcnav.systems.ins.sensors.faults import fault_errors
 from mcnav.systems.ins.truth.gravity import GravityPath
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.recorded import MeasurementFile
+from mcnav.systems.faults import Fault, gate_limit
 from mcnav.systems.ins.imu.instruments import AXES
-from mcnav.systems.ins.sensors.faults import Fault
 from mcnav.systems.ins.sensors.flexure import Flexure, flexure_process
 from mcnav.systems.ins.sensors.quantity import OFFSETS
 from mcnav.systems.ins.sensors.registry import QUANTITIES
@@ -184,11 +184,8 @@ class Sensor:
 
 def gate_limits(sensors: tuple[Sensor, ...]) -> Array:
     """Return the largest normalized innovations squared that are accepted, shape (sensors,); else infinite."""
-    from scipy.special import gammaincinv  # as `scipy.stats.chi2`, whose import takes a third of a second
-
     return np.array([
-        np.inf if sensor.gate is None else 2.0 * float(gammaincinv(0.5 * len(sensor.components), sensor.gate))
-        for sensor in sensors
+        np.inf if sensor.gate is None else gate_limit(sensor.gate, len(sensor.components)) for sensor in sensors
     ])  # fmt: skip
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
+from mcnav.systems.faults import fault_errors
 from mcnav.systems.ins.imu.instruments import GYRO
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
-from mcnav.systems.ins.sensors.faults import fault_errors
 from mcnav.systems.ins.sensors.flexure import Flexure
 from mcnav.systems.ins.sensors.quantity import OFFSETS, Geometry
 from mcnav.systems.ins.sensors.registry import KINDS, QUANTITIES

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import Field, TypeAdapter
 
+from mcnav._types import Array
+from mcnav.contract.questions import UNMEASURED
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import Duration, Table, Written
 from mcnav.entries.unions import ByType
 from mcnav.entries.validation import validate_entry
 from mcnav.errors import suggestion
 from mcnav.systems.description import FurtherTable
+from mcnav.systems.faults import Fault
 from mcnav.systems.ins.scenario import Navigation
 from mcnav.systems.ins.sensors.aiding import Sensor
-from mcnav.systems.ins.sensors.faults import Fault
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 from mcnav.systems.ins.tables.instants import same_times, within
 
@@ -81,6 +84,13 @@ class OutageTable(Table):
     end: End
 
 
+WrongError = Annotated[
+    SpikeTable | RampTable | BiasTable,
+    ByType("kind"),
+    Field(description="A fault of a sensor, which its filter does not believe in."),
+]
+"""A fault other than an outage."""
+
 AnyFault: Final[Any] = Annotated[
     SpikeTable | RampTable | BiasTable | OutageTable,
     ByType("kind"),
@@ -91,9 +101,9 @@ FORM: Final = TypeAdapter[SpikeTable | RampTable | BiasTable | OutageTable](AnyF
 FAULTS: Final = FurtherTable(
     Annotated[list[AnyFault], Field(max_length=MOST_FAULTS)],
     "Faults of the sensors that aid the navigation; needs [[aiding]].",
-    "this scenario has no sensors that could fail, which those of type ins can have",
+    f"{UNMEASURED}; type ins has sensors, which can fail",
     "aiding",
-    "needs [[aiding]], the sensors that fail",
+    f"{UNMEASURED}; needs [[aiding]], the sensors that fail",
 )
 """The table of the campaign file."""
 
@@ -116,22 +126,54 @@ def read_faults(
             known = suggestion(table.sensor, list(by_name))
             context.problem(f"{key}.sensor", f"got {table.sensor!r}; no sensor has this name{known}")
             continue
-        begin, end = table.begin, table.begin if isinstance(table, SpikeTable) else table.end
-        if not isinstance(table, SpikeTable) and end <= begin:
-            context.problem(f"{key}.end", f"got {entry['end']!r}; expected a time after the begin of {begin:g} s")
-            continue
         if isinstance(table, OutageTable):
-            by_name[sensor.name] = _without(sensor, begin, end, navigation, key, context)
+            if _ends_later(table, entry, key, context):
+                by_name[sensor.name] = _without(sensor, table.begin, table.end, navigation, key, context)
             continue
-        found = _component(table.component, sensor, key, context)
-        size = None if found is None else _size(table.size, sensor, found, key, context)
-        if found is None or size is None:
-            continue
-        fault = Fault(table.kind, found, begin, end, size)
-        if not np.any(fault.errors(sensor.times) != 0.0):
-            context.problem(f"{key}.begin", f"got {entry['begin']!r}; {sensor.name} has no measurement then")
-        by_name[sensor.name] = replace(sensor, faults=(*sensor.faults, fault))
+        measured = {component.name: QUANTITIES[component.quantity].unit for component in sensor.components}
+        fault = read_error(table, entry, measured, sensor.times, key, context)
+        if fault is not None:
+            by_name[sensor.name] = replace(sensor, faults=(*sensor.faults, fault))
     return tuple(by_name[sensor.name] for sensor in sensors)
+
+
+def _ends_later(
+    table: RampTable | BiasTable | OutageTable, entry: Mapping[str, Any], key: str, context: FileContext
+) -> bool:
+    if table.end <= table.begin:
+        message = f"got {entry['end']!r}; expected a time after the begin of {table.begin:g} s"
+        context.problem(f"{key}.end", message)
+    return table.end > table.begin
+
+
+def read_error(
+    table: SpikeTable | RampTable | BiasTable, entry: Mapping[str, Any], measured: Mapping[str, str], times: Array,
+    key: str, context: FileContext,
+) -> Fault | None:  # fmt: skip
+    """Return a fault of a sensor; mistakes are added to the context, and none is returned.
+
+    Parameters
+    ----------
+    entry : mapping
+        The fault as it is written.
+    measured : mapping of str to str
+        SI units by what the sensor measures.
+    times : ndarray
+        Of its measurements, s.
+    """
+    begin, end = table.begin, table.begin if isinstance(table, SpikeTable) else table.end
+    if not isinstance(table, SpikeTable) and not _ends_later(table, entry, key, context):
+        return None
+    component = _component(table.component, list(measured), table.sensor, key, context)
+    if component is None:
+        return None
+    size = _size(table.size, list(measured.values())[component], key, context)
+    if size is None:
+        return None
+    fault = Fault(table.kind, component, begin, end, size)
+    if not np.any(fault.errors(times) != 0.0):
+        context.problem(f"{key}.begin", f"got {entry['begin']!r}; {table.sensor} has no measurement then")
+    return fault
 
 
 def _without(
@@ -147,9 +189,8 @@ def _without(
     return replace(sensor, times=sensor.times[~silent], outages=tuple(sorted((*sensor.outages, (begin, end)))))
 
 
-def _component(name: str | None, sensor: Sensor, key: str, context: FileContext) -> int | None:
+def _component(name: str | None, names: list[str], sensor: str, key: str, context: FileContext) -> int | None:
     """Return the number of what is wrong."""
-    names = [component.name for component in sensor.components]
     if name is None and len(names) == 1:
         return 0
     if name in names:
@@ -157,13 +198,13 @@ def _component(name: str | None, sensor: Sensor, key: str, context: FileContext)
     if name is None:
         context.problem(f"{key}.component", f"is missing; it is one of {', '.join(names)}")
     else:
-        context.problem(f"{key}.component", f"got {name!r}; {sensor.name} measures {', '.join(names)}")
+        context.problem(f"{key}.component", f"got {name!r}; {sensor} measures {', '.join(names)}")
     return None
 
 
-def _size(written: object, sensor: Sensor, component: int, key: str, context: FileContext) -> float | None:
+def _size(written: object, unit: str, key: str, context: FileContext) -> float | None:
     """Return the size of a fault, SI."""
-    size = context.quantity(written, QUANTITIES[sensor.components[component].quantity].unit, f"{key}.size")
+    size = context.quantity(written, unit, f"{key}.size")
     if size is not None and not 0.0 < abs(size) <= LARGEST:
         context.problem(f"{key}.size", f"got {written!r}; expected a size other than zero, up to {LARGEST:g}")
         return None

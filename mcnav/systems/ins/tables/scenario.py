@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import Field, TypeAdapter
 
+from mcnav.contract.questions import UNMEASURED
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
 from mcnav.entries.inputs import InputFile
@@ -201,7 +202,7 @@ def check_alone(context: FileContext) -> None:
     _check_filter_and_faults(context)
 
 
-NO_AIDING: Final = "this scenario cannot be aided, which those of type ins can"
+NO_AIDING: Final = f"{UNMEASURED}; type ins has sensors that do"
 
 INS: Final = ScenarioType(
     InsTable,
@@ -227,7 +228,7 @@ INS: Final = ScenarioType(
             "Error-state Kalman filter of an aided navigation; needs [[aiding]].",
             NO_AIDING,
             "aiding",
-            "needs [[aiding]], the sensors whose measurements it uses",
+            f"{UNMEASURED}; needs [[aiding]], the sensors whose measurements it uses",
         ),
     },
 )

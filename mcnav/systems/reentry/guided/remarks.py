@@ -12,6 +12,7 @@ from mcnav.contract.engine import Engine
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch
+from mcnav.products import transformed_variances
 from mcnav.systems.reentry.guided.linear import LinearFlight
 from mcnav.units import conversion
 
@@ -52,7 +53,7 @@ def departures_of(
     result, count = engine.simulate(batch), len(batch.errors)
     reached = np.isfinite(result.values).all(axis=1)
     departures = np.abs(result.values - model.nominal - batch.errors @ model.partials.T)[reached]
-    sigma = np.sqrt(np.einsum("ok,kl,ol->o", model.partials, covariance, model.partials).clip(min=0.0))
+    sigma = np.sqrt(transformed_variances(model.partials, covariance).clip(min=0.0))
     shares = departures / np.where(sigma > ROUNDING, sigma, np.inf)
     usual, large = (np.count_nonzero(shares > size, axis=0) for size in (USUAL, LARGE))
     wrong = np.flatnonzero((usual > USUAL_SHARE * count) | (large > LARGE_SHARE * count))

@@ -22,6 +22,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from mcnav._types import Array
+from mcnav.products import transform
 from mcnav.validation.reproduce.story_of_84_minutes.numbers import PERIOD, RADIUS, RATIO, ROUND
 
 GROWTH: Final = float(np.sqrt(2.0) * 2.0 * np.pi / PERIOD)
@@ -72,7 +73,7 @@ def filtered(sigma: float, interval: float) -> tuple[Array, Array]:
     covariance = np.diag([0.0, 0.0, BIAS**2])
     before, after = [], []
     for _ in range(int(PERIOD / interval)):
-        covariance = turn @ covariance @ turn.T
+        covariance = transform(turn, covariance)
         before.append(covariance[0, 0])
         column = covariance[:, 0]
         covariance = covariance - np.outer(column, column) / (before[-1] + sigma**2)

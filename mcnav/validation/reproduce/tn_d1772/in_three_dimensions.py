@@ -15,6 +15,7 @@ import pandas as pd
 from mcnav._types import Array
 from mcnav.constants import REENTRY_ALTITUDE
 from mcnav.contract.engine import without_noise
+from mcnav.products import transform, transformed_variances
 from mcnav.statistics.mean_square import mean_square_intervals
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS
 from mcnav.systems.ins.scenario import Ins
@@ -317,10 +318,10 @@ def _updated_sigmas(scenario: Ins) -> tuple[Array, Array]:
     if prediction is None:
         raise ValueError("a navigation without aiding has no filter")
     partials = model.partials[:, : len(CONSTANTS)]
-    constant = partials @ globe.covariance(scenario.navigation.start) @ partials.T
+    constant = transform(partials, globe.covariance(scenario.navigation.start))
     covariance = np.asarray(sum(model.processes.values(), constant))
     true, own = (
-        np.sqrt(np.diag(globe.to_results @ each @ globe.to_results.T)) / KILOMETRE
+        np.sqrt(transformed_variances(globe.to_results, each)) / KILOMETRE
         for each in (covariance, prediction.covariance[-1])
     )
     return true, own

@@ -11,6 +11,7 @@ from mcnav.linear.engine.adjoint import adjoint
 from mcnav.linear.engine.design import design
 from mcnav.linear.engine.innovations import innovation_laws, positions_of
 from mcnav.linear.engine.propagate import propagate
+from mcnav.linear.engine.rejections import WhitenedFilter, rejected_errors
 from mcnav.linear.engine.smoother import ends_of_lag, smooth
 from mcnav.linear.engine.starts import start_times
 from tests.timelines import OneMap, arbitrary, started_anywhere, without_updates
@@ -54,7 +55,7 @@ def test_a_bias_may_be_any_of_the_states(system):
     updates = replace(timeline.updates, variances={"one": timeline.updates.variances["one"]})
     of = replace(
         timeline, start=replace(timeline.start, noise=noise), updates=updates, processes=("one",),
-        biases={"one": np.array([0])},
+        biases={"one": np.array([0])}, sizes={"one": timeline.sizes["one"]},
     )  # fmt: skip
     read = propagate(of, gains, [7, 300])
     for covariance, position in zip(read.covariances[:, 0], (7, 300), strict=True):
@@ -166,7 +167,44 @@ def test_what_cannot_be_answered_is_refused(system):
         start_times(timeline, 300, timeline.readout(0, 0.0), np.array([0]))
     with pytest.raises(ValueError, match="gains: got none"):
         propagate(timeline, None, [300])
-    with pytest.raises(ValueError, match="expected 0 to 300"):
+    with pytest.raises(ValueError, match="from 0 to 300"):
         propagate(timeline, gains, [301])
     with pytest.raises(ValueError, match=r"0\.5 s is not among the instants"):
         timeline.positions(np.array([0.5]))
+
+
+@pytest.mark.parametrize("ever", [False, True])
+def test_rejected_measurements_as_filters_have_them_that_leave_them_out(ever):
+    """The covariance after one rejection, or after all from one on; the response is that of the whitened innovation."""
+    timeline = arbitrary(7, 120, knows_truth=True)
+    designed = design(timeline, [timeline.end])
+    whitened = WhitenedFilter.of(timeline, designed)
+    updates, size = timeline.updates, 6
+    later = np.full(len(updates.sizes), ever)
+    positions = np.array([60, 120])
+    rejected = rejected_errors(whitened, positions, later)
+    outputs = timeline.readout(0, 0.0)[:, :size]
+    everything = design(timeline, positions)
+    for first in (0, 5, int(timeline.updates_before[60]) - 1, len(updates.sizes) - 1):
+        left_out = np.arange(len(later)) >= first if ever else np.arange(len(later)) == first
+        blind = replace(timeline.filter, responses=np.where(left_out[:, None, None], 0.0, timeline.filter.responses))
+        # a measurement of which the filter sees nothing changes nothing
+        own = design(replace(timeline, filter=blind), positions)
+        for reading, position in enumerate(positions.tolist()):
+            if first >= timeline.updates_before[position]:
+                continue
+            excess = own.covariances[reading] - everything.covariances[reading]
+            variances = np.diag(outputs @ own.covariances[reading] @ outputs.T)
+            expected = np.diag(outputs @ excess @ outputs.T)
+            np.testing.assert_allclose(
+                rejected.excess[reading, first], expected, rtol=0.0, atol=ROUNDING * variances.max()
+            )
+            m = int(updates.sizes[first])
+            response = own_response(timeline, own.gains, first, position) @ designed.gains[first, :, :m]
+            close(rejected.responses[reading, first, :, :m], outputs @ response @ designed.roots[first, :m, :m])
+
+
+def own_response(timeline, gains, first, position):
+    """Return the response of a filter's states at a position to those after an update, with gains of its own."""
+    begin = int(positions_of(timeline, np.array([first]))[0]) + 1
+    return adjoint(timeline, gains, position, np.eye(6))[begin]

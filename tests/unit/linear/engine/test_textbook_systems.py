@@ -13,7 +13,9 @@ from mcnav.linear.engine.adjoint import adjoint
 from mcnav.linear.engine.design import design
 from mcnav.linear.engine.innovations import innovation_laws
 from mcnav.linear.engine.propagate import propagate
+from mcnav.linear.engine.rejections import WhitenedFilter, rejected_errors
 from mcnav.linear.engine.smoother import smooth
+from mcnav.products import transform
 from tests.timelines import constant_velocity, timeline_of
 
 ROUNDING = 1e-12
@@ -26,7 +28,8 @@ def test_position_fixes_have_the_gains_and_the_covariance_of_filterpy():
     designed = design(fixes, range(fixes.end + 1))
     theirs = KalmanFilter(dim_x=2, dim_z=1)
     steps = fixes.filter.steps(0, 1)
-    theirs.F, theirs.Q, theirs.H, theirs.R = steps.transitions[0], steps.noise[0], np.array([[1.0, 0.0]]), 9.0
+    theirs.F, theirs.Q = steps.transitions[0], steps.noise["all"].covariances[0]
+    theirs.H, theirs.R = np.array([[1.0, 0.0]]), 9.0
     theirs.P, theirs.x = start.copy(), np.zeros((2, 1))
     for number in range(40):
         theirs.predict()
@@ -49,7 +52,8 @@ def test_true_errors_of_a_filter_that_knows_the_truth_have_its_own_covariance():
 def test_a_long_filter_reaches_the_solution_of_riccatis_equation():
     fixes = constant_velocity(300, 0.5, 0.2, 3.0, np.diag([100.0, 4.0]))
     steps = fixes.filter.steps(0, 1)
-    steady = solve_discrete_are(steps.transitions[0].T, np.array([[1.0], [0.0]]), steps.noise[0], np.array([[9.0]]))
+    noise = steps.noise["all"].covariances[0]
+    steady = solve_discrete_are(steps.transitions[0].T, np.array([[1.0], [0.0]]), noise, np.array([[9.0]]))
     np.testing.assert_allclose(design(fixes, [599]).covariances[0], steady, rtol=1e-9)
 
 
@@ -98,7 +102,7 @@ def test_a_smoother_is_the_least_squares_solution_of_the_whole_batch():
     for number in range(count):
         both, new = slice(2 * number, 2 * number + 4), 2 * number + 2
         difference = np.concatenate([-steps.transitions[0], np.eye(2)], axis=1)
-        information[both, both] += difference.T @ np.linalg.solve(steps.noise[0], difference)
+        information[both, both] += difference.T @ np.linalg.solve(steps.noise["all"].covariances[0], difference)
         information[new, new] += 1.0 / 9.0
     batch = np.linalg.inv(information)
     positions = np.concatenate([[0], 2 * np.arange(1, count + 1)])
@@ -135,9 +139,20 @@ def test_held_values_of_a_smoothed_double_integrator(believed, claimed, true):
     np.testing.assert_allclose(np.sqrt(np.diag(smoothed.covariances[0].sum(axis=0))), true, rtol=1e-8)
 
 
-def test_an_innovation_without_a_variance_leaves_no_numbers():
-    fixes = constant_velocity(2, 1.0, 0.0, 0.0, np.zeros((2, 2)))
-    designed = design(fixes, [1, 4])
-    assert np.isfinite(designed.covariances[0]).all()
-    assert np.isnan(designed.covariances[1]).all()
-    assert np.isnan(designed.gains).all()
+def test_a_first_rejection_long_before_the_end_keeps_its_digits():
+    """Fixes with an unknown constant that is hardly observed: what is left of one rejection after two thousand fixes.
+
+    The first fix left out of the information, which is a sum: its share is 1e-7 of the variance.
+    """
+    fixes = constant_velocity(2000, 1.0, 0.0, 3.0, np.diag([100.0, 4.0]))
+    designed = design(fixes, [fixes.end])
+    rejected = rejected_errors(WhitenedFilter.of(fixes, designed), np.array([fixes.end]), np.zeros(2000, dtype=bool))
+    times = np.arange(1.0, 2001.0)
+    rows = np.stack([np.ones(2000), times - 2000.0], axis=1)  # of position and velocity at the end
+    start = np.linalg.inv(transform(np.array([[1.0, 2000.0], [0.0, 1.0]]), np.diag([100.0, 4.0])))
+    for first in (0, 7, 1999):
+        kept = np.delete(rows, first, axis=0)
+        left_out, everything = (np.linalg.inv(start + each.T @ each / 9.0) for each in (kept, rows))
+        expected = np.diag(left_out) - np.diag(everything)
+        # the information has a condition number of 1e7, of which the difference takes 1e-3 to 1e-7
+        np.testing.assert_allclose(rejected.excess[0, first], expected, rtol=1e-4)

@@ -1,13 +1,15 @@
-"""Products of the linear engine: the only ones of the form ``M P M'`` of the package outside of kernels of samples."""
+"""Products of covariances: the only ones of the form ``M P M'`` of the package.
+
+Kernels of samples, reference engines, and what is named in ``tests/unit/test_products.py`` have their own.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav._types import Array
 
 ROUNDED: Final = 1e-14
 """Share of the variance that a sum would have without cancellation, up to which its own is rounding.
@@ -15,36 +17,6 @@ ROUNDED: Final = 1e-14
 Each of its two products of nine terms has nine units of rounding, 2e-15 together; the covariance's entries, which add
 up steps and updates, have some more.
 """
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Noise of a process in some transitions of a block, shape (k,) of them.
-
-    Attributes
-    ----------
-    places : ndarray of int, shape (k,)
-        The transitions, rising.
-    rows : ndarray of int, shape (r,)
-        What it is added to.
-    covariance, factor : ndarray, shapes (k, r, r), (k, r, c)
-        Either of both, as in `mcnav.contract.timeline.StepNoise`.
-    """
-
-    places: IndexArray
-    rows: IndexArray
-    covariance: Array | None
-    factor: Array | None
-
-    def between(self, first: int, last: int) -> Noise:
-        """Return that of the transitions from the first to before the last, counted from the first."""
-        begin, end = np.searchsorted(self.places, (first, last))
-        return Noise(
-            self.places[begin:end] - first,
-            self.rows,
-            None if self.covariance is None else self.covariance[begin:end],
-            None if self.factor is None else self.factor[begin:end],
-        )
 
 
 def transform(matrix: Array, covariance: Array) -> Array:
@@ -57,43 +29,65 @@ def transform(matrix: Array, covariance: Array) -> Array:
     return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))
 
 
+def transformed_variances(matrix: Array, covariance: Array) -> Array:
+    """Compute the diagonal of ``M P M'``, shape (..., r).
+
+    >>> transformed_variances(np.array([[1.0, 2.0], [0.0, 3.0]]), np.diag([9.0, 4.0]))
+    array([25., 36.])
+    """
+    return np.asarray(np.sum((matrix @ covariance) * matrix, axis=-1))
+
+
 def step(covariance: Array, transition: Array, noise: Array) -> Array:
     """Compute the covariance after a step, ``F P F' + Q``; what rounding leaves asymmetric, an update makes even."""
-    return np.asarray(transition @ covariance @ transition.T + noise)
+    product = transition @ covariance @ transition.swapaxes(-1, -2)
+    product += noise
+    return np.asarray(product)
 
 
 def update(covariance: Array, gain: Array, response: Array, variances: Array) -> Array:
     """Compute the covariance after an update with any gain: Joseph's form, ``(I - K H) P (I - K H)' + K R K'``.
 
+    It is computed as ``N - (N H' - K R) K'`` with ``N = (I - K H) P``, whose products are small.
+
     Parameters
     ----------
-    gain, response, variances : ndarray, shapes (f, m), (m, f), (m,)
+    gain, response, variances : ndarray, shapes (..., f, m), (m, f), (..., m)
         K, H and the diagonal of R.
     """
-    left = -gain @ response
-    left.flat[:: len(left) + 1] += 1.0
-    product = left @ covariance @ left.T + (gain * variances) @ gain.T
-    return np.asarray(0.5 * (product + product.T))
+    half = covariance - gain @ (response @ covariance)
+    beside = half @ response.T
+    beside -= gain * variances[..., None, :]
+    half -= beside @ gain.swapaxes(-1, -2)
+    product = half + half.swapaxes(-1, -2)
+    product *= 0.5
+    return np.asarray(product)
 
 
-def sum_of_products(weights: Array, noise: Noise) -> Array:
-    """Compute ``sum_k Z_k Q_k Z_k'`` over the transitions that have noise, with large products.
+def innovation_covariance(covariance: Array, response: Array) -> tuple[Array, Array]:
+    """Compute ``H P`` and ``H P H'``, of shapes (..., n, n), (..., m, n)."""
+    cross = response @ covariance
+    return cross, np.asarray(cross @ response.swapaxes(-1, -2))
+
+
+def sum_of_transforms(matrices: Array, covariances: Array | None, factors: Array | None) -> Array:
+    """Compute ``sum_k Z_k Q_k Z_k'`` with large products.
 
     Parameters
     ----------
-    weights : ndarray, shape (transitions, o, n)
-        Z by transition.
+    matrices : ndarray, shape (k, o, r)
+    covariances, factors : ndarray, shapes (k, r, r), (k, r, c)
+        Q, or G with ``Q = G G'``: one of both.
 
     Returns
     -------
     ndarray, shape (o, o)
     """
-    rows = weights[noise.places][:, :, noise.rows]
-    if noise.factor is not None:
-        halves = _side_by_side(rows @ noise.factor)
+    if factors is not None:
+        halves = _side_by_side(matrices @ factors)
         return np.asarray(halves @ halves.T)
-    assert noise.covariance is not None
-    total = _side_by_side(rows @ noise.covariance) @ _side_by_side(rows).T
+    assert covariances is not None
+    total = _side_by_side(matrices @ covariances) @ _side_by_side(matrices).T
     return np.asarray(0.5 * (total + total.T))
 
 

@@ -8,7 +8,7 @@ from scipy import stats
 
 from mcnav._types import Array
 from mcnav.compiled.vectors import LANES, room
-from mcnav.systems.ins.imu.variates import draw_normals, philox_words
+from mcnav.sampler.normals import draw_for_samples, draw_normals, philox_words
 
 ONES = 0xFFFFFFFF
 
@@ -81,3 +81,10 @@ def test_variates_are_the_same_wherever_a_block_begins_and_in_every_lane() -> No
             assert not block[count:].any()
     for lane in (0, LANES - 1):
         np.testing.assert_array_equal(whole[:, lane], draw(7, 5 + lane, 40, stream=3))
+
+
+def test_variates_of_any_number_of_samples_are_those_of_their_lanes() -> None:
+    samples = np.array([0, 7, 2**40, *range(100, 163)], dtype=np.uint64)
+    drawn = draw_for_samples(1966, samples, 0x3001, 5, 70)
+    for sample, column in zip(samples[[0, 2, 31, 32, 65]], drawn.T[[0, 2, 31, 32, 65]], strict=True):
+        np.testing.assert_array_equal(column, draw(1966, int(sample), 75, 0x3001)[5:])

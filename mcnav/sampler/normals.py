@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.compiled.jit import compiled, inlined, uncontracted_subroutine
-from mcnav.compiled.vectors import Vector, bits, doubles, fma, load, narrow, store, widen
+from mcnav.compiled.jit import compiled, inlined, uncontracted, uncontracted_subroutine
+from mcnav.compiled.vectors import LANES, Vector, bits, doubles, fma, load, narrow, room, store, widen
 
 _LOW: Final = np.uint64(0xFFFFFFFF)
 _HALF: Final = np.uint64(32)
@@ -50,9 +50,6 @@ _OFFSET: Final = 2.0**52 + 1023.0
 """Excess of the bits of an exponent, as a mantissa of 2^52, over the exponent."""
 
 _LN2: Final = float(np.log(2.0))
-
-IMU_STREAM: Final = 1
-"""Stream of the instruments' processes."""
 
 
 @inlined
@@ -147,6 +144,44 @@ def draw_normals(seed: np.uint64, samples: NDArray[np.uint64], stream: int, firs
             store(out, row + 2, x)
         if row + 3 < count:
             store(out, row + 3, y)
+
+
+def draw_for_samples(seed: int, samples: NDArray[np.uint64], stream: int, first: int, count: int) -> Array:
+    """Draw normal variates of any number of samples, shape (count, n): those of `draw_normals`.
+
+    Parameters
+    ----------
+    samples : ndarray of uint64, shape (n,)
+        Indices of the samples, below 2^48.
+    stream : int
+        Below 2^16.
+    first, count : int
+        Number of the first of a stream's variates, and how many.
+    """
+    drawn = np.empty((count, len(samples)))
+    _fill(np.uint64(seed), samples, stream, first, np.zeros((1, LANES), dtype=np.uint64), room(count), drawn)
+    return drawn
+
+
+@uncontracted
+def _fill(
+    seed: np.uint64,
+    samples: NDArray[np.uint64],
+    stream: int,
+    first: int,
+    indices: NDArray[np.uint64],
+    lanes: Array,
+    drawn: Array,
+) -> None:
+    """Draw variates of LANES samples at a time; the last ones repeat a sample."""
+    for begin in range(0, len(samples), LANES):
+        size = min(LANES, len(samples) - begin)
+        for lane in range(LANES):
+            indices[0, lane] = samples[begin + min(lane, size - 1)]
+        draw_normals(seed, indices, stream, first, len(drawn), lanes)
+        for row in range(len(drawn)):
+            for lane in range(size):
+                drawn[row, begin + lane] = lanes[row, lane]
 
 
 @compiled

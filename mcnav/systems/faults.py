@@ -1,4 +1,4 @@
-"""Faults of aiding sensors: what a measurement has for some time that no filter believes in.
+"""Gates and faults of sensors: what is accepted; what a measurement has for some time that no filter believes in.
 
 A spike is one wrong measurement, a bias a constant error between a begin and an end, a ramp an error that grows from
 zero at the begin to its size at the end. After the end the sensor is right again.
@@ -68,3 +68,14 @@ def fault_errors(faults: tuple[Fault, ...], times: Array, components: int) -> Ar
     for fault in faults:
         errors[:, fault.component] += fault.errors(times)
     return errors
+
+
+def gate_limit(gate: float, components: int) -> float:
+    """Return the normalized innovation squared below which a good measurement is with a probability.
+
+    >>> round(gate_limit(0.95, 1), 4)
+    3.8415
+    """
+    from scipy.special import gammaincinv  # as `scipy.stats.chi2`, whose import takes a third of a second
+
+    return 2.0 * float(gammaincinv(0.5 * components, gate))

@@ -1,0 +1,175 @@
+"""Mean and covariance of X, and the filter's own covariance, for many tunings of one timeline in one pass.
+
+Tunings share transitions and differ in sizes, hence in gains. Step by step, with a first axis of N tunings::
+
+    step     C+ = A C A' + Q          S+ = A S + B                  P+ = F P F' + Q_f
+    update   C+ by Joseph's form with M K      S+ = S - M K (H S + D)      K, P+ as in `design`
+
+C is the covariance by noise, S the partial derivatives to the error sources. N products of small matrices cost little
+more than one of them, so that this takes a fraction of `design` and `propagate` for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._threads import one_thread
+from mcnav._types import Array, IndexArray
+from mcnav.contract.timeline import StepNoise, Timeline
+from mcnav.linear.engine.design import filter_of, is_definite
+from mcnav.linear.engine.transitions import bounds
+from mcnav.products import innovation_covariance, step, update
+
+TOGETHER: int = 16
+"""Tunings of one pass."""
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """X of a tuning at some positions, r of them.
+
+    Attributes
+    ----------
+    partials : ndarray, shape (r, n, used + 1)
+        To the error sources that are used, and what is deterministic.
+    covariances : ndarray, shape (r, n, n)
+        By all processes of noise.
+    own : ndarray, shape (r, f, f)
+        As the filter computes it.
+    """
+
+    partials: Array
+    covariances: Array
+    own: Array
+
+
+def propagate_tunings(timelines: Sequence[Timeline], positions: IndexArray, used: NDArray[np.bool_]) -> list[Tuned]:
+    """Propagate tunings of one timeline, each with gains of its own, from its start to rising positions.
+
+    Each has the bits that it has in any other company. All is NaN where the covariance of an innovation is not positive
+    definite.
+
+    Parameters
+    ----------
+    used : ndarray of bool, shape (s,)
+        Error sources that are propagated.
+    """
+    tuned: list[Tuned] = []
+    for first in range(0, len(timelines), TOGETHER):
+        tuned += _Pass(timelines[first : first + TOGETHER], np.append(used, True)).run(positions)
+    return tuned
+
+
+class _Pass:
+    """A pass along a timeline.
+
+    Attributes
+    ----------
+    own, covariance, partials : ndarray, shapes (N, f, f), (N, n, n), (N, n, used + 1)
+        P, C and S at present.
+    """
+
+    def __init__(self, timelines: Sequence[Timeline], used: NDArray[np.bool_]) -> None:
+        filters = [filter_of(timeline) for timeline in timelines]
+        self.timelines, self.filters, self.used, updates = timelines, filters, used, timelines[0].updates
+        assert updates is not None
+        self.updates, states = updates, timelines[0].states
+        self.own = np.stack([filtered.covariance for filtered in filters])
+        self.partials = np.stack([timeline.start.partials[:, used] for timeline in timelines])
+        self.covariance = np.zeros((len(timelines), states, states))
+        for total, timeline in zip(self.covariance, timelines, strict=True):
+            for covariance in timeline.sized(timeline.start.noise).values():
+                total += covariance
+        # by update and component, of each tuning
+        self.believed = np.stack([filtered.variances for filtered in filters], axis=1)
+        self.measured = np.stack([_total(each, filters[0].variances.shape) for each in timelines], axis=1)
+        self.disturbances = updates.disturbances[:, :, used]
+        self.innovations = np.zeros((*self.believed.shape, self.believed.shape[2]))
+
+    def run(self, positions: IndexArray) -> list[Tuned]:
+        """Run to the last position, and read out."""
+        timeline, sizes = self.timelines[0], self.updates.sizes.tolist()
+        tables = self.partials, self.covariance, self.own
+        read = tuple(np.zeros((len(positions), *table.shape)) for table in tables)
+        u, reading, wanted = 0, 0, [*positions.tolist(), -1]
+        with one_thread():
+            for first, last in bounds(0, int(positions[-1])):
+                steps = self._steps(*timeline.steps_before[[first, last]].tolist())
+                for position, is_update in enumerate(timeline.is_update[first:last].tolist(), first):
+                    if position == wanted[reading]:
+                        self._read(read, reading)
+                        reading += 1
+                    if is_update:
+                        self._update(u, sizes[u])
+                        u += 1
+                    else:
+                        self._step(*next(steps))
+        self._read(read, -1)
+        return [self._tuned(number, u, read) for number in range(len(self.timelines))]
+
+    def _read(self, read: Sequence[Array], reading: int) -> None:
+        for table, state in zip(read, (self.partials, self.covariance, self.own), strict=True):
+            table[reading] = state
+
+    def _tuned(self, number: int, count: int, read: Sequence[Array]) -> Tuned:
+        """Return what was read of a tuning; NaN where one of so many innovations has no definite covariance."""
+        definite = is_definite(self.innovations[:count, number], self.updates.sizes[:count])
+        return Tuned(*(table[:, number] if definite else np.full_like(table[:, number], np.nan) for table in read))
+
+    def _steps(self, first: int, last: int) -> Iterator[tuple[Array, ...]]:
+        """Yield A, B, Q, F and Q_f of steps, those of noise of each tuning."""
+        steps, own = self.timelines[0].steps(first, last), self.filters[0].steps(first, last)
+        inputs = steps.inputs[:, :, self.used]
+        noise = _added_up(steps.noise, [timeline.sizes for timeline in self.timelines], self.covariance.shape[-1])
+        believed = _added_up(own.noise, [filtered.sizes for filtered in self.filters], self.own.shape[-1])
+        count = last - first
+        nothing = np.zeros(count) if noise is None or believed is None else None
+        yield from zip(
+            steps.transitions, inputs, nothing if noise is None else noise, own.transitions,
+            nothing if believed is None else believed, strict=True,
+        )  # fmt: skip
+
+    def _step(self, transition: Array, inputs: Array, noise: Array, own: Array, own_noise: Array) -> None:
+        self.own = step(self.own, own, own_noise)
+        self.covariance = step(self.covariance, transition, noise)
+        self.partials = transition @ self.partials
+        self.partials += inputs
+
+    def _update(self, u: int, m: int) -> None:
+        filtered, believed = self.filters[0], self.believed[u, :, :m]
+        own_response, response = filtered.responses[u, :m], self.updates.responses[u, :m]
+        cross, innovations = innovation_covariance(self.own, own_response)
+        innovations.reshape(len(innovations), -1)[:, :: m + 1] += believed
+        self.innovations[u, :, :m, :m] = innovations
+        gains = (np.linalg.inv(innovations) @ cross).swapaxes(1, 2) * filtered.corrected[:, None]
+        self.own = update(self.own, gains, own_response, believed)
+        gains = filtered.place @ gains
+        self.covariance = update(self.covariance, gains, response, self.measured[u, :, :m])
+        self.partials -= gains @ (response @ self.partials + self.disturbances[u, :m])
+
+
+def _total(timeline: Timeline, shape: tuple[int, ...]) -> Array:
+    """Return the variances of the measurements by all processes, shape (U, M)."""
+    assert timeline.updates is not None
+    return sum(timeline.updates.variances.values(), np.zeros(shape))
+
+
+def _added_up(noise: Mapping[str, StepNoise], sizes: Sequence[Mapping[str, float]], states: int) -> Array | None:
+    """Add up what all processes add in k steps, of the sizes of each of N tunings, shape (k, N, n, n); none of none."""
+    if not noise:
+        return None
+    rows = np.unique(np.concatenate([added.rows for added in noise.values()]))
+    count = len(next(iter(noise.values())).covariances)
+    units = np.zeros((len(noise), count, len(rows), len(rows)))
+    for unit, added in zip(units, noise.values(), strict=True):
+        places = np.searchsorted(rows, added.rows)
+        unit[:, places[:, None], places] = added.covariances
+    total, flat = np.zeros((count, len(sizes), states, states)), units.reshape(len(units), -1)
+    for number, of in enumerate(sizes):
+        sized = np.array([of.get(name, 1.0) for name in noise]) @ flat
+        total[:, number, rows[:, None], rows] = sized.reshape(units.shape[1:])
+    return total
