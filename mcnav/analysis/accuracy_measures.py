@@ -27,7 +27,7 @@ from mcnav.analysis.requirements import (
     size_probability,
 )
 from mcnav.analysis.requirements_over_time import largest_quantile
-from mcnav.analysis.vector_sizes import components_of
+from mcnav.analysis.sized_outputs import components_of
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Of, Output
 from mcnav.errors import suggestion

@@ -26,8 +26,11 @@ from mcnav.analysis.combinations import Combination, FixedCombination, compare_f
 from mcnav.analysis.decision_rule import DecisionRule
 from mcnav.analysis.ellipsoid import Ellipsoid, compare_ellipsoid, name_combinations
 from mcnav.analysis.floor import CLEAR, agreement_floor, cancelled
+from mcnav.analysis.linear_range import limits_of
 from mcnav.analysis.multivariate import MultivariateTests, compare_jointly
+from mcnav.analysis.sized_outputs import LimitedOutput, components_of
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Judgement, Verdict, combine_verdicts
+from mcnav.contract.linear import LinearModel
 from mcnav.linear.block_sums import BlockSums, Normalization
 from mcnav.linear.covariance import propagated_covariance
 from mcnav.sampler.designs import SamplingDesign
@@ -73,6 +76,14 @@ class Model:
     limits: Array | None = None
     withheld: tuple[int, ...] = ()
     origin: Array | None = None
+
+    @classmethod
+    def of(cls, linear: LinearModel, mean: Array, covariance: Array, outputs: Sequence[LimitedOutput]) -> Model:
+        """Return the linear model for errors of a mean and covariance, with what its outputs state of themselves."""
+        return cls(
+            linear.partials, linear.nominal, mean, covariance, linear.processes, components_of(outputs),
+            limits_of(output.limit for output in outputs), origin=linear.origin,
+        )  # fmt: skip
 
     @property
     def outcome_mean(self) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.requirements import Requirement
 from mcnav.contract.gates import FaultLaw, GateLaw, GateQuestion
+from mcnav.contract.scenario import Scenario, has_gates
 from mcnav.products import transform
 from mcnav.statistics.gates import LARGEST, GatedError, acceptance, check_stopped, largest_of, smallest_stopped
 
@@ -172,6 +173,12 @@ class FaultPrediction:
 
     rejections: float
     alarm: float
+
+
+def predict_faults(scenario: Scenario, mean: Array, covariance: Array) -> list[tuple[FaultLaw, FaultPrediction]]:
+    """Predict what gates stop of a scenario's faults, with errors of a mean and covariance; nothing without gates."""
+    laws = scenario.fault_laws(mean, covariance) if has_gates(scenario) else ()
+    return [(law, predict_fault(law)) for law in laws]
 
 
 def predict_fault(law: FaultLaw) -> FaultPrediction:

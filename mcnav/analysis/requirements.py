@@ -15,7 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Any, Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,17 +73,28 @@ class Requirement:
     about: str = ""
 
 
-def requirements_from(
-    entries: Sequence[Mapping[str, Any]], outputs: Sequence[Mapping[str, Any]]
-) -> tuple[Requirement, ...]:
-    """Build requirements from a manifest's entries, which refer to outputs by name."""
-    at = {entry["name"]: number for number, entry in enumerate(outputs)}
+class StatedRequirement(Protocol):
+    """A requirement as a campaign or a manifest states it: outputs by name, and nothing for what it leaves out."""
+
+    kind: str
+    outputs: tuple[str, ...]
+    limits: tuple[float, ...]
+    probability: float | None
+    when: str | None
+    epochs: tuple[int, ...] | None
+    of: str | None
+    about: str | None
+
+
+def requirements_from(stated: Sequence[StatedRequirement], outputs: Sequence[str]) -> tuple[Requirement, ...]:
+    """Build requirements on outputs of these names; `KeyError` where one is on another output."""
+    number_of = {name: number for number, name in enumerate(outputs)}
     return tuple(
-        Requirement(entry["kind"], tuple(at[name] for name in entry["outputs"]),
-                    tuple(map(float, entry["limits"])), entry["probability"],
-                    entry.get("when") or "", tuple(entry.get("epochs") or ()), entry.get("of") or "",
-                    entry.get("about") or "")
-        for entry in entries
+        Requirement(
+            entry.kind, tuple(number_of[name] for name in entry.outputs), entry.limits, entry.probability,
+            entry.when or "", entry.epochs or (), entry.of or "", entry.about or "",
+        )
+        for entry in stated
     )  # fmt: skip
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from scipy import special
@@ -22,28 +22,6 @@ MOST: Final = 0.9973
 
 WRONG: Final = 0.01
 """Share of the exact quantile from which on nominal plus three sigma is said to be wrong."""
-
-
-class Named(Protocol):
-    """An output with its name, and the names of those whose size it is."""
-
-    @property
-    def name(self) -> str:
-        """Name."""
-
-    @property
-    def size_of(self) -> tuple[str, ...]:
-        """Outputs whose root sum of squares it is."""
-
-
-def components_of(outputs: Sequence[Named]) -> dict[int, tuple[int, ...]]:
-    """Return the numbers of the outputs that are sizes, each with those of its components."""
-    numbers = {output.name: number for number, output in enumerate(outputs)}
-    return {
-        number: tuple(numbers[name] for name in output.size_of)
-        for number, output in enumerate(outputs)
-        if output.size_of
-    }
 
 
 @dataclass(frozen=True)

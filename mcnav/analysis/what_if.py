@@ -20,6 +20,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.changeable_campaign import ChangeableCampaign
 from mcnav.analysis.requirements import Requirement
+from mcnav.analysis.sized_outputs import Named, components_of
 
 FIXED: Final = -1
 """Number of what no number of the data sheet sizes."""
@@ -137,6 +138,16 @@ def entries_of(outputs: int, together: Sequence[Sequence[int]]) -> Entries:
     """
     pairs = {(min(i, j), max(i, j)) for group in together for i in group for j in group if i != j}
     return (*((i, i) for i in range(outputs)), *sorted(pairs))
+
+
+def pairs_over_time(outputs: Sequence[Named], requirements: Sequence[Requirement]) -> Entries:
+    """Return the pairs of outputs that requirements over time limit together; the size of some stands for them."""
+    sizes, groups = components_of(outputs), list[Sequence[int]]()
+    for requirement in requirements:
+        if requirement.epochs and not requirement.of:
+            alone = len(requirement.outputs) == 1
+            groups.append(sizes.get(requirement.outputs[0], requirement.outputs) if alone else requirement.outputs)
+    return entries_of(len(outputs), groups)[len(outputs) :]
 
 
 def picked_entries(covariance: Array, entries: Entries) -> Array:

@@ -87,11 +87,16 @@ class LinearSystem:
         return cls(np.array([time]), partials[None], nominal[None], noise)
 
     @property
+    def nominal_errors(self) -> Array:
+        """Errors of a system without errors and noise, shape (r, outputs); zero where they are not known."""
+        return np.zeros(self.partials.shape[:2]) if self.nominal is None else self.nominal
+
+    @property
     def end(self) -> LinearModel:
         """The system at the end."""
         last = {name: each[-1] for name, each in self.processes.items()}
-        nominal = np.zeros(self.partials.shape[1]) if self.nominal is None else self.nominal[-1]
-        return LinearModel(self.partials[-1], nominal, last, None if self.origin is None else self.origin[-1])
+        origin = None if self.origin is None else self.origin[-1]
+        return LinearModel(self.partials[-1], self.nominal_errors[-1], last, origin)
 
     def at(self, readings: NDArray[np.bool_]) -> LinearSystem:
         """Return the same at some of the readings, shape (r,)."""
@@ -106,6 +111,10 @@ class LinearSystem:
             updates=updates,
             own=None if self.own is None else self.own[readings],
         )
+
+    def mean(self, start: Array) -> Array:
+        """Compute the mean errors at every time, shape (r, outputs), from the mean errors going in."""
+        return np.asarray(self.nominal_errors + self.partials @ start)
 
     def covariance(self, start: Array) -> Array:
         """Compute ``P S P^T + sum Q_j`` at every time, shape (r, outputs, outputs), from the start covariance S."""

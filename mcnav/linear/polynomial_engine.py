@@ -66,6 +66,11 @@ def fit_polynomial_engine(exact: Engine, mean: Array, standard_deviations: Array
     return PolynomialEngine(polynomial, exact, accuracy)
 
 
+def exact_part(engine: Engine) -> Engine:
+    """Return the engine to which a polynomial was fitted, or the engine itself."""
+    return engine.exact if isinstance(engine, PolynomialEngine) else engine
+
+
 def engine_names(scenario: Scenario) -> tuple[str, ...]:
     """List the names of a scenario's engines, the default first; a polynomial knows neither noise nor filters."""
     stochastic = scenario.parts.noise or scenario.parts.filter

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.contract.engine import Engine
+from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.members import ready_engine
 from mcnav.contract.scenario import Scenario, runs_user_code
 from mcnav.runner.chunks import DrawPlan
@@ -49,7 +49,7 @@ def find_doubt(scenario: Scenario, draws: DrawPlan, tolerance: float, timeout: f
     errors = draws.errors
     engine = exact_engine(scenario, draws.probes(), timeout)
     varied = np.asarray((errors.standard_deviations > 0.0) | (errors.mean != 0.0))
-    doubt = find_unsettled(scenario, engine, varied, tolerance)
+    doubt = find_unsettled(scenario, without_noise(engine), varied, tolerance)
     if doubt is None and is_users_with_noise(scenario):
         doubt = find_unsettled_noise(scenario, engine, varied, tolerance)
     return doubt

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -22,10 +21,10 @@ from mcnav.analysis.gates import GateAnswer, answer_gates
 from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, within_range
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
-from mcnav.analysis.linear_range import limits_of, picked
+from mcnav.analysis.linear_range import picked
 from mcnav.analysis.rejections import RejectionAnswer
 from mcnav.analysis.requirements import requirements_from, smallest_limits
-from mcnav.analysis.vector_sizes import components_of, linear_sizes
+from mcnav.analysis.vector_sizes import linear_sizes
 from mcnav.analysis.what_if import WhatIf
 from mcnav.analysis.withheld import with_rejections
 from mcnav.config.documents import Description, document_of
@@ -37,7 +36,7 @@ from mcnav.contract.questions import Question, reason_against
 from mcnav.contract.scenario import Scenario, ScenarioError, has_gates
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, to_json, write_texts
-from mcnav.linear.partials import SimulationFailed
+from mcnav.linear.refusals import scenario_errors
 from mcnav.report.columns.gates import gates_entry
 from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import Page
@@ -81,7 +80,7 @@ def linear_covariance(campaign: Description, times: Array | None = None) -> Line
     """
     described = campaign_from(campaign)
     answer = answer_linearly(described, times)
-    with one_thread(), _scenario_errors(described):
+    with one_thread(), scenario_errors(described.file):
         answer = replace(answer, requirements=with_curvature(answer, described))
         remarks = described.scenario.remarks_on(described.errors.mean, described.errors.covariance)
         gates = _gates(described)
@@ -93,8 +92,7 @@ def _gates(campaign: Campaign) -> tuple[GateAnswer, ...]:
     scenario, errors = campaign.scenario, campaign.errors
     if not has_gates(scenario):
         return ()
-    outputs = [{"name": output.name} for output in scenario.outputs]
-    requirements = requirements_from([record.model_dump() for record in campaign.requirements], outputs)
+    requirements = requirements_from(campaign.requirements, [output.name for output in scenario.outputs])
     return answer_gates(scenario.gate_laws(errors.mean, errors.covariance), scenario.gate_question, requirements)
 
 
@@ -109,22 +107,16 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
     """Compute what `linear_covariance` does, without what the scenario notices of itself."""
     scenario, errors = described.scenario, described.errors
     names = tuple(source.name for source in scenario.sources)
-    with one_thread(), _scenario_errors(described):
+    with one_thread(), scenario_errors(described.file):
         if times is not None:
             _check_times(described, times)
         _check_soundness(described)
         linear, readings = _linearize(scenario)
-        model = Model(
-            linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes,
-            components_of(scenario.outputs), limits_of(output.limit for output in scenario.outputs),
-            origin=linear.origin,
-        )  # fmt: skip
+        model = Model.of(linear, errors.mean, errors.covariance, scenario.outputs)
         moments = errors.mean, errors.covariance
         history = None if readings is None else covariance_over_time(readings, names, *moments)
-        outputs = [{"name": output.name} for output in scenario.outputs]
-        entries = [record.model_dump() for record in described.requirements]
-        required = requirements_from(entries, outputs)
-        model = replace(model, limits=smallest_limits(required, len(outputs)))
+        required = requirements_from(described.requirements, [output.name for output in scenario.outputs])
+        model = replace(model, limits=smallest_limits(required, len(scenario.outputs)))
         smoothed = None
         if scenario.parts.smoother:
             smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)
@@ -198,17 +190,6 @@ def _stated(covariance: LinearCovariance) -> NDArray[np.bool_]:
     if own is None:
         return np.ones(len(covariance.readings.times), dtype=bool)
     return np.asarray(np.isfinite(np.diagonal(own, axis1=1, axis2=2)).any(axis=1))
-
-
-@contextmanager
-def _scenario_errors(campaign: Campaign) -> Iterator[None]:
-    """Convert errors of scenarios into `CampaignError`."""
-    try:
-        yield
-    except ScenarioError as wrong:
-        raise CampaignError([Problem(campaign.file, f"scenario.{wrong.key}", str(wrong))]) from None
-    except SimulationFailed as wrong:
-        raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
 
 
 def _check_times(campaign: Campaign, times: Array) -> None:

@@ -13,7 +13,7 @@ from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, decade, together
-from mcnav.analysis.vector_sizes import components_of
+from mcnav.analysis.sized_outputs import components_of
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine, scales_noise, without_noise
 from mcnav.contract.members import ready_engine

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -14,7 +13,7 @@ from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.analysis.mean_errors import mean_errors, rounding_of_means
-from mcnav.analysis.vector_sizes import components_of
+from mcnav.analysis.sized_outputs import components_of
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine
 from mcnav.contract.members import ready_engine
@@ -22,6 +21,7 @@ from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import write_texts
+from mcnav.linear.refusals import scenario_errors
 from mcnav.linear.start_times import StartTimeStudy, study_start_times, usual_weights
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report.document.html import page_html
@@ -46,19 +46,14 @@ class StartTimesFound:
 
 
 def _scenario(campaign: Campaign, axes: str) -> Scenario:
-    with _scenario_errors(campaign):
+    with scenario_errors(campaign.file, _place):
         campaign.scenario.check_start_axes(axes)
     return campaign.scenario
 
 
-@contextmanager
-def _scenario_errors(campaign: Campaign) -> Iterator[None]:
-    """Convert errors of scenarios into `CampaignError`."""
-    try:
-        yield
-    except ScenarioError as wrong:
-        key = "start_times.axes" if wrong.key == "axes" else wrong.key
-        raise CampaignError([Problem(campaign.file, key, str(wrong))]) from None
+def _place(key: str) -> str:
+    """Return where a campaign gives what a scenario refuses."""
+    return "start_times.axes" if key == "axes" else key
 
 
 def start_time_study(campaign: Campaign, axes: str | None = None, count: int | None = None) -> StartTimeStudy:
@@ -69,7 +64,7 @@ def start_time_study(campaign: Campaign, axes: str | None = None, count: int | N
     plan, covariance = campaign.start_times, campaign.errors.covariance
     axes, count = axes or plan.axes, count or plan.count
     scenario = _scenario(campaign, axes)
-    with _scenario_errors(campaign):
+    with scenario_errors(campaign.file, _place):
         study = study_start_times(scenario, covariance, axes, count, plan.schedule, plan.weights)
         means = _mean_errors(campaign, scenario, study)
     if not means.any():

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Final, TypeVar
@@ -27,7 +26,7 @@ from mcnav.contract.scenario import (
     runs_user_code,
 )
 from mcnav.errors import CampaignError, Problem
-from mcnav.linear.partials import SimulationFailed
+from mcnav.linear.refusals import scenario_errors
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -129,7 +128,7 @@ class LinearPoints:
         return [self._answer(each, shared) for each in campaigns]
 
     def _answer(self, campaign: Campaign, shared: SharedTables) -> PointAnswer:
-        with _scenario_errors(campaign):
+        with scenario_errors(campaign.file):
             end, answer = _readings(campaign, [time for time in self._at if time is not None], shared)
         own = campaign_requirements(campaign)
         required = {each.requirement: each for each in requirement_measures(own, campaign.scenario.outputs)}
@@ -171,8 +170,7 @@ def campaign_requirements(campaign: Campaign) -> tuple[Requirement, ...]:
     if any(record.of for record in campaign.requirements):
         message = "a sweep has no requirements of a smoother; mcnav lincov judges them"
         raise CampaignError([Problem(campaign.file, "accept", message)])
-    outputs = [{"name": output.name} for output in campaign.scenario.outputs]
-    return requirements_from([record.model_dump() for record in campaign.requirements], outputs)
+    return requirements_from(campaign.requirements, [output.name for output in campaign.scenario.outputs])
 
 
 def _margin(measure: Measure, value: float) -> float:
@@ -268,14 +266,3 @@ def _linear_model(campaign: Campaign, shared: SharedTables) -> LinearModel:
     end = campaign.scenario.linear().end
     shared.tables = (key, end)
     return end
-
-
-@contextmanager
-def _scenario_errors(campaign: Campaign) -> Iterator[None]:
-    """Convert errors of scenarios into `CampaignError`."""
-    try:
-        yield
-    except ScenarioError as wrong:
-        raise CampaignError([Problem(campaign.file, f"scenario.{wrong.key}", str(wrong))]) from None
-    except SimulationFailed as wrong:
-        raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None

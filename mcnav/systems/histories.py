@@ -11,6 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.contract.history import History, Panel
 from mcnav.contract.quantities import Output
+from mcnav.errors import CampaignError, Problem
 from mcnav.units import conversion
 
 BEFORE_END: Final = 1.0
@@ -45,6 +46,17 @@ def check_history(history: History) -> History:
     if any(not begin <= end for each in outages.values() for begin, end in each):
         raise ValueError("an outage must not end before it begins")
     return History(columns, events, history.panels, outages, str(history.title))
+
+
+def drawable_history(history: History, file: str) -> History:
+    """Check the history of the truth before samples are simulated: the run's report reads and draws it afterwards.
+
+    Raises `CampaignError` of the campaign's file.
+    """
+    try:
+        return check_history(history)
+    except (TypeError, ValueError) as wrong:
+        raise CampaignError([Problem(file, "scenario", f"has no history that can be drawn: {wrong}")]) from None
 
 
 def with_errors(history: History, errors: Array, outputs: Sequence[Output]) -> History:

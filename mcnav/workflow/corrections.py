@@ -8,10 +8,11 @@ from mcnav._types import Array
 from mcnav.contract.engine import Engine
 from mcnav.linear.corrections import Corrections
 from mcnav.linear.nonlinear_corrections import noise_corrections, nonlinear_corrections
-from mcnav.linear.polynomial_engine import MAP
+from mcnav.linear.polynomial_engine import MAP, exact_part
+from mcnav.linear.refusals import scenario_errors
 from mcnav.linear.simulated_budget import simulated_budgets
 from mcnav.runner.soundness import exact_engine, isolated
-from mcnav.workflow.prepare import PreparedSystem, exact_part, scenario_errors
+from mcnav.workflow.prepare import PreparedSystem
 
 
 def compute_corrections(system: PreparedSystem) -> Corrections:
@@ -30,7 +31,7 @@ def compute_corrections(system: PreparedSystem) -> Corrections:
     if scenario.parts.noise:
         engine = isolated(scenario, system.engine, system.timeout)
         return noise_corrections(engine, draws.errors, system.model.processes or {}, draws.samples)
-    with scenario_errors(system.file):
+    with scenario_errors(system.campaign.file):
         budget = simulated_budgets(
             first_engine, draws.errors, system.model.partials, draws.design, draws.seed, draws.samples
         )

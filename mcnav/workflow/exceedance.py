@@ -24,8 +24,11 @@ from mcnav.contract.engine import (
     has_histories,
     without_noise,
 )
+from mcnav.contract.linear import LinearSystem
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError
+from mcnav.linear.at_epochs import stated_at_epochs
+from mcnav.linear.polynomial_engine import exact_part
 from mcnav.products import transform
 from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.facets import BEHIND
@@ -35,7 +38,7 @@ from mcnav.sampler.designs import SamplingDesign
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.statistics.bisection import root_between
 from mcnav.store.manifest import ExceedanceRecord
-from mcnav.workflow.prepare import LinearHistory, PreparedSystem, exact_part, linear_history, same_times
+from mcnav.workflow.prepare import PreparedSystem
 
 RAREST: Final = 12.0
 """Distance of the linear limit in sigmas beyond which a probability, of 1e-33, is not estimated."""
@@ -82,12 +85,12 @@ class _Law:
     processes: Mapping[str, Array]
 
     @classmethod
-    def of(cls, event: Event, model: Model, errors: ErrorModel, throughout: LinearHistory | None) -> _Law:
+    def of(cls, event: Event, model: Model, errors: ErrorModel, throughout: LinearSystem | None) -> _Law:
         """Return it by the model at the end or, of an event over time, throughout the flight."""
         chosen = list(event.outputs)
         if event.epochs and throughout is not None:
             epochs = np.array(event.epochs)
-            partials, nominal = throughout.partials[epochs][:, chosen], throughout.nominal[epochs][:, chosen]
+            partials, nominal = throughout.partials[epochs][:, chosen], throughout.nominal_errors[epochs][:, chosen]
             processes = {name: each[epochs][:, chosen][:, :, chosen] for name, each in throughout.processes.items()}
         else:
             partials, nominal = model.partials[None, chosen], model.nominal[None, chosen]
@@ -162,7 +165,7 @@ class _Normals:
     event: Event
     seed: int
     noise: _Noise | None = None
-    throughout: LinearHistory | None = None
+    throughout: LinearSystem | None = None
 
     @property
     def constants(self) -> int:
@@ -210,7 +213,9 @@ class _Normals:
         """Return the outputs by the linear model."""
         errors, throughout = self.errors_of(points), self.throughout
         if throughout is not None:
-            outcomes = self.event.picked(throughout.nominal + np.einsum("mos,ns->nmo", throughout.partials, errors))
+            outcomes = self.event.picked(
+                throughout.nominal_errors + np.einsum("mos,ns->nmo", throughout.partials, errors)
+            )
         else:
             outcomes = self.event.picked(self.model.nominal + errors @ self.model.partials.T)
         return np.asarray(outcomes if self.noise is None else outcomes + self.noise.added(points[:, self.constants :]))
@@ -228,16 +233,16 @@ class _Normals:
 
 
 def estimate_exceedances(
-    system: PreparedSystem, model: Model, requirements: Sequence[Requirement], confidence: float
+    system: PreparedSystem, requirements: Sequence[Requirement], confidence: float
 ) -> tuple[ExceedanceRecord, ...]:
     """Estimate the probability beyond the limits of each requirement that counting cannot decide, but those on sigmas.
 
     Over time it is that of any epoch.
     """
-    records = []
+    records, model, throughout = [], system.linear, system.differenced
     engine = isolated(system.scenario, exact_part(system.engine), system.timeout)
-    over_time = any(requirement.epochs and not requirement.of for requirement in requirements)
-    throughout = linear_at_epochs(system.scenario, exact_part(system.engine)) if over_time else None
+    if throughout is None and any(requirement.epochs and not requirement.of for requirement in requirements):
+        throughout = stated_at_epochs(system.scenario, exact_part(system.engine))
     noisy = has_noise(system.scenario, system.engine)
     for number, requirement in enumerate(requirements):
         if requirement.kind == "sigma_ratio":
@@ -294,24 +299,12 @@ def has_noise(scenario: Scenario, engine: Engine) -> bool:
     return engine.noisy and scenario.noisy
 
 
-def linear_at_epochs(scenario: Scenario, engine: Engine) -> LinearHistory | None:
-    """Return the linear model at the epochs of an engine, with its noise; none where it is not known there."""
-    known = linear_history(scenario, engine)
-    if known is not None or engine.epochs is None or scenario.parts.readings == "end":
-        return known
-    system = scenario.linear_over_time()
-    if not same_times(system.times, engine.epochs.times):
-        return None
-    nominal = np.zeros(system.partials.shape[:2]) if system.nominal is None else system.nominal
-    return LinearHistory(engine.epochs, system.partials, nominal, system.processes, system.origin)
-
-
 def _refused(number: int, reason: str) -> ExceedanceRecord:
     nothing = math.nan
     return ExceedanceRecord(requirement=number, estimate=nothing, low=nothing, high=nothing, flights=0, refusal=reason)
 
 
-def _refusal(system: PreparedSystem, over_time: bool, throughout: LinearHistory | None) -> str:
+def _refusal(system: PreparedSystem, over_time: bool, throughout: LinearSystem | None) -> str:
     """Say why no flights are chosen; nothing where they are."""
     engine, draws, noisy = system.engine, system.draws, has_noise(system.scenario, system.engine)
     if over_time and throughout is None:
@@ -396,7 +389,7 @@ class FailingFlight:
 
 def fly_way_to_fail(
     engine: Engine, noisy: bool, errors: ErrorModel, seed: int, model: Model, requirement: Requirement,
-    record: ExceedanceRecord, throughout: LinearHistory | None,
+    record: ExceedanceRecord, throughout: LinearSystem | None,
 ) -> FailingFlight:  # fmt: skip
     """Fly the most likely way to fail of a requirement, moved along its direction to just beyond the limit.
 
@@ -426,7 +419,7 @@ def fly_way_to_fail(
     return FailingFlight(chosen, event.outputs, added, epoch, normals.simulate(found, number), reached)
 
 
-def _event(requirement: Requirement, model: Model, throughout: LinearHistory | None) -> Event:
+def _event(requirement: Requirement, model: Model, throughout: LinearSystem | None) -> Event:
     """Return what is beyond a requirement, by the model at the end or throughout the flight."""
     over_time = throughout if requirement.epochs else None
     return Event.of(requirement, model.sizes, model.origin if over_time is None else over_time.origin)
@@ -434,7 +427,7 @@ def _event(requirement: Requirement, model: Model, throughout: LinearHistory | N
 
 def _normals(
     engine: Engine, noisy: bool, errors: ErrorModel, seed: int, model: Model, requirement: Requirement, number: int,
-    throughout: LinearHistory | None,
+    throughout: LinearSystem | None,
 ) -> tuple[_Normals, Event]:  # fmt: skip
     """Return flights as functions of standard normals for a requirement by number, and what failing is."""
     event, noise = _event(requirement, model, throughout), None

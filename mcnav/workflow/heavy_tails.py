@@ -1,65 +1,15 @@
-"""Outputs that depend on a source with heavy tails, by flights of the same samples with that source moved far out."""
+"""Outputs of a run that depend on a source with heavy tails, and have no verdict."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.heavy_tails import outputs_felt
-from mcnav.contract.engine import Engine
-from mcnav.contract.samples import Batch
-from mcnav.runner.chunks import DrawPlan
-from mcnav.runner.soundness import isolated
 from mcnav.store.chunk_files import Samples
 from mcnav.store.manifest import ModelRecord
-from mcnav.workflow.prepare import PreparedSystem, scenario_errors
-
-SAMPLES: Final = 8
-"""Samples that are flown with the source moved."""
-
-PLACES: Final = (-7.0, -3.0, -1.0, 0.0, 1.0, 3.0, 7.0)
-"""Where it is moved to: quantiles of its own distribution, as standard normals; 7 is beyond any sample of a run."""
-
-
-def with_tail_outputs(system: PreparedSystem, model: Model) -> PreparedSystem:
-    """Name, in a system's linear model, the outputs that depend on a source with heavy tails; the same without any.
-
-    Raises `CampaignError` when the scenario cannot be simulated.
-    """
-    heavy = system.draws.errors.heavy_tailed(system.draws.design)
-    if not heavy:
-        return system
-    columns = [system.draws.errors.names.index(name) for name in heavy]
-    sigmas = np.sqrt(np.diag(model.covariance))[columns]
-    depends = np.any(np.abs(model.partials[:, columns]) * sigmas > model.rounding[:, None], axis=1)
-    with scenario_errors(system.file):
-        engine = isolated(system.scenario, system.engine, system.timeout)
-        depends |= moved_outputs(engine, system.draws, columns, model.floor)
-    names = tuple(output.name for output, own in zip(system.model.outputs, depends, strict=True) if own)
-    return replace(system, model=system.model.completed({"tail_outputs": names}))
-
-
-def moved_outputs(engine: Engine, draws: DrawPlan, columns: list[int], floor: Array) -> NDArray[np.bool_]:
-    """Return which outputs move by more than a floor with sources, given by number, shape (outputs,).
-
-    Where a flight fails, all do.
-    """
-    batch = draws.batch(0, SAMPLES)
-    unmoved = engine.simulate(batch).values
-    moved = np.zeros(unmoved.shape[1], dtype=bool)
-    for column in columns:
-        for place in PLACES:
-            errors = batch.errors.copy()
-            errors[:, column] = draws.errors.distributions[column].transform(np.full(1, place))[0]
-            change = np.abs(engine.simulate(Batch(batch.index, errors, batch.seed)).values - unmoved)
-            moved |= ~np.all(change <= floor, axis=0)
-    return moved
 
 
 def tailed_over_time(record: ModelRecord, heavy: Sequence[str], withheld: Sequence[int]) -> tuple[int, ...]:

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_covariance import NOMINAL
@@ -15,19 +14,10 @@ from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of
 from mcnav.analysis.mean_errors import departures
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import Requirement, RequirementResult
-from mcnav.products import transform
 from mcnav.report.results.summary import named_range
 from mcnav.report.statements.fields import beyond_range as range_words
 from mcnav.store.manifest import ModelRecord, PartialsRecord
-
-
-def linear_moments(model: ModelRecord, development: PartialsRecord) -> tuple[Array, Array]:
-    """Return linear mean and covariance over time, shapes (n, outputs) and (n, outputs, outputs)."""
-    partials, covariance = development.partials, development.covariance
-    if covariance is None:
-        covariance = transform(partials, model.start_covariance)
-    mean = partials @ model.start_mean
-    return mean if development.nominal is None else mean + development.nominal, covariance
+from mcnav.workflow.recorded_model import linear_moments
 
 
 def beyond_range(record: ModelRecord, model: Model) -> BeyondRange | None:

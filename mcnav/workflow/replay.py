@@ -22,8 +22,9 @@ from mcnav.contract.scenario import Scenario, ScenarioError, can_replay
 from mcnav.entries.context import EarlierFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, shortened
 from mcnav.files import INPUTS, read_whole, write_whole
+from mcnav.linear.at_epochs import linear_at_epochs
 from mcnav.linear.polynomial import PolynomialFitError
-from mcnav.linear.polynomial_engine import prepare_engine
+from mcnav.linear.polynomial_engine import exact_part, prepare_engine
 from mcnav.report.columns.requirements import NamedRequirement, stated
 from mcnav.report.names import humanize
 from mcnav.report.pages.replay import Outcome, Replay, files
@@ -47,9 +48,8 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 from mcnav.systems.histories import with_errors
 from mcnav.units import conversion
-from mcnav.workflow.analyse import linear_model
-from mcnav.workflow.exceedance import fly_way_to_fail, has_noise, linear_at_epochs
-from mcnav.workflow.prepare import exact_part
+from mcnav.workflow.exceedance import fly_way_to_fail, has_noise
+from mcnav.workflow.recorded_model import linear_model
 
 STORED: Final = "stored"
 
@@ -130,8 +130,8 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
     record = _way_to_fail(path, manifest, number)
     campaign, engine_name = campaign_of(folder, manifest, campaign_file)
     scenario, draws = campaign.scenario, DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-    outputs = [output.model_dump() for output in manifest.model.outputs]
-    requirement = requirements_from([each.model_dump() for each in campaign.requirements], outputs)[number - 1]
+    outputs = [output.name for output in manifest.model.outputs]
+    requirement = requirements_from(campaign.requirements, outputs)[number - 1]
     with one_thread():
         try:
             engines = _engines(scenario, engine_name, draws)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from mcnav._stopping import stopped_by
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
-from mcnav.analysis.requirements import requirements_from
 from mcnav.analysis.summary import Summary
 from mcnav.compiled.target import target
 from mcnav.config.read import Campaign
@@ -23,7 +22,7 @@ from mcnav.entries.inputs import InputFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, did_you_mean, near_names
 from mcnav.linear.polynomial_engine import engine_names
 from mcnav.progress import SILENT, Phase, Progress, note
-from mcnav.runner.chunks import ChunkJob, DrawPlan
+from mcnav.runner.chunks import ChunkJob
 from mcnav.runner.identity import check_no_foreign_files, check_resumable, chunk_digest, earlier_digests, identity_of
 from mcnav.runner.runner import ChunkExecutor
 from mcnav.runner.worker_processes import end_workers_apart
@@ -33,12 +32,12 @@ from mcnav.store.provenance import commit
 from mcnav.store.run_files import CAMPAIGN, FORMAT
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY
-from mcnav.workflow.analyse import analyse, linear_model, summary_frame, write_results
+from mcnav.workflow.analyse import analyse, write_results
 from mcnav.workflow.corrections import compute_corrections
 from mcnav.workflow.exceedance import estimate_exceedances
-from mcnav.workflow.heavy_tails import with_tail_outputs
 from mcnav.workflow.linear_extremes import range_note
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
+from mcnav.workflow.recorded_model import summary_frame
 from mcnav.workflow.stopping import Execution
 from mcnav.workflow.stored_samples import doubt_samples, tables_over_time
 
@@ -123,13 +122,13 @@ def run_campaign(
         begun = _begin(campaign, folder, engine_name, fresh, force)
         execution = Execution(begun.job, jobs, progress, begun.notices.append, most_failures, executor)
         system, code = begun.system, campaign.code is not None
-        if words := range_note(system.model, linear_model(system.model)):
+        if words := range_note(system.model, system.linear):
             note(words)
-        with _computed_beside(lambda: _compute_beside(system, campaign), before=code) as beside:
+        with _computed_beside(lambda: _compute_beside(system), before=code) as beside:
             manifest, record = _simulate(execution, begun.manifest, campaign.until)
             progress.phase(Phase.ANALYSING)
             model = system.model.completed(beside())
-        _finish(begun, manifest.model_copy(update={"model": model, "execution": record}), campaign.tolerance)
+        _finish(begun, manifest.model_copy(update={"model": model, "execution": record}))
         analysis = analyse(folder)
         if report:
             progress.phase(Phase.REPORTING)
@@ -151,32 +150,25 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     inputs = campaign.inputs()
     identity = identity_of(campaign.resolved, engine_name, campaign.code, inputs, campaign.scenario)
     check_as_read(inputs)
-    draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-    notices, processors = ([], target()) if fresh else check_resumable(folder, identity, draws.design, draws.samples)
-    digest = chunk_digest(identity, draws.design, draws.samples)
-    together = [each.outputs for each in campaign.requirements if each.epochs and not each.of]
-    system = prepare_system(
-        campaign.scenario, draws, engine_name, campaign.tolerance, campaign.sample_timeout, campaign.file, force,
-        together,
-    )  # fmt: skip
-    system = with_tail_outputs(system, linear_model(system.model))
+    drawn = campaign.design, campaign.samples
+    notices, processors = ([], target()) if fresh else check_resumable(folder, identity, *drawn)
+    digest, earlier = chunk_digest(identity, *drawn), earlier_digests(identity, *drawn)
+    system = prepare_system(campaign, engine_name, force)
     if fresh:
         folder.clear([Path(file.path) for file in inputs])
-    manifest = _first_manifest(campaign, system, identity, inputs, processors)
+    manifest = _first_manifest(system, identity, inputs, processors)
+    frame = summary_frame(manifest, system.linear)
     folder.begin(manifest, system.history, campaign.stored_files(), inputs)
-    layout, frame = manifest.sample_schema, summary_frame(manifest)
     job = ChunkJob(
-        draws, system.engine, folder, digest, layout, campaign.sample_timeout, frame, inputs=inputs,
-        earlier=earlier_digests(identity, draws.design, draws.samples),
+        system.draws, system.engine, folder, digest, manifest.sample_schema, campaign.sample_timeout, frame,
+        inputs=inputs, earlier=earlier,
     )  # fmt: skip
     return _Begun(system, manifest, job, notices)
 
 
-def _compute_beside(system: PreparedSystem, campaign: Campaign) -> dict[str, object]:
+def _compute_beside(system: PreparedSystem) -> dict[str, object]:
     """Compute what further simulations add to the linear model, as fields of its record."""
-    described = [output.model_dump() for output in system.model.outputs]
-    requirements = requirements_from([entry.model_dump() for entry in campaign.requirements], described)
-    exceedances = estimate_exceedances(system, linear_model(system.model), requirements, campaign.confidence)
+    exceedances = estimate_exceedances(system, system.requirements, system.campaign.confidence)
     return asdict(compute_corrections(system)) | {"exceedance": exceedances or None}
 
 
@@ -194,12 +186,12 @@ def _simulate(execution: Execution, manifest: Manifest, rule: StoppingRule | Non
     return manifest, ExecutionRecord(jobs=execution.jobs, seconds=seconds, samples=simulated)
 
 
-def _finish(begun: _Begun, manifest: Manifest, tolerance: float) -> None:
+def _finish(begun: _Begun, manifest: Manifest) -> None:
     """Write the tables over time and the manifest of a run whose samples are stored."""
     system, folder = begun.system, begun.job.folder
     tables = tables_over_time(system, folder.chunk_folder, manifest.chunks)
     if manifest.unsettled is None:
-        doubt = doubt_samples(system, lambda: folder.samples(manifest), tolerance)
+        doubt = doubt_samples(system, lambda: folder.samples(manifest))
         manifest = manifest if doubt is None else manifest.model_copy(update={"unsettled": doubt})
     check_unchanged(begun.job.inputs, folder.path)
     folder.finish(manifest.model_copy(update={"complete": True}), tables)
@@ -216,9 +208,10 @@ def _engine_name(campaign: Campaign, name: str | None) -> str:
 
 
 def _first_manifest(
-    campaign: Campaign, system: PreparedSystem, identity: Identity, inputs: Sequence[InputFile], processors: str
+    system: PreparedSystem, identity: Identity, inputs: Sequence[InputFile], processors: str
 ) -> Manifest:
     """Describe a run that begins."""
+    campaign = system.campaign
     errors, design = campaign.errors, campaign.design
     return Manifest(
         format=FORMAT,

@@ -9,25 +9,25 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_samples import doubt_noise
 from mcnav.contract.engine import Engine, has_histories, smoother_of
 from mcnav.contract.history import Epochs
 from mcnav.contract.scenario import runs_user_code
+from mcnav.linear.polynomial_engine import exact_part
 from mcnav.numerics.power_sums import sum_powers_about_zero
-from mcnav.products import transform
 from mcnav.runner.processes import IsolatedEngine
 from mcnav.statistics.filter_sums import FilterMeans
 from mcnav.store.chunk_files import ChunkFile, Samples
 from mcnav.store.filters import filter_columns, filter_table
 from mcnav.store.histories import STORED, epochs_table, histories_table
 from mcnav.store.manifest import UnsettledRecord
+from mcnav.store.model_record import unsettled_record
 from mcnav.store.run_files import EPOCHS, FILTER, HISTORIES, SMOOTHED
 from mcnav.store.totals import read_totals
 from mcnav.systems.user.soundness import LARGEST, SHARE, Unsettled
 from mcnav.systems.user.stochastic_engine import without_linear
 from mcnav.systems.user.stochastic_scenario import NOISE, is_users_with_noise
-from mcnav.workflow.prepare import PreparedSystem, exact_part, filter_prediction, unsettled_record
+from mcnav.workflow.prepare import PreparedSystem
 
 FOLLOWED: Final = 512
 """Samples of a user's class with noise whose histories are stored: they are simulated one by one, and again."""
@@ -36,19 +36,18 @@ FEWEST_FOLLOWED: Final = 2
 """Samples with a history, below which there are no moments."""
 
 
-def doubt_samples(system: PreparedSystem, stored: Callable[[], Samples], tolerance: float) -> UnsettledRecord | None:
+def doubt_samples(system: PreparedSystem, stored: Callable[[], Samples]) -> UnsettledRecord | None:
     """Test stored linear outcomes against the noise covariance that a user's class states; none without doubt."""
-    scenario, model = system.scenario, system.model
+    scenario = system.scenario
     if not (is_users_with_noise(scenario) and scenario.gives_noise_covariance):
         return None
-    limit, samples = min(LARGEST, SHARE * tolerance), stored()
-    known = np.isfinite(samples.outputs).all(axis=1)
-    linear = Model(model.partials, model.nominal, model.start_mean, model.start_covariance, model.processes or {})
-    doubt = doubt_noise(linear, samples.errors[known], samples.linear[known], limit)
+    limit, samples = min(LARGEST, SHARE * system.campaign.tolerance), stored()
+    finite = np.isfinite(samples.outputs).all(axis=1)
+    doubt = doubt_noise(system.linear, samples.errors[finite], samples.linear[finite], limit)
     if doubt is None:
         return None
-    named = system.scenario.outputs[doubt.output].name
-    return unsettled_record(Unsettled(NOISE, named, doubt.disagreement, limit, True, "noise_covariance"))
+    output = scenario.outputs[doubt.output].name
+    return unsettled_record(Unsettled(NOISE, output, doubt.disagreement, limit, True, "noise_covariance"))
 
 
 def tables_over_time(system: PreparedSystem, folder: Path, chunks: Sequence[ChunkFile]) -> dict[str, bytes]:
@@ -60,7 +59,7 @@ def tables_over_time(system: PreparedSystem, folder: Path, chunks: Sequence[Chun
         Content by file name; empty when the engine has no histories.
     """
     engine, errors, outputs = exact_part(system.engine), system.draws.errors, system.scenario.outputs
-    known = system.throughout
+    known = system.differenced
     if engine.epochs is None:
         return {}
     if known is None or not has_histories(engine):
@@ -71,8 +70,7 @@ def tables_over_time(system: PreparedSystem, folder: Path, chunks: Sequence[Chun
     sums = read_totals(perfect, None, folder, chunks).power_sums or engine.history_sums(first)
     if sums.count < FEWEST_FOLLOWED:
         return {}
-    partials = known.partials
-    linear = known.nominal + partials @ errors.mean, transform(partials, errors.covariance)
+    linear = known.mean(errors.mean), known.covariance(errors.covariance)
     return {
         EPOCHS: epochs_table(epochs, outputs, sums, linear, histories),
         HISTORIES: histories_table(epochs, outputs, histories),
@@ -108,7 +106,7 @@ def _tables_of_followed(
     if schema is not None and totals.filter_sums is not None:
         means = FilterMeans.of(schema, totals.filter_sums)
         tables[FILTER] = filter_table(epochs, outputs, means)
-        columns = filter_columns(outputs, means, filter_prediction(system.scenario, epochs))
+        columns = filter_columns(outputs, means, system.prediction)
     if totals.first_smoothed is not None:
         tables[SMOOTHED] = histories_table(epochs, outputs, totals.first_smoothed)
     if sums is None and histories is not None:  # those of a map are of the samples that are simulated for it
@@ -119,6 +117,5 @@ def _tables_of_followed(
     if system.scenario.parts.readings == "end":
         return tables
     known = system.scenario.linear_over_time()
-    nominal = 0.0 if known.nominal is None else known.nominal
-    linear = nominal + known.partials @ errors.mean, known.covariance(errors.covariance)
+    linear = known.mean(errors.mean), known.covariance(errors.covariance)
     return {EPOCHS: epochs_table(epochs, outputs, sums, linear, histories, columns, known.origin), **tables}

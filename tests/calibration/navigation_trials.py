@@ -34,12 +34,11 @@ from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_tim
 from mcnav.config.read import parse_campaign
 from mcnav.contract.samples import SimulationResult
 from mcnav.numerics.power_sums import sum_powers_about_zero
-from mcnav.runner.chunks import DrawPlan
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
-from mcnav.workflow.analyse import linear_filter, linear_model
-from mcnav.workflow.linear_extremes import linear_moments
+from mcnav.workflow.filter_evidence import linear_filter
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
+from mcnav.workflow.recorded_model import linear_moments
 from tests.calibration.cells import LEVEL, Cell, Tally, tally
 from tests.calibration.kalman_trials import alarms, covered, detected, out_of_bounds
 
@@ -113,8 +112,7 @@ def description(name: str) -> dict[str, Any]:
 def prepared(name: str) -> PreparedSystem:
     """Prepare a system for simulation, with its linear model, as a run does."""
     campaign = parse_campaign(description(name), f"{name}.toml", name)
-    draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-    return prepare_system(campaign.scenario, draws, "ensemble", TOLERANCE, None, f"{name}.toml")
+    return prepare_system(replace(campaign, tolerance=TOLERANCE), "ensemble")
 
 
 def _count(kind: tuple[str, int], seeds: Sequence[int], outcome: Tally) -> None:
@@ -135,7 +133,7 @@ class _Free:
     def __init__(self, system: PreparedSystem) -> None:
         development = system.model.development
         assert development is not None
-        self.model = linear_model(system.model)
+        self.model = system.linear
         self.outputs = [output.name for output in system.scenario.outputs]
         # every interval at the level: nine outputs and the matrix share what is left
         self.criterion = Criterion(TOLERANCE, 1.0 - (len(self.outputs) + 1) * (1.0 - LEVEL))

@@ -25,7 +25,7 @@ from mcnav.runner.chunks import DrawPlan
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep
-from mcnav.workflow.analyse import analyse, linear_model, report_run
+from mcnav.workflow.analyse import analyse, report_run
 from mcnav.workflow.check import by_counting
 from mcnav.workflow.exceedance import estimate_exceedances
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
@@ -79,8 +79,8 @@ def run(folder: Path, jobs: int = 1, **changes: Any) -> dict[str, Any]:
 
 def prepared(described: Campaign, seed: int = 1772) -> PreparedSystem:
     """Prepare a campaign with its first engine, without a folder."""
-    draws = DrawPlan(described.errors, "random", seed, described.samples)
-    return prepare_system(described.scenario, draws, described.scenario.engines[0], 0.05, None, described.file)
+    described = replace(described, design="random", seed=seed, tolerance=0.05, sample_timeout=None)
+    return prepare_system(described, described.scenario.engines[0])
 
 
 def around(count: int, of: int) -> tuple[float, float]:
@@ -94,7 +94,7 @@ def test_limits_agree_with_a_count_of_475_million() -> None:
     altitudes = system.engine.simulate(counted_draws().batch(0, FIRST)).values[:, 0]
     assert np.count_nonzero(np.abs(altitudes) > 120e3) == BEYOND_120_KM
     asked = [Requirement("quantile", (0,), (1e3 * limit,), 1.0 - 1e-8) for limit in BEYOND]
-    records = estimate_exceedances(system, linear_model(system.model), asked, 0.95)
+    records = estimate_exceedances(system, asked, 0.95)
     for (limit, count), record in zip(BEYOND.items(), records, strict=True):
         low, high = around(count, OF)
         assert low < record.low < record.high < high, limit
@@ -104,9 +104,9 @@ def test_any_epoch_agrees_with_a_count() -> None:
     """28 half-spaces of the range's rate, over a whole flight."""
     system = prepared(parse_campaign(capsule(), "test.toml", "test"))
     assert system.engine.epochs is not None
-    model, last = linear_model(system.model), len(system.engine.epochs.times)
+    last = len(system.engine.epochs.times)
     asked = Requirement("quantile", (3,), (142.27527536924075,), 1.0 - 1e-7, "throughout", tuple(range(1, last)))
-    (record,) = estimate_exceedances(system, model, [asked], 0.95)
+    (record,) = estimate_exceedances(system, [asked], 0.95)
     low, high = around(*PASSED)
     assert low < record.low < record.high < high
 
@@ -176,7 +176,7 @@ def test_noise_of_a_class_of_ones_own_is_estimated(tmp_path: Path) -> None:
     system, limit = prepared(read_campaign(tmp_path / "own.toml"), 3), 8.5
     asked = [Requirement("quantile", (0,), (limit,), 1.0 - 1e-7, "throughout", tuple(range(9))),
              Requirement("quantile", (1,), (limit,), 1.0 - 1e-7)]  # fmt: skip
-    any_epoch, at_end = estimate_exceedances(system, linear_model(system.model), asked, 0.95)
+    any_epoch, at_end = estimate_exceedances(system, asked, 0.95)
     assert any_epoch.low <= walked_beyond(limit) <= any_epoch.high < 1.3 * any_epoch.low
     moved, sigma = np.linspace(0.0005, 0.0995, 100), np.sqrt(3.0)
     exact = np.mean(stats.norm.sf((limit - moved) / sigma) + stats.norm.sf((limit + moved) / sigma))
@@ -205,7 +205,7 @@ def test_a_closed_loop_with_noise_agrees_with_a_count() -> None:
     epochs = tuple(range(1, len(system.engine.epochs.times)))
     at_the_end = Requirement("quantile", (3,), (1.0398865668462192,), 1.0 - 1e-7, about="nominal")
     asked = [at_the_end, replace(at_the_end, limits=(1.11141346,), when="throughout", epochs=epochs)]
-    records = estimate_exceedances(system, linear_model(system.model), asked, 0.95)
+    records = estimate_exceedances(system, asked, 0.95)
     for record, counted in zip(records, (around(90, 1_228_800), around(80, 163_840)), strict=True):
         low, high = counted
         assert low < record.high
@@ -335,7 +335,7 @@ def test_noise_that_the_linear_model_misses_is_refused() -> None:
     """An aided flight whose heading bends its errors: noise moves the limit by more than lines can follow."""
     system = prepared(parse_campaign(aided(5_000, "5 deg"), "test.toml", "test"), 5)
     asked = Requirement("quantile", (8,), (HEADING,), 0.9998)
-    (record,) = estimate_exceedances(system, linear_model(system.model), [asked], 0.95)
+    (record,) = estimate_exceedances(system, [asked], 0.95)
     assert record.refusal == "noise that the linear model does not see moves the limit too far"
 
 
@@ -343,10 +343,10 @@ def test_noise_that_the_linear_model_misses_is_refused() -> None:
 def test_an_hour_of_aided_flight_agrees_with_a_count() -> None:
     """Campaign 20 at 1e-5, by the engine whose samples share their gains."""
     described = read_campaign(CAMPAIGNS / "20_flight_with_neglected_errors.toml")
-    draws = DrawPlan(described.errors, "random", 1901, 10_000)
-    system = prepare_system(described.scenario, draws, "shared-gains", 0.2, None, described.file)
+    described = replace(described, design="random", seed=1901, samples=10_000, tolerance=0.2)
+    system = prepare_system(described, "shared-gains")
     asked = Requirement("quantile", (8,), (HOUR_LIMIT,), 1.0 - 1e-7)
-    (record,) = estimate_exceedances(system, linear_model(system.model), [asked], 0.95)
+    (record,) = estimate_exceedances(system, [asked], 0.95)
     low, high = around(HOUR, HOUR_OF)
     assert low < record.low < record.high < high
     assert record.high < 1.03 * record.low
@@ -452,6 +452,6 @@ def test_what_the_linear_model_misses_is_not_met(name: str, limit: float, exact:
     content = {"samples": 2_000, "seed": 7, "scenario": {"type": "own.py:" + name}, "errors": errors}
     system = prepared(parse_campaign(content, str(tmp_path / "own.toml"), "test"), 7)
     asked = Requirement("quantile", (0,), (limit,), 0.999_999)
-    (record,) = estimate_exceedances(system, linear_model(system.model), [asked], 0.95)
+    (record,) = estimate_exceedances(system, [asked], 0.95)
     assert record.low <= exact <= record.high
     assert record.low > 1e-6

@@ -23,8 +23,9 @@ from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.store.filters import MARK
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.totals import Totals, read_totals
-from mcnav.workflow.analyse import filter_evidence, samples_of
+from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.compare import compare_runs
+from mcnav.workflow.filter_evidence import filter_evidence
 from mcnav.workflow.run import run_campaign
 from tests.scalar_filter import SCHEMA, FilterThatBelieves, campaign, steady_variance
 

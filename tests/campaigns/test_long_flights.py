@@ -12,9 +12,9 @@ import pytest
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError
 from mcnav.studies.lincov import linear_covariance
+from mcnav.systems.histories import drawable_history
 from mcnav.systems.steady.scenario import Cruise
 from mcnav.systems.steady.truth import Earth, SteadyFlight
-from mcnav.workflow.prepare import drawable_history
 from tests.commands import in_process
 
 MILE, FOOT = 1609.344, 0.3048

@@ -12,9 +12,9 @@ from mcnav.config.read import read_campaign
 from mcnav.notebook import RunResult
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance
-from mcnav.workflow.analyse import linear_model
 from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.heavy_tails import withheld_outputs
+from mcnav.workflow.recorded_model import linear_model
 from tests.commands import invoke
 from tests.runs import simulate
 

@@ -10,7 +10,6 @@ import pytest
 
 from mcnav.contract.engine import conditions_noise
 from mcnav.contract.samples import Batch
-from mcnav.runner.chunks import DrawPlan
 from mcnav.systems.closed_loop.conditional import noise_partials, rows_of
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from tests.closed_loops import campaign
@@ -20,9 +19,8 @@ LOOPS = ("Pendulum", "Landing", "Kicked", "Braking")
 
 
 def prepared(name: str) -> PreparedSystem:
-    described = campaign(name)
-    draws = DrawPlan(described.errors, "random", 5, 64)
-    return prepare_system(described.scenario, draws, described.scenario.engines[0], 0.2, None, described.file)
+    described = replace(campaign(name), design="random", seed=5, samples=64, tolerance=0.2, sample_timeout=None)
+    return prepare_system(described, described.scenario.engines[0])
 
 
 @pytest.mark.parametrize("name", LOOPS)

@@ -14,7 +14,7 @@ from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.requirements import error_sizes
 from mcnav.config.read import parse_campaign
 from mcnav.store.run_folder import RunFolder
-from mcnav.workflow.analyse import filter_evidence
+from mcnav.workflow.filter_evidence import filter_evidence
 from mcnav.workflow.run import run_campaign
 from tests.calibration import page
 from tests.calibration.cells import Cell, Tally

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import ScenarioError
+from mcnav.linear.partials import Propagate
 from mcnav.systems.finite_differences import differentiate
 from mcnav.systems.user.scenario import UserScenario
 
@@ -122,11 +122,13 @@ def small_errors(sizes: Array) -> Array:
     return np.asarray(NEAR * np.random.default_rng(SEED).standard_normal((FLOWN_TWICE, len(sizes))) * sizes)
 
 
-def check_repeatable(prepared: Engine, sizes: Array) -> None:
+def check_repeatable(simulate: Propagate, sizes: Array) -> None:
     """Simulate a few small errors twice, and once more in the opposite order.
 
     Parameters
     ----------
+    simulate : callable
+        Simulation of errors, shape (n, sources), without noise.
     sizes : ndarray, shape (sources,)
         One sigma of each source, SI.
 
@@ -137,14 +139,14 @@ def check_repeatable(prepared: Engine, sizes: Array) -> None:
     """
     errors = small_errors(sizes)
     errors[0] = 0.0
-    first, second = without_noise(prepared)(errors), without_noise(prepared)(errors)
+    first, second = simulate(errors), simulate(errors)
     if not same(first, second):
         raise ScenarioError(
             "type",
             "answers identical calls differently: is something random, or kept from one call to the next? A sample "
             "must depend on its errors alone; mcnav check says more",
         )
-    gap = apart(first.values, without_noise(prepared)(errors[::-1]).values[::-1])
+    gap = apart(first.values, simulate(errors[::-1]).values[::-1])
     if gap > SAME:
         raise ScenarioError(
             "type",
@@ -154,14 +156,14 @@ def check_repeatable(prepared: Engine, sizes: Array) -> None:
 
 
 def find_unsettled(
-    scenario: UserScenario, engine: Engine, varied: NDArray[np.bool_], tolerance: float
+    scenario: UserScenario, simulate: Propagate, varied: NDArray[np.bool_], tolerance: float
 ) -> Unsettled | None:
     """Find the partial derivative that is least settled, or farthest from finite differences.
 
     Parameters
     ----------
-    engine : Engine
-        The scenario's engine.
+    simulate : callable
+        Simulation of errors, shape (n, sources), without noise.
     varied : ndarray of bool, shape (sources,)
         Sources that a campaign disturbs.
     tolerance : float
@@ -177,15 +179,13 @@ def find_unsettled(
     ScenarioError
         When the scenario is not a function of the errors; see `check_repeatable`.
     """
-    check_repeatable(engine, scenario.sizes)
+    check_repeatable(simulate, scenario.sizes)
     model = scenario.linear().end
     limit = min(LARGEST, SHARE * tolerance)
     if not varied.any():
         return None
     try:
-        differences = (
-            differentiate(without_noise(engine), scenario.sizes) if scenario.own_partials else scenario.differences
-        )
+        differences = differentiate(simulate, scenario.sizes) if scenario.own_partials else scenario.differences
     except ScenarioError:  # the class's own derivatives need no differences
         return None
     shares = differences.disagreement(varied)

@@ -17,6 +17,7 @@ from mcnav.analysis.requirements import (
 from mcnav.report.statements import verdicts
 from mcnav.statistics.normal_box import normal_box_probability
 from mcnav.statistics.normal_size import size_quantile
+from mcnav.store.manifest import RequirementRecord
 from tests import summaries
 
 MODEL = Model(np.array([[1.0, 0.0], [0.0, 2.0]]), np.zeros(2), np.zeros(2), np.eye(2))
@@ -239,8 +240,8 @@ def test_box_of_a_singular_covariance() -> None:
 
 
 def test_requirements_by_name() -> None:
-    entry = {"kind": "cep", "outputs": ["b", "a"], "limits": [3], "probability": 0.5}
-    assert requirements_from([entry], [{"name": "a"}, {"name": "b"}]) == (Requirement("cep", (1, 0), (3.0,), 0.5),)
+    entry = RequirementRecord(kind="cep", outputs=("b", "a"), limits=(3.0,), probability=0.5)
+    assert requirements_from([entry], ["a", "b"]) == (Requirement("cep", (1, 0), (3.0,), 0.5),)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_tim
 from mcnav.analysis.samples_needed import Counting, samples_needed
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Output
+from mcnav.store.manifest import RequirementRecord
 
 SIGMAS = np.array([1.0, 2.0, 3.0, 2.0])
 """Of each of three outputs at four epochs."""
@@ -129,8 +130,8 @@ def test_linear_quantile_with_a_mean_and_without_a_model() -> None:
 
 
 def test_epochs_come_from_the_manifest() -> None:
-    entry = {"kind": "sep", "outputs": ["a"], "limits": [3], "probability": 0.5, "when": "at 5 s", "epochs": [1, 2]}
-    (found,) = requirements_from([entry], [{"name": "a"}])
+    entry = RequirementRecord(kind="sep", outputs=("a",), limits=(3.0,), probability=0.5, when="at 5 s", epochs=(1, 2))
+    (found,) = requirements_from([entry], ["a"])
     assert (found.when, found.epochs) == ("at 5 s", (1, 2))
 
 
