@@ -28,7 +28,6 @@ EXEMPT: Final = {
     "systems/ins/sensors/flexure.py:Flexure.covariance": "enters the gains of samples",
     "systems/ins/sensors/flexure.py:Flexure.added": "enters the flexure that samples draw",
     "systems/ins/reference": "a second opinion, which shares nothing with the linear engine",
-    "validation/calibration/kalman.py": "a filter whose samples measure error rates of the analysis; it shares nothing",
     "rare/curvature.py": "curvatures turned to other axes, which are no covariances and enter the search of failures",
     "judgement/assessment.py:_Everything": "squares of scores by the inverse information, x' A x",
     "report/figures/dispersion.py:_farthest": "squared distances of samples, x' A x",
