@@ -41,7 +41,7 @@ from mcnav.report.pages.run.page import figures
 from mcnav.report.pages.run.sections.what_if import linear_fails, what_if_section
 from mcnav.report.pages.sweep import frame
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements import sentences
+from mcnav.report.statements import verdicts
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import read_times
 from mcnav.studies.sweep import JOBS, SweepPlan, run_sweep
@@ -99,7 +99,7 @@ class RunResult:
     @property
     def verdict(self) -> str:
         """``agrees``, ``partly``, ``differs`` or ``undecided``."""
-        return sentences.tone(self.content.summary)
+        return verdicts.tone(self.content.summary)
 
     @cached_property
     def samples(self) -> pd.DataFrame:
@@ -251,7 +251,7 @@ class RunResult:
     @property
     def _headline(self) -> str:
         """The verdicts, the worst first."""
-        return sentences.headline(self.content.summary)
+        return verdicts.headline(self.content.summary)
 
 
 def _check_units(units: str) -> None:

@@ -33,6 +33,7 @@ from mcnav.contract.quantities import Of, Output
 from mcnav.errors import suggestion
 from mcnav.statistics.normal_box import normal_box_probability, probability_beyond_box
 from mcnav.statistics.normal_size import NormalSize, size_quantile
+from mcnav.statistics.refusals import or_withheld
 from mcnav.units import UnitError, conversion, quantity
 
 SIGMA, DRMS, BOX = "sigma", "drms", "box"
@@ -152,7 +153,7 @@ class Measure:
                 return probability_beyond_box(mean, covariance, limits)
             return NormalSize.of(mean, covariance).beyond(float(limits[0]))
 
-        return max(map(at, self.readings))
+        return or_withheld(lambda: max(map(at, self.readings)))
 
     def mean_error(self, readings: CovarianceReadings) -> float:
         """Return the mean error of a sigma's output where it is largest, SI; zero of other measures."""
@@ -169,10 +170,10 @@ class Measure:
         if self.kind == DRMS:
             return float(np.sqrt((np.trace(covariance, axis1=1, axis2=2) + (mean**2).sum(axis=1)).max()))
         if self.kind == BOX:
-            return normal_box_probability(mean[0], covariance[0], np.array(self.limits))
+            return or_withheld(normal_box_probability, mean[0], covariance[0], np.array(self.limits))
         if len(at) == 1:
-            return size_quantile(mean[0], covariance[0], self.probability)
-        return largest_quantile(mean, covariance, self.probability)[0]
+            return or_withheld(size_quantile, mean[0], covariance[0], self.probability)
+        return or_withheld(lambda: largest_quantile(mean, covariance, self.probability)[0])
 
 
 def read_measure(written: str, outputs: Sequence[Output]) -> Measure:

@@ -162,14 +162,14 @@ def sentence(consistency: FilterConsistency) -> str:
     told = [_departed(consistency)] if consistency.departures else []
     if consistency.overlooked:
         name = _spoken(consistency.overlooked)
-        told.insert(0, f"The {subject} is optimistic: it states no variance of {name}, whose error is not zero.")
+        told.insert(0, f"The {subject} is optimistic: it computes no variance of {name}, whose error is not zero.")
     if told:
         return " ".join(told)
     within = f"±{100.0 * consistency.tolerance:g} %"
     if consistency.verdict == Honesty.CONSISTENT:
-        every = "every output and of every group of them" if consistency.outputs else "every group of errors"
+        every = "every output and every group" if consistency.outputs else "every group of errors"
         return (
-            f"The {subject} is consistent: the true sigma of {every} is within {within} of its own at every epoch "
+            f"The {subject} is consistent: {every} is within {within} of the {subject} sigma at every epoch "
             f"({100.0 * consistency.confidence:g} % confidence)."
         )
     reason = consistency.doubt or (
@@ -186,33 +186,43 @@ def sentence(consistency: FilterConsistency) -> str:
 
 
 def _departed(consistency: FilterConsistency) -> str:
-    """Say by how much, of what and when a filter is optimistic and pessimistic."""
+    """Say by how much, of what and when a filter is optimistic and pessimistic, a sentence for each departure."""
     parts = []
     for verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC):
-        departures = [each for each in consistency.departures if each.verdict == verdict]
-        single = [each for each in departures if not each.size]
-        departures = [each for each in departures if each.size != 1 or not single]  # a group of one is its output
-        if departures:
-            whens = [_when(each, consistency) for each in departures]
-            same = len(set(whens)) == 1
-            words = [f"{_by(each)}{'' if same else when}" for each, when in zip(departures, whens, strict=True)]
-            listed = " and ".join(words) if same else ", and ".join(words)
-            parts.append(f"{verdict.value} by a factor of {listed}{whens[0] if same else ''}")
-    cause = ""
+        departures = [departure for departure in consistency.departures if departure.verdict == verdict]
+        single = [departure for departure in departures if not departure.size]
+        departures = [  # a group of one is its output
+            departure for departure in departures if departure.size != 1 or not single
+        ]
+        before = ""
+        for departure in departures:
+            when = _when(departure, consistency)
+            subject = f"In {_where(departure)} the factor is" if before else (
+                f"The {consistency.subject} is {verdict.value} by a factor of"
+            )  # fmt: skip
+            named = "" if before else f" in {_where(departure)}"
+            parts.append(f"{subject} {_by(departure)}{named}{'' if when == before else when}.")
+            before = when
     if consistency.neglected:
         largest = consistency.neglected[0]
-        cause = f"; the largest error that it neglects is {cause_words(largest.name)} ({100.0 * largest.share:.0f} %)"
-    return f"The {consistency.subject} is {', and '.join(parts)}{cause}."
+        parts.append(f"Largest unmodelled error: {cause_words(largest.name)} ({100.0 * largest.share:.0f} %).")
+    return " ".join(parts)
+
+
+def _where(departure: CertainDeparture) -> str:
+    """Name what departs: an output, or a group of them."""
+    if not departure.size:
+        return _spoken(departure.name)
+    return f"{group_words(departure.name)}{' as a group' if departure.size > 1 else ''}"
 
 
 def _by(departure: CertainDeparture) -> str:
-    """State a factor, and whether it is of a group or, with its interval, of an output."""
+    """State a factor, of an output with its interval."""
     if departure.size:
-        group = " as a group" if departure.size > 1 else ""
-        return f"{_size(departure.factor)} in {group_words(departure.name)}{group}"
+        return _size(departure.factor)
     low, high = departure.interval if departure.factor >= 1.0 else departure.interval[::-1]
     between = f" ({_size(low)} to {_size(high)})" if departure.factor > 0.0 else ""
-    return f"{_size(departure.factor)}{between} in {_spoken(departure.name)}"
+    return f"{_size(departure.factor)}{between}"
 
 
 def group_words(group: str) -> str:

@@ -19,6 +19,7 @@ from mcnav.analysis.changeable_campaign import Slider
 from mcnav.analysis.requirements import size_probability
 from mcnav.analysis.what_if import LimitedErrors, ScaledCovariance, WhatIf
 from mcnav.statistics.normal_size import size_quantile
+from mcnav.statistics.refusals import or_withheld
 
 HALF: Final = 0.5
 """Factor of a number of which the catalogue has no finer grade."""
@@ -172,5 +173,6 @@ def _share(covariance: ScaledCovariance, limited: LimitedErrors, values: Array, 
     for k in np.argsort(-squares, kind="stable"):
         if most * math.sqrt(squares[k]) <= largest:
             break
-        largest = max(largest, size_quantile(centres[k], matrices[k], probability))
+        quantile = or_withheld(size_quantile, centres[k], matrices[k], probability, instead=math.inf)
+        largest = max(largest, quantile)
     return float(largest / required.limits[0])

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ from mcnav.contract.quantities import Output, Source
 from mcnav.statistics.bisection import root_between, smallest_reaching
 from mcnav.statistics.normal_box import normal_box_probability, probability_beyond_box
 from mcnav.statistics.normal_size import NormalSize, size_quantile
+from mcnav.statistics.refusals import or_withheld
 
 
 @dataclass(frozen=True)
@@ -332,9 +334,23 @@ def judge_linearly(
     """
     fixed = np.zeros_like(mean) if nominal is None else nominal
     return tuple(
-        _judge(each, counted(each, mean, origin), covariance, history, sizes or {}, counted(each, fixed, origin))
+        _judge_or_withhold(
+            each, counted(each, mean, origin), covariance, history, sizes or {}, counted(each, fixed, origin)
+        )
         for each in requirements
     )
+
+
+def _judge_or_withhold(requirement: Requirement, *moments: Any) -> LinearRequirement:
+    """Judge a requirement; not at all where a check refuses the number that it is judged by."""
+    judged: list[LinearRequirement] = []
+
+    def judge() -> float:
+        judged.append(_judge(requirement, *moments))
+        return judged[0].value
+
+    value = or_withheld(judge)
+    return judged[0] if judged else LinearRequirement(requirement, value, value)
 
 
 def _judge(
@@ -403,7 +419,8 @@ def sizes_over_time(requirement: Requirement, history: Moments, sizes: Mapping[i
     picked = np.array(size_members(requirement.outputs, sizes) or requirement.outputs)
     mean = counted(requirement, history.mean, history.origin)
     laws = zip(mean[:, picked], history.covariance[:, picked[:, None], picked], strict=True)
-    return np.array([size_quantile(*law, size_probability(requirement)) for law in laws])
+    probability = size_probability(requirement)
+    return np.array([or_withheld(size_quantile, *law, probability) for law in laws])
 
 
 def _judge_box(requirement: Requirement, mean: Array, covariance: Array, nominal: Array) -> LinearRequirement:

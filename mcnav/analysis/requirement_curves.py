@@ -19,6 +19,7 @@ from mcnav.analysis.requirements import (
 from mcnav.analysis.requirements_over_time import ErrorHistories
 from mcnav.statistics.normal_size import size_quantile
 from mcnav.statistics.order_statistics import RankedSizes
+from mcnav.statistics.refusals import or_withheld
 
 MOST: Final = 150
 """Epochs of a curve, at most, besides those at which the requirement holds."""
@@ -81,4 +82,4 @@ def _linear(requirement: Requirement, histories: ErrorHistories, epochs: IndexAr
     means = mean[np.ix_(epochs, picked)]
     covariances = histories.covariance[np.ix_(epochs, picked, picked)]
     laws = zip(means, covariances, strict=True)
-    return np.array([size_quantile(mean, covariance, probability) for mean, covariance in laws])
+    return np.array([or_withheld(size_quantile, *law, probability) for law in laws])

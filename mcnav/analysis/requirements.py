@@ -32,6 +32,7 @@ from mcnav.statistics.bisection import smallest_reaching
 from mcnav.statistics.normal_box import normal_box_probability
 from mcnav.statistics.normal_size import size_quantile
 from mcnav.statistics.order_statistics import RankedSizes
+from mcnav.statistics.refusals import or_withheld
 
 
 class Finding(StrEnum):
@@ -261,8 +262,9 @@ def size_probability(requirement: Requirement) -> float:
 
 
 def linear_quantile(model: Model, outputs: tuple[int, ...], probability: float) -> float:
-    """Compute a quantile of the sizes of errors in one, two or three outputs by the linear model."""
-    return size_quantile(*_linear_moments(model, size_members(outputs, model.sizes) or outputs), probability)
+    """Compute a quantile of the sizes of one to three outputs by the linear model; NaN where it is refused."""
+    moments = _linear_moments(model, size_members(outputs, model.sizes) or outputs)
+    return or_withheld(size_quantile, *moments, probability)
 
 
 def size_members(outputs: tuple[int, ...], sizes: Mapping[int, tuple[int, ...]]) -> tuple[int, ...]:

@@ -33,6 +33,7 @@ from mcnav.analysis.samples_needed import Counting, samples_needed
 from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.normal_size import NormalSize, size_quantile
 from mcnav.statistics.order_statistics import RankedSizes
+from mcnav.statistics.refusals import or_withheld
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def largest_linear_quantile(
         return math.nan
     at, picked = np.array(epochs), np.array(size_members(outputs, histories.sizes) or outputs)
     mean, covariance = histories.mean[np.ix_(at, picked)], histories.covariance[np.ix_(at, picked, picked)]
-    return largest_quantile(mean, covariance, probability)[0]
+    return or_withheld(lambda: largest_quantile(mean, covariance, probability)[0])
 
 
 def largest_quantile(means: Array, covariances: Array, probability: float) -> tuple[float, int]:

@@ -214,11 +214,11 @@ class SizeEntry(_Entry):
     output: str
     nominal: float
     sigma: float
-    median: float
+    median: float | None
     mean: float
-    most: float
+    most: float | None
     three_sigma: float
-    three_sigma_probability: float
+    three_sigma_probability: float | None
     wrong: bool
     median_sample: float | None
     mean_sample: float | None

@@ -23,6 +23,7 @@ from mcnav.statistics.normal_box import probability_beyond_box
 from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.proportions import probability_interval
 from mcnav.statistics.quadratic_tail import QuadraticForm
+from mcnav.statistics.refusals import or_withheld
 
 POINTS: Final = 61
 """Multiples of the limits at which probabilities are known, up to `FARTHEST`."""
@@ -79,8 +80,8 @@ def linear_beyond(requirement: Requirement, model: Model, multiple: float = 1.0)
     mean, covariance = model.outcome_mean[chosen], model.outcome_covariance[np.ix_(chosen, chosen)]
     limits = multiple * np.array(requirement.limits)
     if requirement.kind == "box" or len(chosen) == 1:
-        return probability_beyond_box(mean, covariance, limits)
-    return NormalSize.of(mean, covariance).beyond(float(limits[0]))
+        return or_withheld(probability_beyond_box, mean, covariance, limits)
+    return or_withheld(NormalSize.of(mean, covariance).beyond, float(limits[0]))
 
 
 @dataclass(frozen=True)

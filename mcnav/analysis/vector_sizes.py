@@ -15,6 +15,7 @@ from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.requirements import independent_samples
 from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.order_statistics import RankedSizes
+from mcnav.statistics.refusals import or_withheld
 
 MOST: Final = 0.9973
 """Probability of the quantile that mean plus three sigma would stand for."""
@@ -64,8 +65,9 @@ def linear_sizes(sizes: Mapping[int, tuple[int, ...]], mean: Array, covariance: 
         law, nominal = NormalSize.of(mean[chosen], part), float(np.linalg.norm(mean[chosen]))
         sigma = float(np.sqrt(max(np.trace(part), 0.0)))
         bound = nominal + 3.0 * sigma
-        quantiles = (law.quantile(0.5), law.mean, law.quantile(MOST))
-        laws.append(LinearSize(number, nominal, sigma, *quantiles, bound, law.probability(bound)))
+        median, most = (or_withheld(law.quantile, probability) for probability in (0.5, MOST))
+        within = or_withheld(law.probability, bound)
+        laws.append(LinearSize(number, nominal, sigma, median, law.mean, most, bound, within))
     return tuple(laws)
 
 

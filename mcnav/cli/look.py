@@ -323,9 +323,9 @@ def live(
 ) -> None:
     """Show a campaign on a page that answers while it is changed.
 
-    The page is that of mcnav lincov. It follows the campaign's file, tunes the filter anew for what its sliders say,
-    keeps the last settings side by side, and confirms them by Monte Carlo. Its server listens on this machine alone, at
-    an address that nobody guesses. Ctrl-C ends it.
+    The page is that of mcnav lincov. It follows the campaign's file and re-tunes the filter for what its sliders say.
+    It keeps the last settings side by side, and confirms them by Monte Carlo. Its server listens on this machine alone,
+    at an address that nobody guesses. Ctrl-C ends it.
 
     Example: mcnav live campaigns/19_flight_with_gnss.toml --open
     """

@@ -81,7 +81,7 @@ def run(
 ) -> None:
     """Simulate a campaign, compare with linear analysis, report.
 
-    Exit status: 0 success, 1 a requirement is not met or undecided (with --check), 2 bad input,
+    Exit status: 0 success, 1 a requirement is not met or undecided (with --check), 2 bad input.
     3 some samples failed, 4 folder in use, 130 interrupted.
 
     Example: mcnav run campaigns/11_cruise.toml --samples 1000
@@ -222,9 +222,9 @@ def check_file(
     """Check a campaign, the code of a scenario, or a trajectory.
 
     Of campaigns and scenarios it checks determinism, shapes, units, linearity near zero, and partials against
-    differences; of a trajectory whether it can be flown, and its heading against its track. For a class of your own it
-    tells what a run takes. Nothing is written; a measured covariance of its noise is kept. With --trajectory, a
-    trajectory file, a track, or the trajectory of a campaign of type ins is described instead.
+    differences. Of a trajectory it checks whether it can be flown, and its heading against its track. For a class of
+    your own it tells what a run takes. Nothing is written; a measured covariance of its noise is kept. With
+    --trajectory, a trajectory file, a track, or the trajectory of a campaign of type ins is described instead.
 
     Exit status: 0 all checks passed, 1 a check failed, 2 bad input.
 

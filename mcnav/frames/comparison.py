@@ -176,7 +176,7 @@ def _paired_model(
     if unlike.any():
         names = ", ".join(str(name) for name, wrong in zip(covariance.columns, unlike, strict=True) if wrong)
         raise ValueError(
-            f"covariance is not P S P' of these partials and draws for {names}: P times the draws has sigmas that no "
+            f"covariance is not P S P' of these partials and draws for {names}. P times the draws has sigmas that no "
             "sample of this size has by chance"
         )
     # The sources of the comparison are the linear outcomes themselves, so that S need not be known: P is one.

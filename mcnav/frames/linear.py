@@ -88,7 +88,7 @@ def partials(
         raise ValueError(f"{failure}{remedy_for(system)}") from None
     if linearized.error > DOUBTFUL:
         warnings.warn(
-            f"P is doubtful: its steps differ by {linearized.error:.1%} of the largest contribution of a sigma; the "
+            f"P is doubtful: its steps differ by {linearized.error:.1%} of the largest contribution of a sigma. The "
             "system has a kink or a jump about no errors, or is noisy",
             stacklevel=2,
         )

@@ -12,6 +12,7 @@ import pandas as pd
 
 from mcnav._threads import one_thread
 from mcnav._types import Array
+from mcnav.contract.errors import ScenarioError
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.frames.systems import Simulatable, System, system_of
@@ -59,7 +60,9 @@ def simulate(
     ------
     TypeError, ValueError, CampaignError
         When it is no system, or has no source of a column, or has it in another unit; when an error is not finite, or
-        a function returns another shape than (n, outputs).
+        a function returns another shape than (n, outputs), changes the current folder, or closes files.
+    RuntimeError
+        When what is simulated ends a worker. The first samples run in this process, which ``os._exit`` would end.
 
     Examples
     --------
@@ -80,7 +83,10 @@ def simulate(
     placed = np.zeros((len(errors), len(prepared.sources)))
     placed[:, [prepared.sources.index(name) for name in names]] = errors
     seed = draws.attrs.get(SAMPLING, {}).get("seed", 0)
-    result = _run(prepared, Batch(np.arange(len(placed)), placed, seed), jobs)
+    try:
+        result = _run(prepared, Batch(np.arange(len(placed)), placed, seed), jobs)
+    except ScenarioError as refused:
+        raise ValueError(str(refused)) from None
     table = pd.DataFrame(result.values, index=draws.index, columns=[output.name for output in prepared.outputs])
     if result.failures:
         table[REASON] = ["" if row not in result.failures else str(result.failures[row]) for row in range(len(table))]
@@ -117,10 +123,7 @@ def _run(system: System, samples: Batch, jobs: int) -> SimulationResult:
     results = [_simulate(system, samples[places[0]])]
     left = places[1:]
     if time.perf_counter() - begun > worth_from(jobs, len(left), COST[system.backend]):
-        from joblib import Parallel, delayed
-
-        workers = Parallel(n_jobs=jobs, backend=system.backend)
-        results += workers(delayed(_simulate)(system, samples[place]) for place in left)
+        results += _by_workers(system, [samples[place] for place in left], jobs)
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("once")
@@ -129,6 +132,22 @@ def _run(system: System, samples: Batch, jobs: int) -> SimulationResult:
     for place, result in zip(places, results, strict=True):
         failures |= {place.start + row: failure for row, failure in result.failures.items()}
     return SimulationResult(np.concatenate([result.values for result in results]), failures)
+
+
+def _by_workers(system: System, chunks: Sequence[Batch], jobs: int) -> list[SimulationResult]:
+    """Simulate chunks by workers of joblib; `RuntimeError` when the code of the system ends one."""
+    from joblib import Parallel, delayed
+    from joblib.externals.loky.process_executor import BrokenProcessPool
+
+    try:
+        workers = Parallel(n_jobs=jobs, backend=system.backend)
+        return list(workers(delayed(_simulate)(system, chunk) for chunk in chunks))
+    except BrokenProcessPool:
+        first, last = int(chunks[0].index[0]), int(chunks[-1].index[-1])
+        raise RuntimeError(
+            f"what was simulated ended its process within samples {first:,} to {last:,}: it exits, crashes, closes "
+            "files or takes too much memory; raise an exception instead"
+        ) from None
 
 
 def _simulate(system: System, samples: Batch) -> SimulationResult:

@@ -27,6 +27,7 @@ from mcnav.linear.partials import partials_by_differences
 from mcnav.runner.chunks import simulate_batch
 from mcnav.sampler.errors import Errors
 from mcnav.systems.finite_differences import SHORT, DifferencedModel, differentiate
+from mcnav.systems.guard import TRYING, CodeMisbehaved, call_user, in_user_code, raised_by, simulating
 from mcnav.systems.sample_loop import simulate_alone, simulate_each
 from mcnav.systems.user.returned import numbers_of
 from mcnav.systems.user.scenario import is_users
@@ -116,19 +117,25 @@ class FunctionSystem:
 
     def simulate(self, batch: Batch) -> SimulationResult:
         """See `System`."""
-        errors, width = batch.errors, len(self.outputs)
+        with in_user_code("the function", simulating(batch, noise=True)):
+            return self._simulate(batch.errors, len(self.outputs))
+
+    def _simulate(self, errors: Array, width: int) -> SimulationResult:
         if not self.one_by_one:
             try:
-                return _result(self.function(errors.copy()), (len(errors), width))
+                return _result(self._call(errors), (len(errors), width))
             except (MemoryError, OutputsError):
                 raise
-            except (Exception, SystemExit) as failure:
-                warn_repeated(failure)
-                one = lambda row: _result(self.function(errors[row : row + 1].copy()), (1, width))  # noqa: E731
+            except Exception as failure:
+                warn_repeated(raised_by(failure))
+                one = lambda row: _result(self._call(errors[row : row + 1]), (1, width))  # noqa: E731
                 return simulate_alone(one, len(errors), width)
         values = np.empty((len(errors), width))
-        failures = simulate_each(lambda row: _row(self.function(errors[row].copy()), width), range(len(errors)), values)
+        failures = simulate_each(lambda row: _row(self._call(errors[row]), width), range(len(errors)), values)
         return SimulationResult(values, failures)
+
+    def _call(self, errors: Array) -> Any:
+        return call_user(self.function, errors.copy())
 
     def linearize(self, sizes: Array) -> Linearized:
         """See `System`; by central differences."""
@@ -276,7 +283,10 @@ def system_of(
     TypeError, ValueError, CampaignError
         When it is no system, has no such sources, or has them in another unit.
     """
-    system = _system_of(given, tuple(sources), probes, outputs, errors)
+    try:
+        system = _system_of(given, tuple(sources), probes, outputs, errors)
+    except CodeMisbehaved as wrong:
+        raise ValueError(str(wrong)) from None
     for name, unit in sources.items():
         _check_unit(name, unit, system.units.get(name, ""))
     return system
@@ -367,9 +377,13 @@ def _outputs_of(
     reason = ""
     for row in range(min(len(probes), PROBES)):
         try:
-            returned = function(probes[row : row + 1].copy())
+            with in_user_code("the function", TRYING):
+                returned = call_user(function, probes[row : row + 1].copy())
+        except CodeMisbehaved:
+            raise
         except Exception as failure:
-            reason = f"{type(failure).__name__}: {failure}"
+            raised = raised_by(failure)
+            reason = f"{type(raised).__name__}: {raised}"
             continue
         if hasattr(returned, "columns"):
             return tuple(Output(str(name), "", "") for name in returned.columns)

@@ -81,7 +81,7 @@ def partials_from_runs(start_errors: Array, final_errors: Array) -> Array:
     """
     if start_errors.shape[0] != start_errors.shape[1] or final_errors.shape[1] != start_errors.shape[1]:
         raise ValueError(
-            "F S^-1 needs as many runs as sources, and the same runs in both matrices; got start errors of shape "
+            "F S^-1 needs as many runs as sources, and the same runs in both matrices. Got start errors of shape "
             f"{start_errors.shape} and final errors of shape {final_errors.shape}"
         )
     return np.asarray(np.linalg.solve(start_errors.T, final_errors.T).T)

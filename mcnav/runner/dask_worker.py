@@ -12,7 +12,6 @@ import platform
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,6 @@ from mcnav.errors import ClusterError
 from mcnav.runner.chunks import ChunkJob, SampleRange, find_chunk, simulate_chunk
 from mcnav.runner.identity import versions
 from mcnav.runner.processes import simulate_isolated
-from mcnav.runner.worker_processes import end_workers_apart
 from mcnav.store.chunk_files import ChunkFile
 
 
@@ -107,7 +105,6 @@ def _let_have_children() -> None:
     process = multiprocessing.current_process()
     if process.daemon:
         process.daemon = False
-        Finalize(None, end_workers_apart, exitpriority=100)
 
 
 def dask_setup(worker: Any) -> None:

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from multiprocessing.util import Finalize
 from typing import TYPE_CHECKING, Any, Final
 
 from mcnav._subprocess import end_with_parent, interrupts_blocked
@@ -42,6 +43,8 @@ def _executor(worker: int) -> ProcessPoolExecutor:
 
     key = threading.get_ident(), worker
     if key not in _executors:
+        if not _executors:  # before this process ends, which would wait until they are idle for long
+            Finalize(None, end_workers_apart, exitpriority=100)
         begun = time.monotonic()
         executor = ProcessPoolExecutor(1, timeout=IDLE, initializer=_begin_worker, initargs=(os.getpid(),))
         _executors[key] = executor

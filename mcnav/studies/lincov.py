@@ -41,7 +41,7 @@ from mcnav.report.columns.gates import gates_entry
 from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import Page
 from mcnav.report.pages.lincov_page import card, page
-from mcnav.report.statements.lincov_words import final_nominal
+from mcnav.report.statements.lincov import final_nominal
 from mcnav.studies.curved_tails import with_curvature
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.user.scenario import is_users

@@ -24,7 +24,7 @@ from mcnav.linear.partials import Propagate
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import linearity as tables
-from mcnav.report.statements.linearity_words import NoiseUse
+from mcnav.report.statements.linearity import NoiseUse
 from mcnav.runner.chunks import PROBES
 from mcnav.sampler.designs import SamplingDesign
 

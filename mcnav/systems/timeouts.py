@@ -55,6 +55,11 @@ def time_limit(seconds: float | None) -> Iterator[None]:
         _seconds.pop()
 
 
+def current_limit() -> float | None:
+    """Return the limit of a sample that holds now, s; none without one."""
+    return _seconds[-1] if _seconds else None
+
+
 def within_limit(call: Callable[[], Result]) -> Result:
     """Return the result of a call.
 

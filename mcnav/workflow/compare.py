@@ -20,7 +20,7 @@ from mcnav.report.document.html import page_html, parts_html
 from mcnav.report.pages.comparison import Row, change_table, input_table, inputs, outputs, ratios
 from mcnav.report.pages.comparison import page as comparison_page
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements.mean_words import large_means_of
+from mcnav.report.statements.means import large_means_of
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse

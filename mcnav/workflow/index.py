@@ -24,7 +24,7 @@ from mcnav.report.document.parts import Answers, Page, Part, Section, Sentence
 from mcnav.report.document.table import CODE, UNIT, WRAPPED, Cell, Column, Table, counted
 from mcnav.report.format import number
 from mcnav.report.names import humanize, shown_units
-from mcnav.report.statements import filter_verdict, sentences
+from mcnav.report.statements import fields, verdicts
 from mcnav.store.run_files import MANIFEST, REPORT, SUMMARY
 from mcnav.store.run_folder import RunFolder
 
@@ -176,14 +176,14 @@ def _read(folder: Path, place: Path) -> _Run:
         with reading_file(place / SUMMARY):
             run = RunFolder(place)
             summary, manifest = Summary.of(run.summary()), run.existing_manifest()
-            worst = sentences.statements(summary)[0]
+            worst = verdicts.statements(summary)[0]
             return _Run(
                 place,
                 path,
                 report,
                 summary.campaign,
                 tone=worst.tone,
-                answer=worst.words,
+                answer=worst.sentence,
                 verdicts=_verdicts(summary),
                 ratio=_worst_ratio(summary),
                 margin=_least_margin(summary),
@@ -306,17 +306,17 @@ def _verdicts(summary: Summary) -> Cell:
     counts = summary.counts
     words = {
         "means": "means above one sigma",
-        "linear": f"linear {sentences.tone(summary)}",
+        "linear": f"linear {verdicts.tone(summary)}",
         "requirements": "" if counts is None else f"{counts.met} of {counts.of} met",
-        "filter": f"filter {filter_verdict.verdict(summary)}",
+        "filter": f"filter {summary.filter.verdict if summary.filter else ''}",
         "smoother": "" if summary.smoother is None else f"smoother {summary.smoother.verdict}",
     }
     labels = [
-        Markup('<span class="tag {}" title="{}">{}</span>').format(each.tone, each.words, words[each.subject])
-        for each in sentences.statements(summary)
+        Markup('<span class="tag {}" title="{}">{}</span>').format(each.tone, each.sentence, words[each.subject])
+        for each in verdicts.statements(summary)
     ]
     reason = summary.unsettled
-    return Cell(Markup("<br>").join(labels), below="" if reason is None else sentences.unsettled(reason))
+    return Cell(Markup("<br>").join(labels), below="" if reason is None else fields.unsettled(reason))
 
 
 def _sigmas(summary: Summary) -> Markup:

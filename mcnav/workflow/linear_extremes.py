@@ -15,7 +15,7 @@ from mcnav.analysis.mean_errors import departures
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import Requirement, RequirementResult
 from mcnav.report.results.summary import named_range
-from mcnav.report.statements.sentences import beyond_range as range_words
+from mcnav.report.statements.fields import beyond_range as range_words
 from mcnav.store.manifest import ModelRecord, PartialsRecord
 from mcnav.workflow.recorded_model import linear_moments
 

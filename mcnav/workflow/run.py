@@ -32,7 +32,6 @@ from mcnav.store.provenance import commit
 from mcnav.store.run_files import CAMPAIGN, FORMAT
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY
-from mcnav.systems.timeouts import time_limit
 from mcnav.workflow.analyse import analyse, write_results
 from mcnav.workflow.corrections import compute_corrections
 from mcnav.workflow.exceedance import estimate_exceedances
@@ -120,8 +119,7 @@ def run_campaign(
     check_no_foreign_files(folder)
     with folder.lock(), one_thread():
         folder.remove_partial_files()
-        with time_limit(None if campaign.code is None else campaign.sample_timeout):
-            begun = _begin(campaign, folder, engine_name, fresh, force)
+        begun = _begin(campaign, folder, engine_name, fresh, force)
         execution = Execution(begun.job, jobs, progress, begun.notices.append, most_failures, executor)
         system, code = begun.system, campaign.code is not None
         if words := range_note(system.model, system.linear):

@@ -41,7 +41,7 @@ def test_verdicts_stand_in_their_folds(browser: Browser, report: Path) -> None:
                                    "|| innerHeight + scrollY > document.body.scrollHeight - 2")  # fmt: skip
             page.evaluate("scrollTo(0, 0)")
         assert headlines[1].startswith("Undecided: ")
-        assert headlines[0].startswith("The filter is optimistic by a factor of ")
+        assert headlines[0].startswith("Do not trust this filter's covariance: ")
         assert "the largest error that it neglects is gyro scale factor" in headlines[0]
         rows = page.locator(".answers tbody tr")
         assert rows.count() == 9

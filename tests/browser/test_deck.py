@@ -61,7 +61,7 @@ def test_all_figures_follow_one_instant(browser: Browser, page_of: Callable[[str
             slider.press(key)
             shown = (slider.get_attribute("aria-valuetext") or "").split()[0]
             assert float(shown) == pytest.approx(rows[place, 0], abs=0.06)
-            assert shows.inner_text().startswith(f"At {shown} min, the 95 % ellipse of the navigation error is ±")
+            assert shows.inner_text().startswith(f"95 % ellipse of the navigation error at {shown} min: ±")
             radius = float((ring.text_content() or "").removesuffix(" m"))
             np.testing.assert_allclose(radius * np.array(page.evaluate(SIZES)), rows[place, 1::2], rtol=2e-3)
             np.testing.assert_allclose(page.evaluate(CURSORS), rows[place, 0], atol=2e-3)

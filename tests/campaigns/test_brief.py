@@ -20,7 +20,7 @@ from mcnav.report.pages.run.sections.improvements import failing_in_run, improve
 from mcnav.report.pages.run.tiles import tiles, worst_departure
 from mcnav.report.pages.run.worst_case import worst_case
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements.sentences import statements
+from mcnav.report.statements.verdicts import statements
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.brief import advise
 from mcnav.studies.lincov import answer_linearly

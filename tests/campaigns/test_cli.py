@@ -40,7 +40,7 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     finished = mcnav("run", DEMO, "--samples", 2000, cwd=place)
     assert finished.returncode == 0, finished.stderr
     assert finished.stderr == ""
-    assert "yes for the dispersion of each output" in finished.stdout
+    assert "Every sigma is right. The" in finished.stdout
     assert "report: reports/01_tn_d1772_trajectory_4/report.html" in finished.stdout
     return place
 
@@ -401,7 +401,7 @@ def test_check(below: str, status: int, found: str, workplace: Path) -> None:
     assert finished.returncode == status, finished.stderr
     assert f"{found}" in finished.stdout
     assert f"|altitude| below {below} in 99.73 % of samples" in finished.stdout
-    assert "yes for the dispersion of each output" in finished.stdout
+    assert "Every sigma is right. The" in finished.stdout
     told = {"met": "1 of 1 met", "not met": "0 of 1 met, 1 not met", "undecided": "0 of 1 met, 1 undecided"}[found]
     assert f"Requirements: {told}." in finished.stdout
     if found == "not met":

@@ -16,7 +16,7 @@ from scipy import stats
 from mcnav.config.read import read_campaign
 from mcnav.contract.samples import Batch
 from mcnav.errors import CampaignError
-from mcnav.report.statements.lincov_words import mean_words
+from mcnav.report.statements.lincov import mean_words
 from mcnav.studies.lincov import linear_covariance
 from mcnav.studies.linearity import linearity_study
 from mcnav.systems.closed_loop.sizes import LoopSizes

@@ -15,7 +15,7 @@ import mcnav
 from mcnav._types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.contract.samples import Batch
-from mcnav.report.statements.lincov_words import mean_words
+from mcnav.report.statements.lincov import mean_words
 from mcnav.studies.lincov import linear_covariance
 from mcnav.systems.steady.linearized import linearize
 from mcnav.systems.steady.truth import Error

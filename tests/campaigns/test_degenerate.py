@@ -82,13 +82,13 @@ def _correlated(one: str, other: str, coefficient: float) -> str:
 
 
 CASES = {
-    "a source of zero sigma": ("Toy", 2000, SIGMAS.replace('b = "1 m"', 'b = "0 m"'), ACCEPT, 0, "Yes: the linear"),
-    "perfectly correlated": ("Toy", 2000, SIGMAS, _correlated("a", "b", 1) + _correlated("c", "d", -1), 0, "Yes: the"),
-    "errors that cancel": ("Toy", 2000, SIGMAS, _correlated("a", "b", -1), 0, "Yes: the linear"),
-    "no errors": ("Toy", 100, "", ACCEPT, 0, "no error has a dispersion"),
-    "nothing depends": ("Single slope=0", 100, 'a = "1 m"', "", 0, "no output depends on an error"),
+    "a source of zero sigma": ("Toy", 2000, SIGMAS.replace('b = "1 m"', 'b = "0 m"'), ACCEPT, 0, "Every sigma is right"),
+    "perfectly correlated": ("Toy", 2000, SIGMAS, _correlated("a", "b", 1) + _correlated("c", "d", -1), 0, "Every sigma is right"),
+    "errors that cancel": ("Toy", 2000, SIGMAS, _correlated("a", "b", -1), 0, "Every sigma is right"),
+    "no errors": ("Toy", 100, "", ACCEPT, 0, "no error source varies"),
+    "nothing depends": ("Single slope=0", 100, 'a = "1 m"', "", 0, "no output depends on an error source"),
     "curvature alone": ("Single slope=0", 100, TWO, "", 0, "predicts no dispersion of x"),
-    "a single output": ("Single", 2000, TWO, "", 0, "Yes: the linear"),
+    "a single output": ("Single", 2000, TWO, "", 0, "Every sigma is right"),
     "fewer samples than outputs": ("Wide", 3, TWO, "", 0, "too few independent samples"),
     "a single pair": ("Wide", 2, TWO, 'design="antithetic"', 0, "too few independent samples"),
     "a net of three": ("Wide", 3, TWO, 'design="sobol"', 0, "too few independent samples"),
@@ -103,7 +103,7 @@ CASES = {
         _correlated("altitude", "range", 1) + _correlated("altitude", "altitude_rate", -1)
         + _correlated("range", "altitude_rate", -1), 0, "",
     ),
-    "a reentry far beyond linear": ("reentry", 100, 'altitude = "6000 km"\naltitude_rate = "9 km/s"', "", 0, "No: the"),
+    "a reentry far beyond linear": ("reentry", 100, 'altitude = "6000 km"\naltitude_rate = "9 km/s"', "", 0, "The linear sigmas are wrong for"),
     "a reentry of two samples": ("reentry", 2, REENTRY, "", 0, "too few independent samples"),
 }  # fmt: skip
 

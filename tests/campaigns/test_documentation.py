@@ -187,7 +187,7 @@ def test_the_twenty_lines(place: Path) -> None:
     assert sum(bool(line) for line in text.splitlines()) <= 20
     finished = _run([sys.executable, "-W", "error", "-c", text + further], place)
     assert finished.returncode == 0, finished.stderr
-    assert "yes for the dispersion of each output" in finished.stdout
+    assert "Every sigma is right. The" in finished.stdout
     assert "no change seen" in finished.stdout
     assert (place / "scatter.png").stat().st_size > 10_000
     written = {place / "scatter.pdf", place / "altitude.svg", place / "reports/first_export/matrices.mat"}
@@ -281,7 +281,7 @@ def test_requirements_in_report_index_summary_and_notebook(tmp_path: Path) -> No
     assert done.summary["verdict"] == "agrees"
     assert done.summary["requirements_met"] == {"met": 0, "met_as_known": 0, "not_met": 1, "undecided": 1, "of": 2}
     yes, no = (
-        "Yes: the linear covariance analysis can be trusted here.",
+        "Every sigma is right, and so is the full covariance matrix.",
         ("Requirements: 0 of 2 met, 1 not met, 1 undecided."),
     )
     report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")

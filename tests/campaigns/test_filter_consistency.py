@@ -17,7 +17,7 @@ from mcnav._recent import Recent
 from mcnav.analysis.summary import Summary
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.errors import RunFolderError
-from mcnav.report.statements import sentences
+from mcnav.report.statements import details, verdicts
 from mcnav.runner.chunks import DrawPlan
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.store.filters import MARK
@@ -184,14 +184,14 @@ def test_agreement_is_not_claimed_where_too_many_samples_failed(tmp_path: Path) 
     """Thirty of 600: neither verdict has a confidence, and both sentences say why."""
     summary = run(tmp_path / "run", 600, walk=1.0, failing=range(30), report=False)
     assert (summary["verdict"], summary["verdicts"]) == ("undecided", ["agrees"])
-    said = f"{sentences.headline(Summary.of(summary), ('linear',))} {sentences.explanation(Summary.of(summary))}"
-    assert said.startswith("Undecided: ")
-    assert "30 of 600 samples failed, more than the 0.1 % up to which agreement is claimed" in said
-    assert "Of the 570 samples that did not fail the Monte Carlo sigma in every output is within ±5 %" in said
+    said = f"{verdicts.headline(Summary.of(summary), ('linear',))} {details.explanation(Summary.of(summary))}"
+    assert said.startswith("570 samples do not decide whether every linear sigma is right. 30 of 600 samples failed: ")
+    assert "agreement is claimed up to 0.1 %, because their errors are not known." in said
+    assert "Every sigma of the other 570 samples is within ±5 % of the linear sigma." in said
     assert "confidence" not in said
     assert summary["filter_verdict"] == "Undecided: too many samples failed."
     few = run(tmp_path / "few", 600, walk=1.0, report=False)
-    assert "is within ±5 % of the linear sigma (95 % confidence)" in sentences.explanation(Summary.of(few))
+    assert "is within ±5 % of the linear sigma (95 % confidence)" in details.explanation(Summary.of(few))
 
 
 def test_histories_of_first_samples_come_from_the_chunks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -57,7 +57,7 @@ def test_comparisons_and_indexes_have_a_column(runs: Path) -> None:
     written, count, _ = write_index(runs)
     text = written.read_text(encoding="utf-8")
     assert count == 2
-    assert 'class="tag differs" title="The filter is optimistic' in text
+    assert 'class="tag differs" title="Do not trust this filter' in text
     for table in (page, text):
         head, *rows = re.findall("<tr.*?</tr>", table[: table.index("</table>")], flags=re.DOTALL)
         cells = [len(re.findall("<t[hd][ >]", row)) for row in (head, *rows)]

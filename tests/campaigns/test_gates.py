@@ -20,7 +20,7 @@ from mcnav.notebook import RunResult
 from mcnav.report.document.html import page_html
 from mcnav.report.pages.lincov import statements
 from mcnav.report.pages.lincov_page import page
-from mcnav.report.statements.sweep_words import remarks
+from mcnav.report.statements.sweep import remarks
 from mcnav.runner.chunks import DrawPlan
 from mcnav.studies.allocate import allocate
 from mcnav.studies.lincov import lincov_table, linear_covariance

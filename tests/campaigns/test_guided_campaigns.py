@@ -164,7 +164,7 @@ def test_remarks_are_shown_by_run_and_lincov_and_kept(tmp_path: Path) -> None:
     invoke("report", "run", cwd=tmp_path)
     shown.append((folder / "report.html").read_text(encoding="utf-8"))
     for text in shown:
-        assert all(f"Noticed: {remark}." in " ".join(text.split()) for remark in remarks)
+        assert all(f"Warning: {remark}." in " ".join(text.split()) for remark in remarks)
     for path in (tmp_path / "lincov" / "lincov.json", folder / "summary.json"):
         assert json.loads(path.read_text(encoding="utf-8"))["remarks"] == [*remarks]
 

@@ -98,7 +98,7 @@ def run(name: str, folder: Path, *options: str, samples: int = 4_000) -> Shown:
     return Shown(summary, done.stdout.splitlines(), shown.stdout.splitlines(), page)
 
 
-NO = "No for the joint distribution of the outputs; yes for the dispersion of each output."
+NO = "Every sigma is right. The full covariance matrix is not."
 
 
 @pytest.mark.parametrize("options", [(), ("--store", "summary")], ids=["samples", "summary"])
@@ -109,15 +109,15 @@ def test_the_failing_part_comes_first(options: tuple[str, ...], tmp_path: Path) 
     """
     found = run("Twins", tmp_path, *options)
     for lines in (found.printed, found.shown, found.banner):
-        (at,) = (place for place, line in enumerate(lines) if line == NO)
+        (at,) = (place for place, line in enumerate(lines) if line.startswith(NO))
         first, then = lines[at + 1 : at + 3]
         words = re.match(
-            r"The joint distribution of the outputs differs: what linear analysis holds fixed is dispersed\. "
-            r"second − 3 first: linear sigma 0 cm, simulated (\S+) cm \(0\.9\d+ % of that of second, 300 cm\)\.", first
+            r"The full covariance matrix differs: linear analysis treats a combination as exact that varies\. "
+            r"second − 3 first: linear sigma 0 cm, simulated (\S+) cm \(0\.9\d+ % of the 300 cm of second\)\.", first
         )  # fmt: skip
         assert words is not None
         assert float(words[1]) == pytest.approx(2.0 * 2.0**0.5, rel=0.12)
-        assert then.startswith("In every output the Monte Carlo sigma")
+        assert then.startswith("Every sigma from 4,000 samples is within")
     assert found.summary["verdict_matrix"] == "differs"
     assert found.page.index('id="figure-combination"') < found.page.index('<details class="fold"')
     assert "Samples along second − 3 first" in html.unescape(found.page)
@@ -127,16 +127,14 @@ def test_outputs_without_partial_derivatives_say_why(tmp_path: Path) -> None:
     found = run("Flat", tmp_path)
     (told,) = (line for line in found.printed if line.startswith("Linear analysis predicts no dispersion"))
     assert told.startswith(
-        "Linear analysis predicts no dispersion of square, kink and dead: the partial derivatives at the nominal are "
+        "Linear analysis predicts no dispersion of square, kink and dead. The partial derivatives at the nominal are "
         "zero. The simulated sigmas of 4,000 samples are "
     )
-    assert "Second-order terms explain that of square: quadratic there." in told
+    assert "Second-order terms explain the sigma of square: quadratic at the nominal." in told
     assert "kink and dead have a kink, a flat place or terms of higher order there." in told
-    assert "take the simulated sigma" in told
-    (joint,) = (line for line in found.printed if line.startswith("The joint distribution"))
-    assert joint.startswith(
-        "The joint distribution of the outputs differs with it. In all other directions the mean NEES"
-    )
+    assert "Take the simulated sigma" in told
+    (joint,) = (line for line in found.printed if line.startswith("The full covariance matrix"))
+    assert joint.startswith("The full covariance matrix differs with it. In all other directions the mean NEES")
     assert not any("agrees as well" in line for line in found.printed)
 
 
@@ -146,22 +144,24 @@ def test_a_mean_error_is_called_one(tmp_path: Path) -> None:
     joint = found.summary["joint"]
     assert joint["cause"] == "mean"
     assert joint["mean_error"] == pytest.approx(2.0, rel=0.1)
-    told = next(line for line in found.printed if line.startswith(("The mean is off", "The joint distribution")))
-    assert re.search(r"mean is off by \S+ sigma in reading \(by \S+ cm\); the dispersion", told)
-    assert re.search(r"the mean NEES is \S+ about the linear mean and \S+ about the sample mean", told)
+    told = next(line for line in found.printed if line.startswith(("The mean is off", "The full covariance matrix")))
+    assert re.search(r"mean is off by \S+ sigma in reading \(by \S+ cm\)\. The dispersion", told)
+    assert re.search(r"The mean NEES is \S+ about the linear mean, \S+ about the sample mean", told)
     assert "ellipsoid" not in told
 
 
 def test_a_narrow_direction_is_explained(tmp_path: Path) -> None:
     """right - left: linear 0.01 m, simulated sqrt(1 + 18) times as large, beside outputs of 1 m; known to 12 %."""
     found = run("Narrow", tmp_path)
-    told = next(line for line in found.printed if line.startswith("The joint distribution"))
+    told = next(line for line in found.printed if line.startswith("The full covariance matrix"))
     words = re.search(
-        r"differs most in (\w+) − (?:\S+ )?(\w+): linear sigma (\S+) cm, simulated (\S+) cm, (\S+) times as large", told
+        r"differs most in the thinnest direction of (\w+) and (\w+)\. There the simulated sigma is (\S+) cm, the linear "
+        r"one (\S+) cm \((\S+) times as large\)",
+        told,
     )
     assert words is not None
     assert {words[1], words[2]} == {"left", "right"}
-    assert float(words[3]) == pytest.approx(1.0, rel=1e-2)
+    assert float(words[4]) == pytest.approx(1.0, rel=1e-2)
     assert float(words[5]) == pytest.approx(19.0**0.5, rel=0.12)
     assert "these errors nearly cancel" in told
-    assert "the sigmas of single outputs hold" in told
+    assert "The sigmas of single outputs hold." in told

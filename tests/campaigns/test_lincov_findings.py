@@ -18,7 +18,7 @@ from mcnav.report.document.terminal_parts import printed
 from mcnav.report.format import number
 from mcnav.report.pages.lincov import statements
 from mcnav.report.pages.lincov_page import terminal
-from mcnav.report.statements import sentences
+from mcnav.report.statements import verdicts
 from mcnav.report.terminal.terminal import comparison
 from mcnav.studies.lincov import write_lincov
 from mcnav.workflow.run import run_campaign
@@ -88,9 +88,9 @@ def test_an_optimistic_filter_comes_first_with_factor_time_and_cause(tmp_path: P
     words, tone = statements(found)[0]
     assert tone == "differs"
     assert words.startswith(
-        "The filter is optimistic from 1 min on: at worst, at 34 min, the error of tilt east is 13 "
+        "The filter is optimistic from 1 min on. At worst, at 34 min, the error of tilt east is 13 "
     )
-    assert "because of gyro misalignment" in words
+    assert "Largest unmodelled errors: gyro misalignment" in words
     assert shown(found).startswith(words)
     assert f'<p class="headline">{words}.</p>' in page.read_text()
 
@@ -121,7 +121,7 @@ def test_a_wrong_lever_arm_shows_as_a_mean_error(tmp_path: Path) -> None:
     assert stored["filter"]["factor"] == pytest.approx(true / row["sigma_filter"][down], rel=0.01)
     for text in (shown(found), page.read_text()):
         assert "The mean error of position down is −1.000 m, 4.94 times its sigma of 0.202 m" in text
-        assert "because of mean of gnss lever arm z 100 %" in text
+        assert "Causes: mean of gnss lever arm z 100 %" in text
 
 
 def test_causes_are_those_of_the_number_beside_them(tmp_path: Path) -> None:
@@ -261,7 +261,7 @@ def test_a_run_beyond_the_range_of_linear_analysis_says_no(tmp_path: Path) -> No
     assert summary.beyond_range.begin is not None
     assert summary.beyond_range.begin * 60.0 == pytest.approx(begin.time)
     said = f"No: errors are beyond the range of linear analysis from {begin.time / 60.0:.3g} min on (velocity down)."
-    assert sentences.headline(summary) == said
+    assert verdicts.headline(summary) == said
     assert said in page
     down = summary.sigma_linear[2]
     assert down > 6_378_140.0

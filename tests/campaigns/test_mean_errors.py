@@ -16,8 +16,8 @@ import tomli_w
 
 from mcnav.config.read import parse_campaign
 from mcnav.report.columns.output_columns import outputs_frame
-from mcnav.report.statements.mean_words import large_means_of, mean_sentence
-from mcnav.report.statements.sentences import standing, statements, tone
+from mcnav.report.statements.means import large_means_of, mean_sentence
+from mcnav.report.statements.verdicts import standing, statements, tone
 from mcnav.studies.lincov import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.workflow.compare import compare_runs
@@ -43,7 +43,7 @@ class Plain:
 ALTITUDE = 386.97
 """Mean altitude error, km, by a simulation of the navigator without errors along the flight."""
 
-VERDICT = "Undecided for the joint distribution of the outputs; yes for the dispersion of each output."
+VERDICT = "Every sigma is right. The samples do not decide on the full covariance matrix."
 FIRST = "The mean error of altitude is +387 km, "
 
 
@@ -157,7 +157,7 @@ def test_statements_begin_with_the_mean(switched: Path) -> None:
     done = run_campaign(parse_campaign(reentry("80 km"), "off.toml", "off"), switched / "again", "ensemble", jobs=1)
     first, *others = statements(done.results)
     assert first.subject == "means"
-    assert others[0].words.startswith(VERDICT)
+    assert others[0].sentence.startswith(VERDICT)
     assert standing(done.results) == "partly"
     assert [mean.output for mean in large_means_of(done.results)] == [0, 2, 1, 3]
     answer = linear_covariance(reentry("80 km"))

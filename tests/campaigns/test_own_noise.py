@@ -20,7 +20,7 @@ from mcnav.config.read import read_campaign
 from mcnav.config.templates import new_scenario
 from mcnav.contract.engine import has_histories
 from mcnav.errors import CampaignError
-from mcnav.report.statements.linearity_words import WITHOUT_NOISE
+from mcnav.report.statements.linearity import WITHOUT_NOISE
 from mcnav.systems.user import noise_measurement
 from mcnav.systems.user.noise_measurement import INDEPENDENT
 from mcnav.workflow.replay import as_stored, replay

@@ -21,7 +21,8 @@ from mcnav.report.columns.output_columns import output_rows
 from mcnav.report.document.fitted_table import TALLEST, Column, FittedTable, OpenConsole
 from mcnav.report.exports.export import partial_rows
 from mcnav.report.figures.matrices import certain_differences
-from mcnav.report.statements import sentences
+from mcnav.report.statements import details
+from mcnav.report.statements.words import more_samples
 from mcnav.report.terminal import terminal
 from mcnav.statistics.power import SMALLEST_STEP, sensible_step
 from mcnav.workflow.stored_summary import stored_summary
@@ -130,7 +131,7 @@ def test_into_a_pipe_the_width_is_unlimited(nine: Path) -> None:
     assert left_out(shown) == ""
     done = in_process("compare", nine / "run", columns=30)
     assert shown.splitlines()[2] in done.stdout
-    assert sentences.explanation(summary) in done.stdout
+    assert details.explanation(summary) in done.stdout
 
 
 def test_a_table_of_texts_is_folded_between_words() -> None:
@@ -223,7 +224,7 @@ def test_paired_sigma_stands_with_the_paired_ratio(nine: Path) -> None:
 
 def test_what_nothing_disturbs_does_not_agree(nine: Path) -> None:
     """It is said in the terminal, the report, the notebook and the comparison; the summary keeps its verdict."""
-    words = "not disturbed by any cause"
+    words = "no error source acts on it"
     summary = stored_summary(nine / "run")
     assert summary.verdicts[-1] == "agrees"
     assert output_rows({"nine": summary})[-1]["verdict"] == words
@@ -234,8 +235,8 @@ def test_what_nothing_disturbs_does_not_agree(nine: Path) -> None:
     done = in_process("compare", nine / "run", nine / "other")
     assert done.stdout.count(words) == 3, done.stdout  # twice as a verdict, once as a change
     agreeing = summary.model_copy(update={"verdict": "agrees", "verdicts": ["agrees"] * 9})
-    assert "In every other output" in sentences.explanation(agreeing)
-    assert sentences.explanation(agreeing).endswith(f"still is {words}.")
+    assert "Every other sigma" in details.explanation(agreeing)
+    assert details.explanation(agreeing).endswith("No error source acts on still.")
 
 
 @pytest.mark.parametrize("count", [1, 99, 100, 1_000, 12_345, 1_000_000])
@@ -248,7 +249,7 @@ def test_more_samples_are_a_sensible_step_more(count: int) -> None:
         assert len(str(advised).rstrip("0")) <= 2
     narrow = judge(1.0401, (1.030, 1.0501), 0.05, 1000)
     assert (narrow.verdict, narrow.samples_needed) == (Verdict.UNDECIDED, 2813)
-    assert sentences.more_samples(narrow.samples_needed or 0, 1000) == "about 2,900 samples"
+    assert more_samples(narrow.samples_needed or 0, 1000) == "about 2,900 samples"
 
 
 RUNS, SAMPLES, FALSE_ALARMS = 200, 1_000, 1e-6

@@ -14,9 +14,9 @@ import mcnav
 from mcnav.config.read import parse_campaign
 from mcnav.errors import RunFolderError
 from mcnav.report.columns.requirements import requirement_rows
+from mcnav.report.figures.captions import words_on
 from mcnav.report.figures.requirements import requirements_over_time
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements.figure_words import words_on
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.run import run_campaign
 from tests.campaigns.test_ins import described

@@ -147,7 +147,7 @@ def test_heavy_tails_withhold_the_verdicts_of_what_has_them(tmp_path: Path, stor
     assert ratio == pytest.approx(np.sqrt(1.0 + 2.0 * 0.2**2), rel=0.01)  # var(2-sided square) = 2
     shown = invoke("show", "run", cwd=tmp_path).stdout
     assert "Undecided for itself, square and rare: tails too heavy for an interval." in shown
-    assert "The Monte Carlo sigma of plain and bent is within it." in shown
+    assert "Within ±5 % (95 % confidence): plain and bent." in shown
     assert "The joint verdict leaves out itself, square and rare (heavy tails)." in shown
 
 

@@ -14,8 +14,8 @@ from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult
 from mcnav.errors import CampaignError
 from mcnav.linear.partials import Propagate
-from mcnav.report.statements.linearity_words import answer, linearity_rows
-from mcnav.report.statements.start_time_words import answer as start_answer
+from mcnav.report.statements.linearity import answer, linearity_rows
+from mcnav.report.statements.start_times import answer as start_answer
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.studies.linearity import linearity_study
 from mcnav.studies.start_times import check_start_time, checked_times, start_time_study

@@ -265,7 +265,7 @@ def test_too_many_steps_to_halve_are_told_in_words(monkeypatch: pytest.MonkeyPat
     assert of.navigation.aided is not None
     monkeypatch.setattr(aided, "MOST_STEPS", len(of.navigation.aided.grid(1)))
     accuracy = of.engine("ensemble", draw(8, SIGMAS, 1)).accuracy
-    assert "numerical error not measured" in accuracy
+    assert "Numerical error not measured" in accuracy
     assert "nan" not in accuracy
 
 

@@ -6,6 +6,7 @@ without a supervisor ended without a word, with status 0 or that of the code.
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import subprocess
@@ -19,6 +20,8 @@ import pytest
 import mcnav
 from mcnav.config.read import read_campaign
 from mcnav.contract.scenario import ScenarioError
+from mcnav.frames import simulation
+from mcnav.runner import worker_processes
 from mcnav.systems import timeouts
 from mcnav.systems.user.stochastic_scenario import is_users_with_noise
 from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, write_campaign
@@ -229,11 +232,10 @@ def test_what_is_asked_besides_samples_has_a_time_limit(
 def _ask_for_all(path: Path) -> None:
     """Read a campaign, and ask its scenario for all that comes before samples."""
     campaign = read_campaign(path)
-    with timeouts.time_limit(campaign.sample_timeout):
-        campaign.scenario.engine(campaign.scenario.engines[0], np.zeros((1, 1)))
-        campaign.scenario.nominal()
-        if is_users_with_noise(campaign.scenario):
-            assert campaign.scenario.noise
+    campaign.scenario.engine(campaign.scenario.engines[0], np.zeros((1, 1)))
+    campaign.scenario.nominal()
+    if is_users_with_noise(campaign.scenario):
+        assert campaign.scenario.noise
 
 
 def test_from_python_it_is_refused(tmp_path: Path) -> None:
@@ -242,4 +244,55 @@ def test_from_python_it_is_refused(tmp_path: Path) -> None:
     before = Path.cwd()
     with pytest.raises(mcnav.CampaignError, match=r"mine\.py changed the current folder"):
         read_campaign(tmp_path / "mine.toml")
+    assert Path.cwd() == before
+
+
+def test_flights_have_the_time_limit_in_every_command(tmp_path: Path) -> None:
+    """The limit is the object's own; only `run` knew it, and `lincov` and `sweep` simulated for ever."""
+    path = write_campaign(tmp_path, "time.sleep(600)", SINGLE, samples=20, more='sample_timeout = "0.1 s"')
+    with pytest.raises(ScenarioError, match=r"flight without any error failed: took longer than 0\.1 s"):
+        read_campaign(path).scenario.linear()
+
+
+@pytest.mark.slow
+def test_a_command_does_not_wait_for_idle_workers(tmp_path: Path) -> None:
+    """A class with a time limit is tried out in a process of its own, which is idle for a minute before it ends."""
+    write_campaign(tmp_path, "", SINGLE, samples=60, more='sample_timeout = "1 min"')
+    begun = time.monotonic()
+    assert _run("lincov", "mine.toml", cwd=tmp_path).returncode == 0
+    assert time.monotonic() - begun < worker_processes.IDLE
+
+
+FUNCTION_DOES = {
+    "chdir": (lambda: os.chdir("/"), ValueError, r"the function changed the current folder \(to /"),
+    "exit": (lambda: os._exit(0), RuntimeError, "ended its process within samples 8,192 to 24,999"),
+}
+"""What a function does in a worker, and the exception that follows."""
+
+
+@pytest.mark.parametrize("act", FUNCTION_DOES)
+def test_a_function_that_misbehaves_in_a_worker(act: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(simulation.COST, "loky", 0.0)
+    do, kind, words = FUNCTION_DOES[act]
+    own, before = os.getpid(), Path.cwd()
+
+    def function(errors: np.ndarray) -> np.ndarray:
+        if os.getpid() != own:
+            do()
+        return 2.0 * errors
+
+    with pytest.raises(kind, match=words):
+        mcnav.simulate(function, mcnav.Errors({"a": 1.0}).draw(25_000, seed=1), jobs=2)
+    assert Path.cwd() == before
+
+
+def test_a_function_that_changes_the_folder_has_no_partials() -> None:
+    before = Path.cwd()
+
+    def function(errors: np.ndarray) -> np.ndarray:
+        os.chdir("/")
+        return errors
+
+    with pytest.raises(ValueError, match="the function changed the current folder"):
+        mcnav.partials(function, mcnav.Errors({"a": 1.0}))
     assert Path.cwd() == before

@@ -15,8 +15,8 @@ from mcnav.report.document.table import Cell, Column, Table
 from mcnav.report.drawing.strip import Strip
 from mcnav.report.format import interval, number, percent, rounded
 from mcnav.report.names import humanize, labels_in
-from mcnav.report.statements.filter_verdict import LEAST, TONES
-from mcnav.report.statements.sentences import more_samples
+from mcnav.report.statements.fields import LEAST
+from mcnav.report.statements.words import TONES, more_samples
 
 GROUP_TITLES: Final = {
     "all": "all estimated states", "navigation": "navigation errors", "sensors": "errors of instruments and sensors",
@@ -255,8 +255,8 @@ def sensors_table(summary: Summary, considered: bool = False, confidence: str = 
     sensors = {} if summary.filter is None else summary.filter.sensors
     rows = [SensorRow(name, entry, considered) for name, entry in sensors.items()]
     caption = (
-        "Updates in a sample's flight on average, mean normalized innovation squared (NIS) over the whole flight with "
-        "what is expected of a consistent filter, and correlation of consecutive innovations, zero for white ones. "
+        "Updates in a sample's flight on average. NIS: mean normalized innovation squared over the whole flight, "
+        "beside that of a consistent filter. Correlation of consecutive innovations: zero for white ones. "
         f"Bounds hold at {confidence} each."
     )
     return ResultTable.of_entries("filter_sensors", "Innovations over the whole flight", 1, SENSORS, rows, caption)
@@ -328,8 +328,8 @@ def foremost_neglected(summary: Summary) -> Table[NeglectedRow] | None:
         together = replace(rows[0], entry=NeglectedEntry(name="", **sums), label=f"{len(rest)} others")
         rows = [*(row for row in rows if row.entry.share >= LEAST), together]
     caption = (
-        f"What makes the filter optimistic, at {instant(result.neglected_at, result.time)}, where by linear analysis "
-        f"the sigma of {humanize(result.neglected_output)} departs most: root mean square that each error adds, what "
-        "the filter believes of it, and share in the difference of the squares."
+        f"What makes the filter optimistic at {instant(result.neglected_at, result.time)}, where by linear analysis "
+        f"the sigma of {humanize(result.neglected_output)} departs most. Root mean square that each error adds, what "
+        "the filter computes of it, and share in the difference of the squares."
     )
     return replace(table, rows=rows, caption=caption)

@@ -18,7 +18,8 @@ from mcnav.report.figures.filter_errors import sigmas
 from mcnav.report.format import number, rounded
 from mcnav.report.names import humanize
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements.filter_verdict import TONES, worst_sigmas
+from mcnav.report.statements.details import worst_sigmas
+from mcnav.report.statements.words import TONES
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def tests_table(summary: Summary) -> ResultTable:
     ]
     caption = (
         "Tests of all outputs together. p is the probability of a statistic at least this extreme if linear analysis "
-        "were exact; a small p means that a difference is significant, not that it is large."
+        "were exact. A small p means that a difference is significant, not that it is large."
     )
     return ResultTable.of_entries("tests", "Tests of all outputs together", 1, TESTS, rows, caption)
 

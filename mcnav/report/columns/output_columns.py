@@ -14,8 +14,9 @@ from mcnav.report.columns.result_table import ResultColumn, ResultTable, Row, Un
 from mcnav.report.document.table import Cell, Column, Table, five_digits
 from mcnav.report.format import interval, number, with_error
 from mcnav.report.names import humanize
-from mcnav.report.statements import sentences
-from mcnav.report.statements.mean_words import large_means_of
+from mcnav.report.statements import details
+from mcnav.report.statements.means import large_means_of
+from mcnav.report.statements.words import more_samples
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,8 +61,8 @@ class OutputEntry:
     def verdict(self) -> str | None:
         """Verdict as shown; none where nothing was compared."""
         if self.summary.beyond_range:
-            return sentences.BEYOND
-        return sentences.verdict_words(self.summary)[self.place] if self.summary.verdicts else None
+            return details.BEYOND
+        return details.verdict_words(self.summary)[self.place] if self.summary.verdicts else None
 
     @property
     def samples_needed(self) -> int | None:
@@ -158,7 +159,7 @@ def _decimals(value: float | None) -> str:
 
 def _verdict(each: OutputEntry) -> Cell:
     needed = each.samples_needed
-    below = f"needs {sentences.more_samples(needed, each.summary.samples)}" if needed else ""
+    below = f"needs {more_samples(needed, each.summary.samples)}" if needed else ""
     return Cell(each.verdict or "–", tone=each.verdict if each.verdict in VERDICTS else None, below=below)
 
 

@@ -15,7 +15,7 @@ from mcnav.report.columns.result_table import ResultColumn, ResultTable, Units, 
 from mcnav.report.document.table import Cell, Column, Table
 from mcnav.report.format import number
 from mcnav.report.names import humanize, labels_in, shown_units
-from mcnav.report.statements import sentences
+from mcnav.report.statements.words import listed, more_samples
 from mcnav.statistics.demonstration import runs_to_show
 
 if TYPE_CHECKING:
@@ -80,15 +80,6 @@ def way_to_fail(summary: Summary, way: Mapping[str, float]) -> str:
     labels = dict(zip((source.name for source in summary.sources), labels_in(summary), strict=True))
     parts = [f"{labels.get(name, humanize(name))} at {sigmas:+.1f}σ" for name, sigmas in list(way.items())[:NAMED]]
     return "most likely by " + " with ".join(filter(None, (parts[0], ", ".join(parts[1:]))))
-
-
-def listed(causes: Sequence[tuple[str, float]]) -> str:
-    """List causes with their shares in one line.
-
-    >>> listed([("gyro bias z", 0.2113), ("heading", 0.05)])
-    'gyro bias z 21.1 %, heading 5 %'
-    """
-    return ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in causes) or "–"
 
 
 @dataclass(frozen=True)
@@ -187,7 +178,7 @@ class RequirementRow:
     def to_decide(self) -> str:
         """Number of samples that would decide, and why nothing was decided."""
         needed = self.entry.samples_needed
-        decides = sentences.more_samples(needed, self.summary.samples) if needed else ""
+        decides = more_samples(needed, self.summary.samples) if needed else ""
         return "; ".join(filter(None, (decides, self.entry.remark)))
 
 
@@ -264,13 +255,13 @@ def _caption(summary: Summary, explained: bool, confidence: str) -> str:
     over_time = any(entry.time is not None for entry in summary.requirements)
     parts = [
         f"Requirements of the campaign's [accept] table. Bounds are one-sided at {confidence} each and "
-        "distribution-free (order statistics, exact binomial); for sigmas they are the limits of the interval of the "
+        "distribution-free (order statistics, exact binomial). Of sigmas they are the ends of the interval of the "
         "paired ratio farthest from one."
     ]
     if over_time:
         parts.append(
-            "Over time all values are the largest of the epochs; the lower bound holds for all epochs together, and "
-            "only the campaign's first samples have errors over time."
+            "Over time all values are the largest of the epochs. The lower bound holds for all epochs together. Only "
+            "the campaign's first samples have errors over time."
         )
     if any(entry.exceedance is not None for entry in summary.requirements):
         parts.append(
@@ -313,8 +304,8 @@ ALLOWED: Final[tuple[ResultColumn[AllowedSigma], ...]] = (
 )
 
 ALLOWED_CAPTION: Final = (
-    "Largest sigma of each source that meets the requirement, with the other sources unchanged: by linear analysis, "
-    "multiplied by the upper bound of the samples over the linear value. Not simulated: mcnav allocate simulates such "
+    "Largest sigma of each source that meets the requirement, with the other sources unchanged. Linear analysis, times "
+    "the upper bound of the samples over the linear value. Not simulated: mcnav allocate simulates such "
     "changes. “None”: the others exceed the limit without it."
 )
 

@@ -100,13 +100,15 @@ def sizes_table(summary: Summary, units: Units = "shown", confidence: str = "") 
     return ResultTable.of_entries("sizes", TITLE, 1, COLUMNS, rows, caption)
 
 
-def size_sentence(name: str, law: Sequence[float], three_sigma: float, wrong: bool, scale: float, unit: str) -> str:
+def size_sentence(
+    name: str, law: Sequence[float | None], three_sigma: float, wrong: bool, scale: float, unit: str
+) -> str:  # fmt: skip
     """Say what a size is by its exact law: median, mean and the quantile of 99.73 %.
 
     >>> size_sentence("burn_size", (1.486095, 1.486776, 1.603197), 1.801769, True, 1.0, "m")
     'Size of burn: median 1.4861, mean 1.4868, 99.73 % below 1.6032 m (exact law; nominal plus 3 σ, 1.8018, is wrong).'
     """
-    median, mean, most = (number(value * scale, DIGITS) for value in law)
+    median, mean, most = ("–" if value is None else number(value * scale, DIGITS) for value in law)
     rough = f"; nominal plus 3 σ, {number(three_sigma * scale, DIGITS)}, is wrong" if wrong else ""
     spoken = humanize(name.removesuffix("_size"))
     return f"Size of {spoken}: median {median}, mean {mean}, 99.73 % below {most} {unit} (exact law{rough})."

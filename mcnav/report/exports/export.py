@@ -19,7 +19,7 @@ from mcnav._types import Array
 from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import Output, Source
 from mcnav.report.columns.result_table import Row
-from mcnav.report.statements import sentences
+from mcnav.report.statements import verdicts
 from mcnav.units import conversion
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def run_rows(runs: Mapping[str, Summary]) -> list[Row]:
     return [
         {"run": title}
         | {key: getattr(run, key) for key in same}
-        | {"headline": sentences.headline(run)}
+        | {"headline": verdicts.headline(run)}
         | ({"filter": run.filter.verdict} if run.filter else {})
         for title, run in runs.items()
     ]

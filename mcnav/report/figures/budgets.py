@@ -18,8 +18,8 @@ NUMBERED: Final = 0.04
 """Smallest share whose number is written in its bar, where it has room."""
 
 CROSSED: Final = (
-    "Each share has half of what the correlations of its error source contribute, so that shares add up to 100 %; a "
-    "negative one takes away some of what others add."
+    "Each share has half of what the correlations of its error source contribute, so that shares add up to 100 %. A "
+    "negative share takes away some of what others add."
 )
 
 ALL: Final = Series("all", "all errors", INK)

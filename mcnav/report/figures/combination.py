@@ -14,7 +14,7 @@ from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Rule, Se
 from mcnav.report.drawing.palette import AREA, LINEAR
 from mcnav.report.figures.dispersion import ELLIPSES_LINEAR, FLIGHTS, SCATTERED, ellipses
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements.joint_words import combination_words, direction_words
+from mcnav.report.statements.joint import combination_words, direction_words
 
 COUNTED: Final = Series("flown", "Monte Carlo", AREA, "area")
 NORMAL: Final = Series("normal", "linear Gaussian", LINEAR)
@@ -64,8 +64,8 @@ def combination(content: RunAnalysis) -> Figure | None:
     return Figure(
         name="combination",
         title=f"Samples along {label}",
-        description="Histogram of the combination of outputs in which simulation and linear analysis differ most, with "
-        "the normal density of linear analysis, and its scatter against the output that best explains it.",
+        description="Histogram of the combination of outputs in which simulation and linear analysis differ most. Its "
+        "curve is the normal density of linear analysis. Beside it: scatter against the output that best explains it.",
         panels=panels,
         key=key,
         columns={f"from [{unit}]": edges[:-1], f"to [{unit}]": edges[1:], "samples": counts, "expected": expected},

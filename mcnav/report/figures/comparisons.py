@@ -16,7 +16,7 @@ from mcnav.report.drawing.marks import Axis, Bars, Line, Mark, Panel, Rule, Seri
 from mcnav.report.drawing.palette import FILTER, FLOWN, INK, LINEAR, SOURCE_COLOURS
 from mcnav.report.format import number
 from mcnav.report.names import humanize, labels_in, shown_units
-from mcnav.report.statements.mean_words import large_means_of
+from mcnav.report.statements.means import large_means_of
 
 COLOURS: Final = tuple(SOURCE_COLOURS[place] for place in (0, 4, 2, 6, 5, 11))
 """Colours of runs."""

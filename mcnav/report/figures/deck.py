@@ -98,9 +98,8 @@ def deck(content: RunAnalysis) -> Figure | None:
     return MovedFigure(
         name="deck",
         title="Flight deck",
-        description="The nominal flight at one instant: its track to scale with the ellipses that hold 95 % of the "
-        "errors by each method, their size over time, what sensors and manoeuvres there are, and the causes of the "
-        "errors then.",
+        description="The nominal flight at one time: its track to scale, with the ellipses that hold 95 % of the "
+        "errors by each method. Below: size of errors over time, sensors, manoeuvres, and the causes at that time.",
         panels=list(panels.values()),
         key=[*series, *([HERE] if known.place.moves else [])],
         columns=columns,

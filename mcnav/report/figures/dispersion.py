@@ -87,7 +87,7 @@ def scatter(content: RunAnalysis) -> Figure | None:
         name="scatter",
         title="Pairs of outputs at the end" if content.several_kinds else "Final errors of pairs of outputs",
         description=f"{len(points):,} of {len(flown):,} samples with linear and Monte Carlo ellipses of one and three "
-        "sigma; the samples farthest from the mean by the linear covariance are labelled.",
+        "sigma. Labelled: the samples farthest from the mean by the linear covariance.",
         panels=panels,
         key=(FLIGHTS, ELLIPSES_LINEAR, ELLIPSES_FLOWN, FARTHEST_OF_KINDS if content.several_kinds else FARTHEST),
         columns=dict(zip(headings, zip(*rows, strict=True), strict=True)),

@@ -43,7 +43,7 @@ def ratios(dispersion_range: DispersionRange, tolerance: float, names: Sequence[
         name="ratios",
         title="Sigma ratio against the multiple of the errors",
         description="Paired sigma ratio with its interval for each output and the joint distribution, against the "
-        "multiple of the stated errors; a dashed line marks where it leaves the tolerance.",
+        "multiple of the campaign's errors. A dashed line marks where it leaves the tolerance.",
         panels=[_ratio(name, dispersion_range, tolerance, column) for column, name in enumerate(names)],
         key=(RATIO, INTERVAL, TOLERANCE, LEAVES),
         columns=columns,

@@ -45,8 +45,8 @@ def nees_over_time(content: RunAnalysis) -> Figure | None:
     return Figure(
         name="nees-history",
         title="Mean NEES over time",
-        description="Mean normalized estimation error squared of each group of states against the filter's own "
-        "covariance, with the bounds in which it lies for a consistent filter.",
+        description="Mean normalized estimation error squared (NEES) of each group of states against the filter's "
+        "covariance, with the bounds of a consistent filter.",
         panels=[_nees_panel(figure, group, shaded) for group in groups],
         key=[FLOWN_MEAN, INTERVAL, *([BY_LINEAR] if linear else []), BOUNDS, *shading_key(shaded)],
         columns=columns,

@@ -55,13 +55,13 @@ def requirements_over_time(content: RunAnalysis) -> Figure | None:
     return Figure(
         name="requirements-over-time",
         title="Requirements over time",
-        description="Quantile of the errors that each requirement limits over time by Monte Carlo with its bounds, and "
-        "by linear analysis, with the limit where it holds.",
+        description="Quantile of the errors that each requirement limits, over time, with its limit. Monte Carlo with "
+        "bounds, and linear analysis.",
         panels=[_panel(row, each, label, [*shaded]) for row, each in drawn],
         key=[ESTIMATE, BOUNDS, *([BY_LINEAR] if linear else []), LIMIT, *shading_key(shaded)],
         columns=columns,
         size=side_by_side(len(drawn)),
-        caption=f"Bounds are one-sided at {confidence} each at one epoch and distribution-free; what is found of a "
+        caption=f"Bounds are one-sided at {confidence} each at one epoch and distribution-free. The finding on a "
         "requirement takes all its epochs together.",
     )
 

@@ -95,8 +95,8 @@ def shares_within(content: RunAnalysis) -> Figure | None:
     return Figure(
         name="within-history",
         title="Share of samples within the filter's sigmas",
-        description="Share of the samples whose error lies within one and three sigmas of their own filter, for each "
-        "output over time, with the bounds of a consistent filter.",
+        description="Share of the samples whose error lies within one and three filter sigmas, for each output over "
+        "time. Band: the bounds of a consistent filter.",
         panels=panels,
         key=[BOUNDS, *shading_key(shaded)],
         columns=columns,

@@ -117,8 +117,8 @@ def over_time(outputs: Sequence[Variable | Output], known: SigmasOverTime) -> Fi
     return Figure(
         name="dispersion-over-time",
         title="Truth and navigation over time, 1σ",
-        description="Standard deviation over time of the truth about the nominal, of what is navigated about the "
-        f"nominal, and of the navigation error: {' and '.join(known.sigma)}.",
+        description="Standard deviation over time: of the truth and the navigated state about the nominal, and of the "
+        f"navigation error. Methods: {' and '.join(known.sigma)}.",
         panels=[_panel(known, each, outputs[each.true].shown_in, curves) for each, curves in drawn.items()],
         key=[series_of(kind, route) for route in ROUTES for kind in KINDS if (kind, route) in listed],
         columns=columns,
@@ -168,8 +168,8 @@ def ellipses_at_end(content: RunAnalysis) -> Figure | None:
     return Figure(
         name="landing-ellipses",
         title="Ellipses of truth and navigation at the end",
-        description="Ellipses of 95 % of the true dispersion, the navigation dispersion and the navigation error at "
-        "the end, by linear analysis and Monte Carlo, with samples of the true dispersion.",
+        description="Ellipses of 95 % at the end: true dispersion, navigation dispersion and navigation error. "
+        "Methods: linear analysis and Monte Carlo, with samples of the true dispersion.",
         panels=panels,
         key=[SAMPLES, *listed],
         columns=dict(zip(headings, zip(*rows, strict=True), strict=True)),

@@ -18,7 +18,7 @@ from mcnav.report.figures import allocate as drawn
 from mcnav.report.figures.lincov import short_name
 from mcnav.report.format import number
 from mcnav.report.pages.lincov import headline, requirement_rows, shown_limit, shown_value, units_shown
-from mcnav.report.statements.lincov_words import large_mean_words
+from mcnav.report.statements.lincov import large_mean_words
 
 EXPLANATION: Final = (
     "Linear analysis for normal errors. Every number proposed was put into the campaign, and its linear answer "
@@ -31,8 +31,8 @@ ALONE: Final = (
 )
 
 SCALED: Final = (
-    "{samples:,} samples of the campaign as it is were simulated. Linear values are multiplied by the one-sided "
-    "{confidence:g} % bound of the samples over the linear value: {scales}. The smallest changes were simulated as "
+    "{samples:,} samples of the campaign as it is were simulated. Their one-sided {confidence:g} % bound over the "
+    "linear value multiplies linear values. Factors: {scales}. The smallest changes were simulated as "
     "well: “simulated then” is their bound."
 )
 

@@ -15,7 +15,7 @@ from mcnav.analysis.brief import Advice, FilterRemedy
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.filter_remarks import group_words
 from mcnav.report.columns.filter_columns import foremost_neglected
-from mcnav.report.columns.requirements import RequirementRow, listed, requirement_rows
+from mcnav.report.columns.requirements import RequirementRow, requirement_rows
 from mcnav.report.document.parts import Note, Page, Part, Section, Sentence, Tile, Tiles, headed, joined
 from mcnav.report.document.table import CODE, Cell, Column, Table
 from mcnav.report.drawing.figure import Figure
@@ -24,10 +24,12 @@ from mcnav.report.format import number, rounded
 from mcnav.report.names import humanize, shown_units
 from mcnav.report.pages.allocate import basis_words, change_row, change_table, goal_title, unconfirmed_words
 from mcnav.report.pages.run.page import figures
-from mcnav.report.pages.run.tiles import headline, tiles, worst_requirement
+from mcnav.report.pages.run.tiles import headline, tiles
 from mcnav.report.pages.run.worst_case import worst_case
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements import sentences
+from mcnav.report.statements import verdicts
+from mcnav.report.statements.requirements import worst_requirement
+from mcnav.report.statements.words import listed
 
 LISTED: Final = 5
 """Remedies of a filter that are listed."""
@@ -58,7 +60,7 @@ class Links:
 def page(content: RunAnalysis, advice: Advice, links: Links) -> Page:
     """Return the brief of a run."""
     summary = content.summary
-    made = [replace(each, details=()) for each in tiles(summary, sentences.statements(summary), (), content.time_unit)]
+    made = [replace(each, details=()) for each in tiles(summary, verdicts.statements(summary), (), content.time_unit)]
     drawn = figures(content)
     worst = worst_requirement(summary, content.time_unit)
     sections = [

@@ -23,7 +23,8 @@ from mcnav.report.figures import comparisons
 from mcnav.report.figures.agreement import forest
 from mcnav.report.format import interval, number, with_error
 from mcnav.report.names import humanize, labels_in
-from mcnav.report.statements import filter_verdict, sentences
+from mcnav.report.statements import details, verdicts
+from mcnav.report.statements.words import TONES
 from mcnav.statistics.estimates import Estimate
 from mcnav.store.manifest import Manifest
 from mcnav.units import conversion
@@ -70,7 +71,7 @@ class Row:
         """Finding in words."""
         if self.change is None or not np.isfinite(self.change.ratio):
             still = self.change is not None and self.change.before == self.change.after == 0.0
-            return sentences.NOT_DISTURBED if still else "nothing to compare"
+            return details.NOT_DISTURBED if still else "nothing to compare"
         if not np.isfinite(self.change.interval[1]):
             return "no interval"
         if not self.change.certain:
@@ -235,22 +236,22 @@ def terminal(
 
 def _verdict_table(titles: Sequence[str], summaries: Sequence[Summary]) -> Table[tuple[str, Summary]]:
     """Tabulate the verdicts on linear analysis and, where there is one, on the filter of each run."""
-    filters = any(filter_verdict.verdict(summary) for summary in summaries)
+    filters = any(summary.filter for summary in summaries)
 
     def on_linear(summary: Summary) -> str:
-        return sentences.headline(summary, ("means", "linear", "requirements"))
+        return verdicts.headline(summary, ("means", "linear", "requirements"))
 
     def of_filter(row: tuple[str, Summary]) -> Cell:
-        words = filter_verdict.verdict(row[1])
+        words = row[1].filter.verdict if row[1].filter else ""
         if not words:
             return Cell("–")
-        return Cell(words, tone=filter_verdict.TONES.get(words, ""), behind=filter_verdict.headline(row[1]))
+        return Cell(words, tone=TONES.get(words, ""), behind=row[1].filter_verdict)
 
     verdict: Column[tuple[str, Summary]] = Column(
         "Verdict",
         lambda row: Cell(
-            sentences.tone(row[1]),
-            tone=sentences.standing(row[1]),
+            verdicts.tone(row[1]),
+            tone=verdicts.standing(row[1]),
             behind=on_linear(row[1]),
         ),
         kind="words",
@@ -326,7 +327,7 @@ def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float, 
         Column("Change", lambda row: Cell(row.words, tone=CHANGED.get(row.words, "")), "change", "label"),
     ]
     caption = (
-        f"{words.title} of each run compared with {titles[0]}: Monte Carlo sigmas (paired estimates), their ratio, and "
+        f"{words.title} of each run compared with {titles[0]}. Monte Carlo sigmas (paired estimates), their ratio, and "
         f"the change of the mean ± one standard error. All intervals hold jointly at {100.0 * confidence:g} %."
     )
     if any(row.known.about_zero for row in rows):

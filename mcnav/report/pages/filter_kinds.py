@@ -16,9 +16,9 @@ from mcnav.report.drawing.figure import Figure
 from mcnav.report.drawing.marks import Axis, Line, Panel, Rule, Series, numbered
 from mcnav.report.format import number
 from mcnav.report.names import humanize
-from mcnav.report.statements.filter_verdict import TONES, WORSE
-from mcnav.report.statements.mean_words import mean_sentence
-from mcnav.report.statements.sweep_words import shown
+from mcnav.report.statements.means import mean_sentence
+from mcnav.report.statements.sweep import shown
+from mcnav.report.statements.words import TONES, WORST
 
 GROUPS: Final = ("navigation", "position", "velocity", "attitude")
 """Groups of errors in the data."""
@@ -62,7 +62,7 @@ def _verdict(comparison: KindComparison) -> Verdict:
     if comparison.variable is None:
         words = [f"{each.kind} is {each.verdict}" for each in comparison.results]
         tones = {TONES.get(each.verdict, "undecided") for each in comparison.results}
-        return Verdict(f"{'; '.join(words)}.", min(tones, key=WORSE.index))
+        return Verdict(f"{'; '.join(words)}.", max(tones, key=WORST.index))
     words = []
     for kind, begin in comparison.optimistic_from.items():
         at = None if begin is None else shown(comparison.variable, begin)

@@ -20,7 +20,7 @@ from mcnav.report.drawing.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.format import number
 from mcnav.report.names import scale_of
-from mcnav.report.statements.lincov_words import (
+from mcnav.report.statements.lincov import (
     cause_words,
     filter_words,
     final_means,

@@ -16,7 +16,6 @@ from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
 from mcnav.analysis.what_if import WhatIf
 from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report.columns.gates import gate_table
-from mcnav.report.columns.requirements import listed
 from mcnav.report.columns.share_table import ShareRow, each_cause, share_tables, together
 from mcnav.report.document.html import card_html
 from mcnav.report.document.parts import Answers, Folded, Note, Page, Part, Section, Sentence, Verdict, headed, joined
@@ -37,7 +36,8 @@ from mcnav.report.pages.lincov import (
 from mcnav.report.pages.run.sections.improvements import failing_linearly, improvements_section
 from mcnav.report.pages.run.sections.what_if import what_if_section
 from mcnav.report.results.left_out import not_modelled
-from mcnav.report.statements.sentences import BEYOND, noticed
+from mcnav.report.statements.details import BEYOND, remarks_in
+from mcnav.report.statements.words import listed
 
 EXPLANATION: Final = (
     "Linear analysis for normal errors; no number here is of samples. mcnav run tests it by Monte Carlo simulation."
@@ -70,7 +70,7 @@ def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = 
     faulty = answer.history is not None and bool(np.any(answer.history.means.get(NOMINAL, 0.0)))
     left_out, largest = not_modelled(answer.kind, answer.causes, faulty), largest_table(answer)
     verdict = Verdict(
-        f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION], noticed(answer.remarks)
+        f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION], remarks_in(answer.remarks)
     )
     smoothed = smoothed_table(answer)
     answers = Answers([final_table(answer), *(each for each in (largest, smoothed) if each.rows)])
@@ -109,7 +109,7 @@ def terminal(answer: LinearAnswer) -> list[Part]:
         smoothed_table(answer) if smoothed_rows(answer) else None,
         gate_table(answer),
     ]
-    remarks = [Sentence(remark, "undecided") for remark in noticed(answer.remarks)]
+    remarks = [Sentence(remark, "undecided") for remark in remarks_in(answer.remarks)]
     return [Verdict(words, tone), *(Sentence(*each) for each in others), *remarks, *joined(*tables)]
 
 
@@ -117,7 +117,7 @@ def card(answer: LinearAnswer, outages: drawn.Outages) -> str:
     """Write the answer as HTML for a notebook: verdict, requirements, sigmas with their causes, budget, over time."""
     answer, outages = _as_read(answer, outages)
     (words, tone), *others = statements(answer)
-    verdict = Verdict(f"{words}.", tone, [f"{sentence}." for sentence, _ in others], noticed(answer.remarks))
+    verdict = Verdict(f"{words}.", tone, [f"{sentence}." for sentence, _ in others], remarks_in(answer.remarks))
     asked = requirement_table(answer) if answer.requirements else None
     parts = joined(Sentence(STRONG(answer.campaign)), verdict, asked, final_table(answer))
     figures = [] if answer.beyond is not None else joined(drawn.budget(answer), drawn.sigmas(answer, outages))

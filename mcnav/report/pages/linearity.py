@@ -18,7 +18,8 @@ from mcnav.report.document.parts import Note, Page, Part, Section, Sentence, Ver
 from mcnav.report.document.table import EMPHASIS, Cell, Column, Table
 from mcnav.report.figures import linearity as drawn
 from mcnav.report.names import humanize, labels_of
-from mcnav.report.statements.linearity_words import (
+from mcnav.report.statements.linearity import (
+    JOINT,
     OF_NOISE,
     NoiseUse,
     answer,
@@ -26,7 +27,6 @@ from mcnav.report.statements.linearity_words import (
     multiple_words,
     without_sigma,
 )
-from mcnav.report.statements.sentences import JOINT
 
 ALL_AT_ONCE: Final = "all at once"
 

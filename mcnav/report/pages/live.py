@@ -14,7 +14,7 @@ from mcnav.report.format import number, signed
 from mcnav.report.names import humanize
 from mcnav.report.pages.lincov import SizeRow, final_rows, requirement_rows, statements
 from mcnav.report.pages.run.tiles import NAMES, status
-from mcnav.report.statements.sentences import statements as statements_on
+from mcnav.report.statements.verdicts import statements as statements_on
 
 EXPLANATION: Final = (
     "The campaign's file is watched, and this page follows it. Tune anew computes the linear covariance of the numbers "

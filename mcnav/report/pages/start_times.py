@@ -19,8 +19,8 @@ from mcnav.report.document.table import Cell, Column, Table, five_digits, label
 from mcnav.report.figures import start_times as drawn
 from mcnav.report.format import interval, number
 from mcnav.report.names import humanize, labels_of, scale_of
-from mcnav.report.statements.sentences import NOT_DISTURBED, output_words
-from mcnav.report.statements.start_time_words import answer, minutes
+from mcnav.report.statements.details import NOT_DISTURBED, output_words
+from mcnav.report.statements.start_times import answer, minutes
 from mcnav.units import conversion
 
 CONVENTIONS: Final = {
@@ -38,8 +38,8 @@ ALL_STARTS: Final = (
 )
 
 WEIGHTED: Final = (
-    "Weighted: root sum square of the {}{}, each divided by its weight in the campaign, or by its value for a "
-    "start at the first point."
+    "Weighted: root sum square of the {}{}, each divided by its weight. The weight is that of the campaign, or the "
+    "value for a start at the first point."
 )
 
 OF_KIND: Final = " of the {}"
@@ -146,7 +146,7 @@ def _best_table(study: StartTimeStudy, outputs: Sequence[Output]) -> Table[tuple
     ]
     what, size = ("root mean square", "") if study.means_matter else ("dispersion", " (1σ)")
     caption = (
-        f"Start with the smallest {what} for each output and for the weighted outputs, by linear analysis, and the "
+        f"Start with the smallest {what} for each output and for the weighted outputs, by linear analysis. Then the "
         f"{what}{size} of every output for that start."
     )
     return Table(caption, columns, list(places.items()))

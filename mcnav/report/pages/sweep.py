@@ -15,7 +15,7 @@ from mcnav.analysis.accuracy_measures import DRMS, SIGMA
 from mcnav.analysis.sweep import Point, Sweep, Variable
 from mcnav.files import to_json
 from mcnav.report.figures import sweep as drawn
-from mcnav.report.statements.sweep_words import met_words, verdict_at
+from mcnav.report.statements.sweep import met_words, verdict_at
 
 
 def frame(sweep: Sweep) -> pd.DataFrame:

@@ -21,8 +21,8 @@ from mcnav.report.figures import sweep as drawn
 from mcnav.report.format import interval, number
 from mcnav.report.names import humanize
 from mcnav.report.pages.sweep import frame
-from mcnav.report.statements import sentences
-from mcnav.report.statements.sweep_words import (
+from mcnav.report.statements import verdicts
+from mcnav.report.statements.sweep import (
     confirmation_rows,
     confirmed_words,
     disagreements,
@@ -136,9 +136,8 @@ def limit_table(sweep: Sweep) -> Table[_Limit]:
     ]  # fmt: skip
     at = f" At {'each value' if first[0].words else 'some values'} of {first[0].path}." if first else ""
     added = (
-        f" Values were added, {len(sweep.added)} in all, where the points of the grid are more than a factor of two or "
-        "a sixteenth of the range apart, and until the curve between neighbouring values bends by less than "
-        f"{100.0 * BEND:g} %, or by less than half its distance from the limit."
+        f" Between distant points of the grid values were added, {len(sweep.added)} in all. They end where the curve "
+        f"bends by less than {100.0 * BEND:g} %, or by less than half its distance from the limit."
     )
     caption = (
         f"Values of {last.path} at which a limit is met.{at}"
@@ -275,7 +274,7 @@ def _checks(sweep: Sweep) -> list[Part]:
         tone = verdict_at(sweep, each)
         folder = each.folder.relative_to(each.folder.parent.parent).as_posix()
         told = Markup('{} {} <a href="{}/report.html">Report</a>, {:,} samples.').format(
-            label(tone, tone), sentences.headline(each.summary), folder, each.summary.samples
+            label(tone, tone), verdicts.headline(each.summary), folder, each.summary.samples
         )
         requirements = requirement_table(sweep, each)
         parts += [

@@ -16,10 +16,11 @@ from mcnav.report.document.fitted_table import FittedTable, numbers, texts
 from mcnav.report.document.terminal_parts import COLOURS
 from mcnav.report.format import number, rounded
 from mcnav.report.names import humanize, shown_units
-from mcnav.report.statements import sentences
-from mcnav.report.statements.answer_words import Answer, answers, difference_bound
-from mcnav.report.statements.filter_verdict import TONES
-from mcnav.report.statements.joint_words import direction_words
+from mcnav.report.statements import verdicts
+from mcnav.report.statements.fields import difference_bound
+from mcnav.report.statements.joint import direction_words
+from mcnav.report.statements.verdicts import Statement, statements
+from mcnav.report.statements.words import TONES
 
 if TYPE_CHECKING:
     from mcnav.analysis.summary import FilterRatio, Summary
@@ -44,13 +45,13 @@ def screen(
     Parameters
     ----------
     epochs : mapping
-        As for `mcnav.report.statements.answer_words.answers`.
+        As for `mcnav.report.statements.verdicts.statements`.
     seconds : float, optional
         What its simulation took; none where all samples were stored.
     closing : sequence of str
         Last lines.
     """
-    shown = answers(summary, epochs)
+    shown = statements(summary, epochs)
     effort = f"{summary.samples:,} samples, " + ("stored" if seconds is None else f"{rounded(seconds, 2)} s")
     *above, title = textwrap.wrap(summary.campaign, WIDTH - len(effort) - 2)
     lines: list[RenderableType] = [Text(line, style="bold") for line in above]
@@ -59,16 +60,16 @@ def screen(
     for answer in shown:
         lines += _paragraph(answer, indent)
     lines += ["", _table(summary)]
-    advice = [answer.advice for answer in shown if answer.advice]
+    advice = [answer.next_step for answer in shown if answer.next_step]
     return Group(*lines, "", *advice, *closing)
 
 
-def _paragraph(answer: Answer, indent: int) -> list[Text]:
+def _paragraph(answer: Statement, indent: int) -> list[Text]:
     """Write an answer, and its further sentences below it."""
     word, *rest = textwrap.wrap(answer.sentence, WIDTH - indent)
     style, margin = f"bold {COLOURS[answer.tone]}", " " * indent
     lines = [Text(f"{answer.word:<{indent}}{word}", style=style), *(Text(margin + line, style=style) for line in rest)]
-    sentences_below = [*answer.further, *answer.warnings, *([f"Cause: {answer.cause}."] if answer.cause else [])]
+    sentences_below = [*answer.consequences, *answer.warnings, *([f"Cause: {answer.cause}."] if answer.cause else [])]
     further = [line for sentence in sentences_below for line in textwrap.wrap(sentence, WIDTH - indent)]
     return [*lines, *(Text(margin + line) for line in further)]
 
@@ -91,7 +92,7 @@ def _linear_table(summary: Summary) -> FittedTable:
         sigmas = (number(output.sigma_linear, DIGITS), number(output.sigma_paired, DIGITS))
         table.add(f"{INDENT}{humanize(output.name)}", f"[{output.unit}]", *sigmas, *_difference(output))
     joint = summary.joint
-    if joint is not None and joint.foremost is not None and sentences.tone(summary) == "partly":
+    if joint is not None and joint.foremost is not None and verdicts.tone(summary) == "partly":
         scale, unit = shown_units(summary)[joint.foremost.lead]
         if joint.cause == "mean":
             sigmas = ("0", number(joint.foremost.mean_error * scale, 3))

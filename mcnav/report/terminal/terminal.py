@@ -21,7 +21,7 @@ from mcnav.report.document.fitted_table import FittedTable, numbers, texts
 from mcnav.report.document.terminal_parts import COLOURS, fitted
 from mcnav.report.exports.export import partial_rows
 from mcnav.report.names import humanize, labels_of, scale_of
-from mcnav.report.statements import sentences, start_time_words
+from mcnav.report.statements import fields, start_times, verdicts
 
 if TYPE_CHECKING:
     from mcnav.analysis.comparison import Comparison
@@ -35,8 +35,9 @@ ELSEWHERE = "report.html or --format csv"
 def verdict(summary: Summary) -> RenderableType:
     """State the verdicts on linear analysis, requirements and filter in sentences, the worst first."""
     lines = []
-    for statement in sentences.statements(summary):
-        lines.append(Text(statement.words, style=f"bold {COLOURS[statement.tone]}"))
+    for statement in verdicts.statements(summary):
+        words = " ".join(filter(None, (statement.sentence, statement.next_step)))
+        lines.append(Text(words, style=f"bold {COLOURS[statement.tone]}"))
         lines += [Text(sentence) for sentence in (*statement.details, *statement.warnings)]
     return Group(*lines)
 
@@ -55,7 +56,7 @@ def _shown(value: float | None, form: str) -> str:
 def warnings(runs: Mapping[str, Summary]) -> RenderableType | None:
     """Warn of runs without a valid linear model; none where all have one."""
     result = [(name, summary.unsettled) for name, summary in runs.items()]
-    lines = [Text(f"{name}: {sentences.unsettled(reason)}", style="bold red") for name, reason in result if reason]
+    lines = [Text(f"{name}: {fields.unsettled(reason)}", style="bold red") for name, reason in result if reason]
     return Group(*lines) if lines else None
 
 
@@ -121,7 +122,7 @@ def best_starts(
         elif checked:
             cells += ["–", "not checked"]
         table.add(*(Text(cell, style=COLOURS.get(cell, "")) for cell in (label, *cells)))
-    return Group(Text(start_time_words.answer(study, checked, outputs), style="bold"), "", table)
+    return Group(Text(start_times.answer(study, checked, outputs), style="bold"), "", table)
 
 
 def checks(title: str, result: Sequence[tuple[str, bool, str]]) -> RenderableType:

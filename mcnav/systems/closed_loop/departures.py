@@ -43,8 +43,8 @@ def departures_from_twins(setup: Setup, result: SimulationResult, sigma: Array) 
     name, most = _largest(setup, result, slice(SAMPLES, None), SMALL_SHARE * sigma)
     if most > SMALL_DEPARTURE:
         return [
-            f"with a hundredth of all errors and noise a sample still departs from linear analysis by {most:.2g} of "
-            f"its sigma in {name}: something bends, jumps or rounds at the nominal"
+            f"something bends, jumps or rounds at the nominal: with a hundredth of all errors a sample still departs "
+            f"from linear analysis by {most:.2g} sigma in {name}"
         ]
     name, most = _largest(setup, result, slice(SAMPLES), sigma)
     if most > DEPARTURE:
@@ -78,7 +78,7 @@ def check_finite(readings: LinearSystem, names: tuple[str, ...]) -> None:
     output = names[int(np.argmin(known[epoch]))]
     raise ScenarioError(
         "type",
-        f"the loop diverges: the linear sigma of {output} is beyond all numbers at {readings.times[epoch]:.4g} s; is "
+        f"the loop diverges: the linear sigma of {output} is beyond all numbers at {readings.times[epoch]:.4g} s. Is "
         "the sign of a gain wrong, or the flight too long?",
     )
 

@@ -26,7 +26,7 @@ from mcnav.systems.closed_loop.simulation import simulate
 from mcnav.systems.closed_loop.sizes import LoopSizes, difference_steps
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.conditions import Conditions
-from mcnav.systems.guard import in_user_code, simulating
+from mcnav.systems.guard import simulating
 from mcnav.systems.sample_loop import join_results, simulate_alone
 from mcnav.systems.timeouts import SampleTimeout, within_limit
 from mcnav.systems.user.code import UserScenarioSpec
@@ -110,7 +110,7 @@ class ClosedLoopEngine:
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples; without noise their final outputs alone."""
-        with in_user_code(self.spec.code.file, simulating(batch, noise)):
+        with self.spec.running(simulating(batch, noise)):
             setup, noisy = self.set_up(), noise and self.noisy
             return self.each_alone(batch, lambda rows: simulate(setup, batch[rows], noisy, over_time=noise))
 
@@ -166,5 +166,5 @@ class ConditionalLoop:
 
             return self.engine.each_alone(batch[begin:end], of_piece)
 
-        with in_user_code(self.engine.spec.code.file, simulating(batch, noise=True)):
+        with self.engine.spec.running(simulating(batch, noise=True)):
             return join_results([together(begin) for begin in range(0, len(normals), self.engine.chunk)])

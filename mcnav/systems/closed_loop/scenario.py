@@ -47,7 +47,7 @@ from mcnav.systems.closed_loop.timeline import LoopTimeline, sized_processes
 from mcnav.systems.closed_loop.transitions import Linearization
 from mcnav.systems.gates import GatedFilter, fault_laws, gate_laws, rejection_laws
 from mcnav.systems.guard import LINEARIZING
-from mcnav.systems.user.code import UserScenarioSpec, ask
+from mcnav.systems.user.code import UserScenarioSpec
 
 Read = TypeVar("Read")
 
@@ -241,7 +241,7 @@ class ClosedLoopScenario(PlainScenario):
     def _linearized(self, run: Callable[[], Read], what: str = "its flight without any error failed") -> Read:
         """Run code of the user's without errors, or with small ones; what fails is a `ScenarioError`."""
         with self._object.recording(self.spec.code.file, LINEARIZING), np.errstate(all="ignore"):
-            return ask(self.spec.code.file, LINEARIZING, what, run)
+            return self.spec.ask(LINEARIZING, what, run)
 
     @cached_property
     def _chosen(self) -> tuple[int, ...]:
@@ -566,4 +566,4 @@ def without_errors(spec: UserScenarioSpec) -> LoopSizes:
 
 def _read_loop(spec: UserScenarioSpec, read: Callable[[], Read]) -> Read:
     """Read what a user's loop declares; `ScenarioError` when its code fails."""
-    return ask(spec.code.file, f"while {spec.name} was read", spec.name, read)
+    return spec.ask(f"while {spec.name} was read", spec.name, read)

@@ -170,7 +170,7 @@ def _near_updates(setup: Setup, event: Event, sigma: float) -> list[str]:
     near = max(sigma, SAME * setup.plan.end_time)
     after = next(number for number, instant in enumerate(setup.schedule) if instant.time >= time - near)
     instants = setup.schedule[max(after - 1, 0) : after + 2]
-    told = "samples end before or after it" if event.kind == "end" else "it comes before or after it"
+    told = "Samples end before or after it" if event.kind == "end" else "It comes before or after it"
     changes = [(instant, _change_at(setup, instant)) for instant in instants if abs(instant.time - time) <= near]
     at: dict[tuple[str, str], list[str]] = {}
     for instant, change in changes:
@@ -178,7 +178,7 @@ def _near_updates(setup: Setup, event: Event, sigma: float) -> list[str]:
             at.setdefault(change, []).append(f"{instant.time:.6g}")
     return [
         f"{_trigger_of(event)} is met at {time:.6g} s, within one sigma of the {what}{'s' * (len(times) > 1)} at "
-        f"{' and '.join(times)} s: {told}, and {meaning}"
+        f"{' and '.join(times)} s. {told}, and {meaning}"
         for (what, meaning), times in at.items()
     ]
 

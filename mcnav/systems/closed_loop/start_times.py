@@ -131,7 +131,7 @@ def check_starts(maps: Maps) -> None:
     """Raise `ScenarioError` where a later start has no meaning."""
     if maps.update is not None:
         raise ScenarioError(
-            "type", "start times: an update of its own has memory whose values at a later start are not known; make "
+            "type", "start times: an update of its own has memory whose values at a later start are not known. Make "
             "the start a setting of the class, which mcnav sweep varies",
         )  # fmt: skip
 
@@ -148,7 +148,7 @@ def plan_starts(loop: LoopTimeline, start: Array, schedule: tuple[Instant, ...])
     if moved:
         raise ScenarioError(
             "type", f"start times: the innovation of {moved[0]} is not zero without errors, so that the nominal flight "
-            "depends on when the navigator starts; make the start a setting of the class, which mcnav sweep varies",
+            "depends on when the navigator starts. Make the start a setting of the class, which mcnav sweep varies",
         )  # fmt: skip
     waiting = linearize(WaitingMaps.along(maps, linear), start, schedule, loop.sizes, None)
     latest = min(linear.event_times.values(), default=np.inf)

@@ -805,12 +805,12 @@ class Ins(PlainScenario):
                 apart = aided.difference_of_gains(shared, probes)
                 gains = f"gains along the truth, which change errors by at most {apart:.1e} of the filter's sigma"
             known = (
-                f"largest numerical error of {min(len(probes), PROBES)} probe samples {error:.1e} of the filter's "
+                f"Largest numerical error of {min(len(probes), PROBES)} probe samples {error:.1e} of the filter's "
                 "sigma or their own size"
                 if np.isfinite(error)
-                else "numerical error not measured, as there are too many steps to halve them"
+                else "Numerical error not measured, as there are too many steps to halve them"
             )
-            accuracy = f"deviations in inertial axes, {len(shared.ensemble.durations)} steps, {gains}; {known}"
+            accuracy = f"deviations in inertial axes, {len(shared.ensemble.durations)} steps, {gains}. {known}"
             if not smoothed:
                 return AidedEngine(aided, shared, schema, engine == "ensemble", accuracy)
             kept = 8 * (shared.white.size + 10 * len(self.navigation.times))

@@ -12,7 +12,7 @@ import types
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Final, TypeVar
 
@@ -20,7 +20,7 @@ from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile, OpenedFiles, SourceFile, find_inputs, record_opened_files
 from mcnav.systems.guard import call_user, in_user_code, raised_by
 from mcnav.systems.sample_loop import format_exception
-from mcnav.systems.timeouts import SampleTimeout, within_reading_limit
+from mcnav.systems.timeouts import SampleTimeout, time_limit, within_reading_limit
 from mcnav.systems.user.measured_noise import MeasuredNoise
 from mcnav.systems.user.settings import Value, to_argument
 
@@ -36,7 +36,7 @@ Result = TypeVar("Result")
 _MISSING: Final = object()
 
 
-def ask(file: str, doing: str, what: str, function: Callable[..., Result], *values: Any) -> Result:
+def _ask(file: str, doing: str, what: str, function: Callable[..., Result], *values: Any) -> Result:
     """Call a function of the user's besides samples, such as what gives partial derivatives.
 
     Parameters
@@ -99,12 +99,26 @@ class UserScenarioSpec:
     read : tuple of (str, str)
         Path and digest of every file that the object is known to read, besides those of its settings. Objects that
         read different contents are different objects.
+    limit : float, optional
+        Time limit of one sample, s: it holds for whatever any command lets the object do.
     """
 
     code: SourceFile
     name: str
     settings: tuple[tuple[str, Value], ...]
     read: tuple[tuple[str, str], ...] = ()
+    limit: float | None = field(default=None, compare=False)
+
+    @contextmanager
+    def running(self, doing: str) -> Iterator[None]:
+        """Run the object's code within its time limit; see `in_user_code`."""
+        with time_limit(self.limit), in_user_code(self.code.file, doing):
+            yield
+
+    def ask(self, doing: str, what: str, function: Callable[..., Result], *values: Any) -> Result:
+        """Call a function of the object besides samples; see `_ask`."""
+        with time_limit(self.limit):
+            return _ask(self.code.file, doing, what, function, *values)
 
     def build(self) -> Loaded:
         """Return the object, built once in each process; `ScenarioError` when it cannot be built."""
@@ -118,18 +132,19 @@ class UserScenarioSpec:
         known = _objects.get(self)
         if known is not None and _unchanged(known.inputs) and all(file.unchanged for file in self.declared):
             return known
-        loaded = _load_class(self.code, self.name)
+        with time_limit(self.limit):
+            loaded = _load_class(self.code, self.name)
         built = Loaded(None, dict(loaded.inputs))
         doing = f"while {self.name} was made"
         with built.recording(self.code.file, doing):
             make = partial(loaded.value, **{name: to_argument(value) for name, value in self.settings})
-            instance = ask(self.code.file, doing, f"{self.name} cannot be made", make)
+            instance = self.ask(doing, f"{self.name} cannot be made", make)
         return _cache(_objects, self, replace(built, value=instance))
 
     def member(self, name: str, default: Any = None) -> Any:
         """Return what the object gives by a name, or the default; `ScenarioError` when its code fails."""
         instance, where = self.build().value, f"{self.name}.{name}"
-        return ask(self.code.file, f"while it gave {where}", where, getattr, instance, name, default)
+        return self.ask(f"while it gave {where}", where, getattr, instance, name, default)
 
     def gives(self, name: str) -> bool:
         """Return whether the object has a member; `ScenarioError` when its code fails."""
@@ -219,7 +234,7 @@ def _execute(code: SourceFile) -> tuple[types.ModuleType, OpenedFiles]:
 
     try:
         with record_opened_files() as opened, _former_names_shown():
-            ask(code.file, "while it was read", f"{code.file} cannot be executed", execute)
+            _ask(code.file, "while it was read", f"{code.file} cannot be executed", execute)
     except ScenarioError:
         sys.modules.pop(module.__name__, None)
         raise

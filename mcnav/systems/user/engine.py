@@ -13,7 +13,7 @@ from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.systems.guard import call_user, in_user_code, simulating
+from mcnav.systems.guard import call_user, simulating
 from mcnav.systems.sample_loop import simulate_alone, simulate_each
 from mcnav.systems.timeouts import SampleTimeout, within_limit
 from mcnav.systems.user.code import UserScenarioSpec
@@ -35,7 +35,7 @@ class UserEngine:
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples."""
-        with in_user_code(self.spec.code.file, simulating(batch, noise)):
+        with self.spec.running(simulating(batch, noise)):
             return self._simulate(batch.errors)
 
     def _simulate(self, errors: Array) -> SimulationResult:

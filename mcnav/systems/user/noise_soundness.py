@@ -70,8 +70,8 @@ def check_without_noise(scenario: StochasticUserScenario) -> None:
     if not np.array_equal(one, other, equal_nan=True):
         raise ScenarioError(
             "type",
-            "is random without noise: draw all noise with standard_normal, normal, multivariate_normal, random or "
-            "uniform of the generator that fly is given, not with its bits or in compiled code",
+            "is random without noise: draw all noise with the generator that fly is given. Use its standard_normal, "
+            "normal, multivariate_normal, random or uniform, not its bits, and not in compiled code",
         )
 
 

@@ -31,7 +31,7 @@ from mcnav.entries.inputs import InputFile, with_unique_names
 from mcnav.systems.finite_differences import DifferencedModel, differentiate
 from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.histories import check_history
-from mcnav.systems.user.code import UserScenarioSpec, ask
+from mcnav.systems.user.code import UserScenarioSpec
 from mcnav.systems.user.engine import UserEngine
 from mcnav.systems.user.returned import numbers_of
 from mcnav.systems.user.settings import NAME, check_unit
@@ -184,7 +184,7 @@ class UserScenario(PlainScenario):
         shape = (*self.leading_shape, len(self.outputs), len(self.sources))
         file = self.spec.code.file
         with self._object.recording(file, LINEARIZING):
-            partials = ask(file, LINEARIZING, "partials", lambda: numbers_of(self._instance.partials(), "partials"))
+            partials = self.spec.ask(LINEARIZING, "partials", lambda: numbers_of(self._instance.partials(), "partials"))
         if partials.shape != shape or not np.isfinite(partials).all():
             message = f"partials must return finite numbers of shape {shape}; got {partials.shape}"
             raise ScenarioError("type", message)
@@ -235,7 +235,7 @@ class UserScenario(PlainScenario):
             return check_history(history)
 
         with self._object.recording(self.spec.code.file, LINEARIZING):
-            return ask(self.spec.code.file, LINEARIZING, "history", checked)
+            return self.spec.ask(LINEARIZING, "history", checked)
 
 
 def is_users(scenario: Scenario) -> TypeGuard[UserScenario]:

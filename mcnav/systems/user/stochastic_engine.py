@@ -18,7 +18,7 @@ from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.conditions import Conditions
-from mcnav.systems.guard import LINEARIZING, call_user, in_user_code, simulating
+from mcnav.systems.guard import LINEARIZING, call_user, simulating
 from mcnav.systems.sample_loop import SampleFailed, simulate_each
 from mcnav.systems.timeouts import Result, SampleTimeout, within_limit
 from mcnav.systems.user.code import UserScenarioSpec
@@ -70,7 +70,7 @@ class StochasticUserEngine:
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples, with their noise or without."""
-        with in_user_code(self.spec.code.file, simulating(batch, noise)):
+        with self.spec.running(simulating(batch, noise)):
             if not noise:
                 return self.without_noise(batch.errors)[0]
             return self.with_noise_of(batch, lambda row: sample_noise(batch.seed, int(batch.index[row])))
@@ -134,7 +134,7 @@ class StochasticUserEngine:
         There are none where the class draws no normals, or more than `MOST_NORMALS`: all noise is random then. Raises
         `ScenarioError` where a flight with one of them fails.
         """
-        with in_user_code(self.spec.code.file, LINEARIZING):
+        with self.spec.running(LINEARIZING):
             of_normals = self._of_normals()
         last = of_normals.shape[1] - 1
         rows = of_normals[:, [last] * len(outputs) if epochs is None else list(epochs), list(outputs)]
@@ -193,7 +193,7 @@ class StochasticUserEngine:
 
     def _once(self, call: Callable[[], Result]) -> Result:
         """Call a function that simulates once; `TimeoutError` when it exceeds the time limit of a sample."""
-        with in_user_code(self.spec.code.file, LINEARIZING):
+        with self.spec.running(LINEARIZING):
             try:
                 return within_limit(call)
             except SampleTimeout as late:
@@ -260,7 +260,7 @@ class ConditionalFlights:
             drawn = sample_noise(*key, NORMALS).standard_normal((1, known))
             return GivenNoise(*key, self.conditions.met(drawn, normals[row : row + 1])[0])
 
-        with in_user_code(self.engine.spec.code.file, simulating(batch, noise=True)):
+        with self.engine.spec.running(simulating(batch, noise=True)):
             return self.engine.with_noise_of(batch, noise)
 
 

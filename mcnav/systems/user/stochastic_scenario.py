@@ -30,7 +30,7 @@ from mcnav.contract.scenario import Scenario, ScenarioError, is_differenced
 from mcnav.systems.finite_differences import SHARES
 from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.sample_loop import SampleFailed, format_exception
-from mcnav.systems.user.code import UserScenarioSpec, ask
+from mcnav.systems.user.code import UserScenarioSpec
 from mcnav.systems.user.kept_differences import simulate_for_differences
 from mcnav.systems.user.kept_noise import noise_of
 from mcnav.systems.user.measured_noise import MeasuredNoise
@@ -64,7 +64,7 @@ def user_scenario(spec: UserScenarioSpec) -> UserScenario:
 def _takes_noise(spec: UserScenarioSpec) -> bool:
     """Return whether ``fly`` of a user's object takes noise; `ScenarioError` when its code fails."""
     where, instance = f"{spec.name}.fly", spec.build().value
-    return ask(spec.code.file, f"while it gave {where}", where, takes_noise, instance)
+    return spec.ask(f"while it gave {where}", where, takes_noise, instance)
 
 
 def takes_noise(instance: Any) -> bool:
@@ -140,9 +140,8 @@ class StochasticUserScenario(UserScenario):
         if not self.gives_noise_covariance:
             covariance = self.measured_noise.covariance
             return {NOISE: covariance.reshape(*self.leading_shape, *covariance.shape[1:])}
-        file = self.spec.code.file
-        with self._object.recording(file, LINEARIZING):
-            covariance = ask(file, LINEARIZING, "noise_covariance", lambda: self._instance.noise_covariance())
+        with self._object.recording(self.spec.code.file, LINEARIZING):
+            covariance = self.spec.ask(LINEARIZING, "noise_covariance", lambda: self._instance.noise_covariance())
         named = covariance if isinstance(covariance, Mapping) else {NOISE: covariance}
         if not named:
             raise ScenarioError("type", "noise_covariance must name at least one process; got none")
@@ -249,8 +248,8 @@ class TimedUserScenario(StochasticUserScenario):
 
     def _epochs(self) -> Epochs:
         """Read the class's epochs: `Epochs`, or times in seconds."""
-        given, file = self.spec.member("epochs"), self.spec.code.file
-        given = ask(file, f"while it gave {self.spec.name}.epochs", "epochs", given) if callable(given) else given
+        given = self.spec.member("epochs")
+        given = self.spec.ask(f"while it gave {self.spec.name}.epochs", "epochs", given) if callable(given) else given
         try:
             epochs = given if isinstance(given, Epochs) else Epochs("time [s]", given)
             times = numbers_of(epochs.times, "epochs")

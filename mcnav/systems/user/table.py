@@ -23,6 +23,7 @@ from mcnav.errors import suggestion
 from mcnav.files import INPUTS, TextError, read_whole, text_of
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.description import CLASS_IN_FILE, ScenarioSpec
+from mcnav.systems.timeouts import current_limit
 from mcnav.systems.user.code import UserScenarioSpec, load_class
 from mcnav.systems.user.scenario import is_users
 from mcnav.systems.user.settings import Declared, Value, read_value, settings_of
@@ -82,7 +83,7 @@ def read_class(table: UserTable, entries: Mapping[str, Any], context: FileContex
         return None
     files = {key: f"{INPUTS}/{value.name}" for key, value in settings.items() if isinstance(value, InputFile)}
     resolved = {**entries, **files, "type": f"{code.file}:{named['name']}"}
-    spec = UserScenarioSpec(code, named["name"], tuple(settings.items()))
+    spec = UserScenarioSpec(code, named["name"], tuple(settings.items()), limit=current_limit())
     return Described(spec, resolved, spec.declared)
 
 

@@ -114,7 +114,8 @@ def test_one_sigma_that_is_wrong_decides() -> None:
     assert departure.interval[0] < 1.2 < departure.interval[1]
     assert (departure.begin, departure.end) == (0.0, 4.0)
     low, high = departure.interval
-    assert f"{departure.factor:.3g} ({low:.3g} to {high:.3g}) in tilt z from 0 s on." in sentence(found)
+    factor = f"{departure.factor:.3g} ({low:.3g} to {high:.3g})"
+    assert f"In tilt z the factor is {factor} from 0 s on." in sentence(found)
 
 
 def test_two_sigmas_wrong_in_opposite_directions_do_not_cancel() -> None:
@@ -182,7 +183,7 @@ def test_a_pessimistic_filter_and_one_that_is_both() -> None:
     both = assessed(drawn(2_000, np.repeat([1.4, 0.7, 1.0], 3)))
     assert (both.verdict, both.group) == (Honesty.OPTIMISTIC, "position")
     assert "is optimistic by a factor of 1.4" in sentence(both)
-    assert ", and pessimistic by a factor of 1.4" in sentence(both)
+    assert "The filter is pessimistic by a factor of 1.4" in sentence(both)
     assert [(each.verdict, each.name, each.size) for each in both.departures[::2]] == [
         (Honesty.OPTIMISTIC, "position", 3), (Honesty.PESSIMISTIC, "velocity", 3),
     ]  # fmt: skip
@@ -272,7 +273,7 @@ def test_variances_of_zero_are_told_in_words() -> None:
     assert assessed(scalar(many, np.ones((10_000, 2)))).verdict == Honesty.CONSISTENT
     overlooking = assessed(scalar(many, np.tile([0.0, 1.0], (10_000, 1))))
     assert (overlooking.verdict, overlooking.factor, overlooking.output) == (Honesty.OPTIMISTIC, None, "position")
-    words = "The filter is optimistic: it states no variance of position, whose error is not zero."
+    words = "The filter is optimistic: it computes no variance of position, whose error is not zero."
     assert sentence(overlooking) == words
     small = assessed(scalar(many * [1e-3, 1.0], np.tile([0.0, 1.0], (10_000, 1))))
     assert small.verdict == Honesty.UNDECIDED

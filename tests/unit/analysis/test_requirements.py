@@ -14,7 +14,7 @@ from mcnav.analysis.requirements import (
     judge_requirement,
     requirements_from,
 )
-from mcnav.report.statements import sentences
+from mcnav.report.statements import verdicts
 from mcnav.statistics.normal_box import normal_box_probability
 from mcnav.statistics.normal_size import size_quantile
 from mcnav.store.manifest import RequirementRecord
@@ -257,17 +257,22 @@ def test_requirements_have_a_say_beside_the_verdict(findings: list[str], sentenc
     """The headline tells both, the worst first; it is green only when all is well."""
     keys = {
         "verdict_matrix": "agrees",
-        "sigma_linear": [1.0],
+        "sigma_linear": [1.0, 1.0],
+        "outputs": [{"name": "x", "unit": "m"}, {"name": "y", "unit": "m"}],
         "requirements": list(map(summaries.requirement, findings)),
     }
-    agrees, differs = summaries.summary(**keys), summaries.summary(**keys, verdict="differs")
-    yes, no = (
-        "Yes: the linear covariance analysis can be trusted here.",
-        "No: the linear covariance analysis does not hold here.",
+    agrees, differs = (
+        summaries.summary(**keys, verdict=verdict, verdicts=[verdict, "agrees"]) for verdict in ("agrees", "differs")
     )
-    worst_first = (sentence, yes) if standing == "partly" else (yes, sentence)
-    assert sentences.headline(agrees) == " ".join(filter(None, worst_first))
-    assert sentences.standing(agrees) == standing
-    assert sentences.tone(agrees) == "agrees"
-    assert sentences.headline(differs) == " ".join(filter(None, (no, sentence)))
-    assert sentences.standing(differs) == "differs"
+    yes, no = (
+        "Every sigma is right, and so is the full covariance matrix.",
+        "The linear sigma is wrong for x.",
+    )
+    worst_first = (sentence, yes)
+    assert verdicts.headline(agrees) == " ".join(filter(None, worst_first))
+    assert verdicts.standing(agrees) == standing
+    assert verdicts.tone(agrees) == "agrees"
+    assert verdicts.headline(differs) == " ".join(
+        filter(None, (sentence, no) if "not met" in findings else (no, sentence))
+    )
+    assert verdicts.standing(differs) == "differs"

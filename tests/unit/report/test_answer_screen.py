@@ -12,7 +12,7 @@ from rich.text import Text
 from mcnav._types import Array
 from mcnav.analysis.summary import Summary
 from mcnav.report.document.fitted_table import OpenConsole
-from mcnav.report.statements.answer_words import answers
+from mcnav.report.statements.verdicts import statements
 from mcnav.report.terminal.answer_screen import screen
 from mcnav.workflow.stored_summary import stored_summary
 from tests.conftest import ROOT
@@ -90,18 +90,22 @@ def test_the_thinnest_direction_is_called_so_only_where_it_is(reentry: Summary) 
         ({"verdict": "differs", "verdicts": ["agrees", "differs", "agrees", "differs"]}, "NO",
          "The linear sigmas are wrong for range and range rate."),
         ({"verdict": "undecided", "samples_needed": [None, 5_000, None, None]}, "UNDECIDED",
+         "The full covariance matrix is wrong. 1,000 samples do not decide whether every sigma is right."),
+        ({"verdict": "undecided", "verdict_matrix": None}, "UNDECIDED",
          "1,000 samples do not decide whether every linear sigma is right."),
     ],
 )  # fmt: skip
 def test_each_verdict(reentry: Summary, keys: dict[str, Any], word: str, sentence: str) -> None:
-    (answer,) = answers(reentry.model_copy(update=keys), NONE)
+    (answer,) = statements(reentry.model_copy(update=keys), NONE)
     assert (answer.word, answer.sentence) == (word, sentence)
     assert _printed(reentry.model_copy(update=keys))
 
 
 def test_what_is_needed_is_said(reentry: Summary) -> None:
-    few = reentry.model_copy(update={"verdict": "undecided", "samples_needed": [None, 5_000, None, None]})
-    assert answers(few, NONE)[0].advice == "Run about 5,000 samples to decide."
+    few = reentry.model_copy(
+        update={"verdict": "undecided", "verdict_matrix": None, "samples_needed": [None, 5_000, None, None]}
+    )
+    assert statements(few, NONE)[0].next_step == "Run about 5,000 samples to decide."
 
 
 def test_an_optimistic_filter_comes_first(reentry: Summary) -> None:
@@ -112,10 +116,10 @@ def test_an_optimistic_filter_comes_first(reentry: Summary) -> None:
         "sigma range [m]": np.array([1.0, 2_500.0]),
         "filter sigma range [m]": np.array([1.0, 1_000.0]),
     }
-    first, second = answers(wrong, epochs)
+    first, second = statements(wrong, epochs)
     assert first.word == "NO"
     assert first.sentence == "Do not trust this filter's covariance: range errors are 2.5 times what it computes."
-    assert first.further == (
+    assert first.consequences == (
         "Worst: range at 3 min, true 2.5 km, filter 1.0: 2.5 times (95 %: 2.1 to 3.0).",
         "NIS hardly shows it: 2.0 where 2 is expected.",
     )
@@ -130,7 +134,7 @@ def test_an_optimistic_filter_comes_first(reentry: Summary) -> None:
 
 def test_a_consistent_filter(reentry: Summary) -> None:
     right = Summary.of(reentry.to_json() | {"filter": _filter(verdict="consistent", departures=[])})
-    said = [answer.sentence for answer in answers(right, NONE)]
+    said = [answer.sentence for answer in statements(right, NONE)]
     assert "The covariance that the filter computes is that of its errors, within 10 %." in said
     assert "P S P'" in _printed(right)
 

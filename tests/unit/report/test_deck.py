@@ -69,8 +69,8 @@ def test_what_is_said_of_an_instant() -> None:
     known = of(dispersion(), dispersion(route="filter", scale=0.25))
     assert known.worst == 1
     assert known.words_at(1) == (
-        "At 10 s, the 95 % ellipse of the navigation error is ±16.4 m by ±6.54 m by Monte Carlo, ±8.20 m by ±3.27 m as "
-        "the filter claims. Then: gnss outage."
+        "95 % ellipse of the navigation error at 10 s: ±16.4 m × ±6.54 m (Monte Carlo), ±8.20 m × ±3.27 m (filter). "
+        "Then: gnss outage."
     )
     assert known.words_at(2).endswith("Then: gnss with 25 % of its updates rejected.")
     assert "Then" not in known.words_at(0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mcnav.analysis.filter_consistency import FilterConsistency, Finding, Honesty
-from mcnav.report.statements import filter_figure_words as words
+from mcnav.report.figures import filter_captions as words
 from tests.filters import consistency
 
 

@@ -21,7 +21,7 @@ from mcnav.report.document.table import Cell, Table
 from mcnav.report.drawing.strip import Strip
 from mcnav.report.format import number, rounded
 from mcnav.report.results.filter_summary import filter_entries
-from mcnav.report.statements import filter_verdict
+from mcnav.report.statements import details
 from mcnav.report.terminal import terminal
 from tests import summaries
 from tests.filters import OUTPUTS, TIMES, consistency
@@ -54,25 +54,24 @@ def rows(found: FilterConsistency | None, sigma: float | None = 2.0) -> list[Fil
 
 
 def test_no_filter() -> None:
-    told = (filter_verdict.verdict, filter_verdict.headline, filter_verdict.explanation)
-    assert [said(summary(None)) for said in told] == ["", "", ""]
+    assert summary(None).filter_verdict == details.explanation_of_filter(summary(None)) == ""
     assert rows(None) == []
 
 
 def test_an_optimistic_filter_and_what_it_neglects() -> None:
     """The verdict names the largest error; the explanation all that matter, and what the sigmas are."""
     found = consistency(3.3, neglected=NEGLECTED)
-    assert filter_verdict.headline(summary(found)) == (
-        "The filter is optimistic by a factor of 3.30 in position as a group and 3.27 (2.94 to 3.60) in position north "
-        "from 20 to 24 min; the largest error that it neglects is gyro scale factor z (70 %)."
+    assert summary(found).filter_verdict == (
+        "The filter is optimistic by a factor of 3.30 in position as a group from 20 to 24 min. In position north the "
+        "factor is 3.27 (2.94 to 3.60). Largest unmodelled error: gyro scale factor z (70 %)."
     )
-    assert filter_verdict.explanation(summary(found)) == (
-        "Neglected errors: gyro scale factor z 70 %, initial tilt 30 %."
+    assert details.explanation_of_filter(summary(found)) == (
+        "Unmodelled errors: gyro scale factor z 70 %, initial tilt 30 %."
     )
     worst = found.outputs[0]
     assert filter_tables.at_worst(found) == (
-        f"At 24 min 1σ of position north is {worst.true[24]:.1f} m; the filter states {worst.filter[24]:.1f} m "
-        "(factor of this output alone: 3.27)."
+        f"At 24 min 1σ of position north is {worst.true[24]:.1f} m; the filter computes {worst.filter[24]:.1f} m "
+        "(3.27 times)."
     )
     neglected = [[cell.text for cell in row.values()] for row in page(foremost_neglected(summary(found)))]
     assert neglected == [
@@ -98,15 +97,15 @@ def test_the_ratio_farthest_from_one_of_a_consistent_filter() -> None:
 
 
 def test_a_single_neglected_error_is_named_once() -> None:
-    assert filter_verdict.explanation(summary(consistency(3.3, neglected=NEGLECTED[:1]))) == ""
+    assert details.explanation_of_filter(summary(consistency(3.3, neglected=NEGLECTED[:1]))) == ""
 
 
 def test_a_remark_that_is_the_verdict_is_not_repeated() -> None:
     """Where nothing could be decided the verdict is the first remark."""
     remarks = ("Every sample failed.", "Gnss never updated the filter.")
     found = replace(consistency(), verdict=Honesty.UNDECIDED, factor=None, remarks=remarks)
-    assert filter_verdict.headline(summary(found)) == "Undecided: every sample failed."
-    assert filter_verdict.explanation(summary(found)) == remarks[1]
+    assert summary(found).filter_verdict == "Undecided: every sample failed."
+    assert details.explanation_of_filter(summary(found)) == remarks[1]
 
 
 @pytest.mark.parametrize(("factor", "word"), [(1.0, "consistent"), (3.3, "optimistic"), (0.5, "pessimistic")])

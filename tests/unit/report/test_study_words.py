@@ -11,8 +11,8 @@ from mcnav.analysis.linearity import DispersionRange
 from mcnav.contract.history import StartClock
 from mcnav.contract.quantities import Output
 from mcnav.linear.start_times import StartTimeStudy
-from mcnav.report.statements.linearity_words import answer
-from mcnav.report.statements.start_time_words import answer as start_answer
+from mcnav.report.statements.linearity import answer
+from mcnav.report.statements.start_times import answer as start_answer
 
 OUTPUTS = (Output("range", "m", "km"), Output("altitude", "m", "km"))
 
@@ -28,17 +28,17 @@ def ranges(agrees: list[float]) -> DispersionRange:
     ("agrees", "words"),
     [
         ([2.5, np.inf, 3.0], "may grow by a factor of 2.5: up to it every sigma is shown to be within ±5 % of the "
-         "linear one, and beyond it range is the first that is not. Their joint distribution agrees up to a factor "
+         "linear one. Beyond it, range is the first that is not. Their joint distribution agrees up to a factor "
          "of 3."),
         ([np.inf, np.inf, np.inf], "may grow by a factor of 50, the largest tried: every sigma is shown to be within "
          "±5 % of the linear one. Their joint distribution agrees at all multiples tried."),
         ([2.0, 0.5, 0.3], "are too large: only up to 0.5 times them is every sigma shown to be within ±5 % of the "
-         "linear one; altitude is the first that is not. Their joint distribution agrees only up to 0.3 times "
+         "linear one. First beyond: altitude. Their joint distribution agrees only up to 0.3 times "
          "the stated"),
         ([0.1, np.nan, 0.1], "At no multiple is every sigma shown to be within ±5 % of the linear one: range is not at "
          "the smallest multiple tried, 0.1. Their joint distribution is not shown to agree even at 0.1 times"),
         ([np.nan, np.inf, np.nan], "may grow by a factor of 50, the largest tried: every"),
-        ([np.nan, np.nan, np.nan], "No output is disturbed by any error"),
+        ([np.nan, np.nan, np.nan], "No error source acts on any output"),
     ],
 )  # fmt: skip
 def test_by_what_factor(agrees: list[float], words: str) -> None:
@@ -55,13 +55,13 @@ def study(weighted: list[float]) -> StartTimeStudy:
 
 def test_when() -> None:
     middle = start_answer(study([4.0, 1.0, 2.0]), {}, OUTPUTS)
-    assert middle.startswith("Start at −20.0 min from reentry: of the starts compared, the weighted dispersion of all")
-    assert "0.25 times that of a start at the first point." in middle
+    assert middle.startswith("Start at −20.0 min from reentry: the weighted dispersion of all")
+    assert "It is 0.25 times the value at the first point." in middle
     assert middle.endswith("Single outputs have their best starts from −30.0 (altitude) to −20.0 (range).")
     first, last = (start_answer(study(weighted), {}, OUTPUTS) for weighted in ([1.0, 2.0, 3.0], [3.0, 2.0, 1.0]))
     assert first.startswith("Start at the first point, −30.0 min from reentry")
-    assert "an earlier start is not looked at" in first
-    assert "It is the latest start compared; a later one is not looked at." in last
+    assert "An earlier start was not compared." in first
+    assert "It is the latest start compared. A later start was not compared." in last
 
 
 def test_a_start_with_the_smallest_sigma_is_not_the_best_where_its_mean_error_is_large() -> None:
@@ -71,8 +71,8 @@ def test_a_start_with_the_smallest_sigma_is_not_the_best_where_its_mean_error_is
     assert ranked.best_weighted == 2
     assert list(ranked.best) == [2, 0]
     told = start_answer(ranked, {}, OUTPUTS)
-    assert told.startswith("At 1 of 3 start times a mean error exceeds its sigma: that of range is +0.005")
-    assert "Start at −10.0 min from reentry: of the starts compared, the weighted root mean square is" in told
+    assert told.startswith("At 1 of 3 start times a mean error exceeds its sigma. Worst: the mean error of range for")
+    assert "Start at −10.0 min from reentry: the weighted root mean square is" in told
 
 
 def test_when_errors_are_beyond_the_range_of_linear_analysis() -> None:

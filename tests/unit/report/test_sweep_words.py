@@ -15,14 +15,7 @@ from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
 from mcnav.contract.quantities import Output
 from mcnav.report.figures.sweep import boundary_table, contour_levels, contour_lines
 from mcnav.report.pages.sweep import frame
-from mcnav.report.statements.sweep_words import (
-    NOT_SIMULATED,
-    common_spans,
-    confirmed_words,
-    headline,
-    met_words,
-    remarks,
-)
+from mcnav.report.statements.sweep import NOT_SIMULATED, common_spans, confirmed_words, headline, met_words, remarks
 from tests.summaries import requirement, summary
 
 OUTPUTS = (Output("range", "m", "km"), Output("altitude", "m", "km"))
@@ -121,7 +114,7 @@ def test_a_linear_headline_is_taken_back_where_monte_carlo_disagrees() -> None:
         (("agrees", "agrees"), "not met", "agrees", "disagrees with linear analysis at 1 of 1 points", "differs"),
         (("differs", "agrees"), "met", "agrees", "do not rely on the linear numbers there", "differs"),
         (("agrees", "undecided"), "met", "agrees", "does not decide at 1 of 1 points", "undecided"),
-        (("agrees", "agrees"), "met", "differs", "except for the joint distribution", "partly"),
+        (("agrees", "agrees"), "met", "differs", "The full covariance matrix differs", "partly"),
     ],
 )
 def test_monte_carlo(verdicts: tuple[str, str], finding: str, joint: str, words: str, tone: str) -> None:
@@ -137,7 +130,7 @@ def test_a_run_that_an_index_calls_different_is_not_said_to_agree() -> None:
         known.confirmations[0], summary=known.confirmations[0].summary.model_copy(update={"verdict": "differs"})
     )
     stated, tone = confirmed_words(replace(known, confirmations=(run,)))
-    assert stated.endswith("other outputs differ at 1 of them")
+    assert stated.endswith("Other outputs differ at 1 of them")
     assert tone == "partly"
 
 

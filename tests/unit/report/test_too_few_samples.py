@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mcnav.report.statements.sentences import explanation
+from mcnav.report.statements.details import explanation
 from mcnav.sampler.designs import FEWEST_BLOCKS, SamplingDesign, fewest_samples
 from tests.summaries import summary
 

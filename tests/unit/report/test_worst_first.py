@@ -11,15 +11,15 @@ from rich.console import Console
 
 from mcnav.analysis.summary import Summary
 from mcnav.report.results.filter_summary import filter_entries
-from mcnav.report.statements import sentences
+from mcnav.report.statements import verdicts
 from mcnav.report.terminal import terminal
 from tests import summaries
 from tests.filters import consistency
 
 BEGINNINGS = {
-    ("linear", "agrees"): "Yes: the linear", ("linear", "differs"): "No: the linear",
+    ("linear", "agrees"): "Linear covariance predicts every sigma", ("linear", "differs"): "The linear sigmas are wrong",
     ("requirements", "agrees"): "Requirements: 1 of 1 met.", ("requirements", "differs"): "Requirements: 0 of 1 met",
-    ("filter", "agrees"): "The filter is consistent", ("filter", "differs"): "The filter is optimistic",
+    ("filter", "agrees"): "The covariance that the filter computes", ("filter", "differs"): "Do not trust this filter",
 }  # fmt: skip
 
 
@@ -37,19 +37,19 @@ def run(linear: str, requirement: str, factor: float) -> Summary:
     list(product(("agrees", "differs"), ("met", "not met"), (1.0, 3.3))),
 )
 def test_what_fails_is_said_first(linear: str, requirement: str, factor: float) -> None:
-    """Of linear analysis, requirements and filter in that order, those that fail, then the others."""
+    """Of requirements, filter and linear analysis in that order, those that fail, then the others."""
     tones = {
-        "linear": linear,
         "requirements": "agrees" if requirement == "met" else "differs",
         "filter": "agrees" if factor == 1.0 else "differs",
+        "linear": linear,
     }
     expected = [subject for tone in ("differs", "agrees") for subject in tones if tones[subject] == tone]
     summary = run(linear, requirement, factor)
-    assert [each.subject for each in sentences.statements(summary)] == expected
+    assert [each.subject for each in verdicts.statements(summary)] == expected
     console = Console(file=StringIO(), width=1_000)
     console.print(terminal.verdict(summary))
     assert isinstance(console.file, StringIO)
-    for told in (console.file.getvalue(), sentences.headline(summary)):
+    for told in (console.file.getvalue(), verdicts.headline(summary)):
         places = [told.index(BEGINNINGS[subject, tones[subject]]) for subject in expected]
         assert places == sorted(places)
         assert places[0] == 0

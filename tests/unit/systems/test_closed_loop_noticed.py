@@ -200,7 +200,7 @@ def test_mistakes_get_one_line(tmp_path: Path, changes: str, told: str) -> None:
         ("    measurements = (Measurement('ranging', 'm', lambda truth: truth.x, instants=[100.0]),)\n",
          "the filter has no measurement within the flight"),
         (PUSH.format("Trigger(lambda time, truth: time - 4.5 + 0.5 * truth.x, latest=9.0)"),
-         "the trigger of push is met at 4.5 s, within one sigma of the measurements at 4 and 5 s: it comes before or"),
+         "the trigger of push is met at 4.5 s, within one sigma of the measurements at 4 and 5 s. It comes before or"),
         (PUSH.format("Trigger(lambda time, truth: 1e-2 * (time - 4.5) + truth.x, latest=9.0)"),
          "the trigger of push grazes: one sigma of its time is"),
         ("    end = Trigger(lambda time: time - 8.0, latest=50.0)\n", "within one sigma of the measurement at 8 s"),

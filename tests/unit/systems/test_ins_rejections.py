@@ -9,9 +9,9 @@ import pytest
 
 from mcnav._types import Array
 from mcnav.config.read import parse_campaign
+from mcnav.systems.ins.ensemble.filter_system import filter_system
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 from mcnav.systems.ins.linear.covariance import output_map
-from mcnav.systems.ins.linear.filter_system import filter_system
 from mcnav.systems.ins.scenario import Ins
 
 DIGITS = 1e-8

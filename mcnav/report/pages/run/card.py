@@ -11,13 +11,13 @@ from mcnav.report.figures.run_budget import budget
 from mcnav.report.pages.run.sections.answers import answers
 from mcnav.report.pages.run.tiles import tiles
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements import sentences
+from mcnav.report.statements import verdicts
 
 
 def run_card(content: RunAnalysis) -> str:
     """Write a run as HTML, with its verdicts, the worst first."""
     summary = content.summary
-    stated = tiles(summary, sentences.statements(summary), (), content.time_unit)
+    stated = tiles(summary, verdicts.statements(summary), (), content.time_unit)
     parts: list[Part] = [Sentence(STRONG(summary.campaign)), Tiles(stated), *joined(answers(content))]
     if content.dispersed:
         over_time = envelopes(content)

@@ -176,9 +176,11 @@ class Deck:
 
     def words_at(self, k: int) -> str:
         """Say what there is at an instant: ellipses by each method, largest causes, and what happens then."""
-        parts = [f"At {instant(float(self.times[k]), self.label)}"]
-        parts += [words for kind in SUBJECTS if (words := self._ellipses(kind, k))]
-        sentences = ["; ".join(parts).replace("; ", ", ", 1) + "."]
+        ellipses = [
+            (f"{what} of the {SUBJECTS[kind]}", sizes) for kind in SUBJECTS for what, sizes in self._ellipses(kind, k)
+        ]
+        when = f" at {instant(float(self.times[k]), self.label)}"
+        sentences = [f"{subject}{'' if number else when}: {sizes}." for number, (subject, sizes) in enumerate(ellipses)]
         if self.shares.size and self.shares[k].any():
             largest = [j for j in np.argsort(-self.shares[k], kind="stable")[:NAMED] if self.shares[k, j] >= 0.005]
             listed = ", ".join(f"{self.causes[j].label} {100.0 * self.shares[k, j]:.0f} %" for j in largest)
@@ -188,25 +190,24 @@ class Deck:
             sentences.append(f"Then: {', '.join(happening)}.")
         return " ".join(sentences)
 
-    def _ellipses(self, kind: Kind, k: int) -> str:
-        routes = [each for each in self.dispersions if each.kind == kind]
+    def _ellipses(self, kind: Kind, k: int) -> list[tuple[str, str]]:
+        """Return what is drawn of a kind of errors, and its sizes by method; nothing where there is none."""
+        routes = [dispersion for dispersion in self.dispersions if dispersion.kind == kind]
         if not routes:
-            return ""
-        by = {"Monte Carlo": "by Monte Carlo", "linear": "by linear analysis", "filter": "as the filter claims"}
-        sizes = ", ".join(f"{_size(*each.axes_at(k))} {by[each.route]}" for each in routes)
-        what = "95 % interval" if routes[0].single else "95 % ellipse"
-        return f"the {what} of the {SUBJECTS[kind]} is {sizes}"
+            return []
+        sizes = ", ".join(f"{_size(*dispersion.axes_at(k))} ({dispersion.route})" for dispersion in routes)
+        return [("95 % interval" if routes[0].single else "95 % ellipse", sizes)]
 
 
 def _size(large: float, small: float) -> str:
     """Put semi-axes in words.
 
     >>> _size(14.92, 8.0), _size(12_345.0, 0.0)
-    ('±14.9 m by ±8.00 m', '±12.3 km')
+    ('±14.9 m × ±8.00 m', '±12.3 km')
     """
     if small <= 1e-6 * large:
         return f"±{_length(large)}"
-    return f"±{_length(large)} by ±{_length(small)}"
+    return f"±{_length(large)} × ±{_length(small)}"
 
 
 def _length(metres: float) -> str:

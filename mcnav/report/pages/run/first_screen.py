@@ -14,11 +14,12 @@ from mcnav.report.drawing.figure import Figure
 from mcnav.report.format import number
 from mcnav.report.names import shown_units
 from mcnav.report.pages.run.sections.improvements import failing_in_run, remedy
-from mcnav.report.pages.run.tiles import NAMES, requirement_in_brief, worst_first
+from mcnav.report.pages.run.tiles import NAMES
 from mcnav.report.pages.run.worst_case import worst_case
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements.answer_words import Answer, answers
-from mcnav.report.statements.joint_words import direction_words
+from mcnav.report.statements.joint import direction_words
+from mcnav.report.statements.requirements import requirement_in_brief, worst_first
+from mcnav.report.statements.verdicts import Statement, statements
 
 REQUIREMENTS: Final = 3
 """Requirements listed where there are more than one more; the section on requirements has all."""
@@ -55,10 +56,10 @@ def first_screen(content: RunAnalysis, drawn: Mapping[str, Figure], tiles: Seque
         Of the same verdicts; each says which section is on its subject.
     """
     epochs = content.folder.epochs()
-    foremost, *others = answers(content.summary, {} if epochs is None else epochs[0])
+    foremost, *others = statements(content.summary, None if epochs is None else epochs[0])
     by_subject = {tile.subject: tile for tile in tiles}
     tile = by_subject[NAMES[foremost.subject]]
-    figure = _figure(content, drawn, tile, bool(foremost.further))
+    figure = _figure(content, drawn, tile, bool(foremost.consequences))
     beside = joined(
         _facts(content, foremost),
         _others(others, by_subject),
@@ -104,8 +105,8 @@ def _along(content: RunAnalysis) -> str:
     return f"Sigma along the {words}: {simulated} simulated, {linear} linear."
 
 
-def _consequences(answer: Answer) -> list[str]:
-    return [*([answer.advice] if answer.advice else []), *answer.further]
+def _consequences(answer: Statement) -> list[str]:
+    return [*([answer.next_step] if answer.next_step else []), *answer.consequences]
 
 
 def _warnings(tiles: Sequence[Tile]) -> list[str]:
@@ -118,7 +119,7 @@ def _warnings(tiles: Sequence[Tile]) -> list[str]:
     return [LINK(link, count) if link else count]
 
 
-def _facts(content: RunAnalysis, answer: Answer) -> Facts | None:
+def _facts(content: RunAnalysis, answer: Statement) -> Facts | None:
     """Name the cause, and the number whose improvement helps most; none where neither is known."""
     fails = answer.tone == "differs" and answer.subject in ("filter", "requirements")
     best = remedy(content.what_if, content.manifest.model.outputs, failing_in_run(content)) if fails else ""
@@ -126,7 +127,7 @@ def _facts(content: RunAnalysis, answer: Answer) -> Facts | None:
     return Facts(known, below=True) if known else None
 
 
-def _others(others: Sequence[Answer], tiles: Mapping[str, Tile]) -> Findings | None:
+def _others(others: Sequence[Statement], tiles: Mapping[str, Tile]) -> Findings | None:
     """Give the other answers a row each, which leads to their section; requirements have rows of their own."""
     rows = []
     for answer in (answer for answer in others if answer.subject != "requirements"):

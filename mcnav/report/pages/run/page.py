@@ -13,6 +13,7 @@ from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import Beside, Fold, Folded, Note, Page, Part, Section, Tile, Tiles, joined
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios, truth
+from mcnav.report.figures.captions import words_on
 from mcnav.report.figures.combination import combination
 from mcnav.report.figures.deck import deck
 from mcnav.report.figures.envelopes import envelopes
@@ -35,9 +36,9 @@ from mcnav.report.pages.run.sections.what_if import linear_fails, what_if_sectio
 from mcnav.report.pages.run.tiles import NAMES, headline, tiles
 from mcnav.report.results.left_out import not_modelled
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements import sentences
-from mcnav.report.statements.figure_words import words_on
-from mcnav.report.statements.sentences import Statement, Subject
+from mcnav.report.statements import verdicts
+from mcnav.report.statements.details import certain_but_small, findings, room_to_grow, stopping
+from mcnav.report.statements.verdicts import Statement, Subject
 
 FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices,
@@ -201,29 +202,30 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
 
 def _stated(content: RunAnalysis) -> list[Statement]:
     """State the verdicts, the worst first."""
-    return [_on_page(content, statement) for statement in sentences.statements(content.summary)]
+    return [_on_page(content, statement) for statement in verdicts.statements(content.summary)]
 
 
 def _on_page(content: RunAnalysis, statement: Statement) -> Statement:
     """Leave out of a verdict what the page has elsewhere, and add what only the whole run tells."""
-    details, warnings = statement.details, statement.warnings
+    summary = content.summary
     if statement.subject == "linear":
-        findings, further = sentences.findings(content.summary), _further(content)
-        heading = heading_remark(content.history)
-        growth = sentences.room_to_grow(content.summary)
-        details = (*(each for each in findings if each not in further), *([growth] if growth else []))
-        if heading:  # which says more than what the scenario notices of it
-            warnings = (*(each for each in warnings if not each.startswith("Noticed: the heading ")), heading)
-    elif statement.subject == "filter" and content.filter is not None:
+        words = [*findings(summary, verdicts.tone(summary) == "partly")]
+        further, growth, heading = _further(content), room_to_grow(summary), heading_remark(content.history)
+        known = (*(sentence for sentence in words if sentence not in further), *([growth] if growth else []))
+        if not heading:
+            return replace(statement, details=known)
+        others = [warning for warning in statement.warnings if not warning.startswith("Warning: the heading ")]
+        return replace(statement, details=known, warnings=(*others, heading))  # which says more than the scenario's
+    if statement.subject == "filter" and content.filter is not None:
         where = filter_tables.at_worst(content.filter)
-        details = (" ".join(filter(None, (where, *details))),)
-    return replace(statement, details=details, warnings=warnings)
+        return replace(statement, details=(" ".join(filter(None, (where, *statement.details))),))
+    return statement
 
 
 def _further(content: RunAnalysis) -> list[str]:
     """Return the findings that are not beside the verdict: the second, where the joint distribution agrees."""
     failing = content.summary.verdict_matrix not in ("agrees", None)
-    return [] if failing else sentences.findings(content.summary)[1:]
+    return [] if failing else findings(content.summary, verdicts.tone(content.summary) == "partly")[1:]
 
 
 def _notes(content: RunAnalysis) -> list[str]:
@@ -240,5 +242,5 @@ def _notes(content: RunAnalysis) -> list[str]:
     kind = str(content.manifest.identity.campaign.get("scenario", {}).get("type", ""))
     causes = [*(each.name for each in content.manifest.model.sources), *content.model.processes]
     left_out = not_modelled(kind, causes, bool(content.manifest.identity.campaign.get("faults")))
-    remarks = (*_further(content), sentences.certain_but_small(summary), sentences.stopping(summary))
+    remarks = (*_further(content), certain_but_small(summary), stopping(summary))
     return [*filter(None, (missing, *remarks, kept, flown, left_out))]

@@ -9,16 +9,19 @@ from typing import Final
 
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.filter_remarks import group_words, instant
-from mcnav.analysis.summary import Departure, Ends, FilterSummary, Summary
-from mcnav.report.columns.requirements import RADII, RequirementRow, requirement_rows
+from mcnav.analysis.summary import Ends, FilterSummary, Summary
+from mcnav.report.columns.requirements import RequirementRow
 from mcnav.report.document.parts import Tile
 from mcnav.report.drawing.strip import Strip
 from mcnav.report.format import number, rounded, signed
 from mcnav.report.names import humanize, shown_units
-from mcnav.report.statements import sentences
-from mcnav.report.statements.joint_words import BRIEFLY, combination_words
-from mcnav.report.statements.mean_words import against, large_means_of
-from mcnav.report.statements.sentences import WORST, Statement, Subject
+from mcnav.report.statements import verdicts
+from mcnav.report.statements.fields import worst_departure
+from mcnav.report.statements.joint import BRIEFLY, combination_words
+from mcnav.report.statements.means import against, large_means_of
+from mcnav.report.statements.requirements import limit_words, measure_words, three_digits, worst_requirement
+from mcnav.report.statements.verdicts import Statement, Subject
+from mcnav.report.statements.words import WORST
 
 DIGITS: Final = 3
 """Significant digits of a tile's numbers."""
@@ -43,13 +46,6 @@ FURTHER: Final[dict[Subject, tuple[tuple[str, str], ...]]] = {
     "linear": (("Causes of the errors", "budget"), ("What to improve", "improve")),
 }  # fmt: skip
 """Questions after each verdict, and the sections that answer them."""
-
-FINDINGS: Final = ("not met", "undecided", "met for the known ways", "met")
-"""Findings on requirements, the worst first."""
-
-
-NAMED: Final = 2
-"""Outputs of a requirement that its short form names."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +93,7 @@ def _tile(summary: Summary, statement: Statement, sections: Container[str], time
         subject=NAMES[subject],
         status=status(summary, subject),
         tone=statement.tone,
-        sentence=_sentence(summary, statement, time_unit),
+        sentence=" ".join((statement.sentence, *statement.consequences)),
         value=worst.value,
         of=worst.of,
         strip=worst.strip,
@@ -126,47 +122,13 @@ def status(summary: Summary, subject: Subject) -> str:
         return "no valid model"
     if summary.beyond_range:
         return "beyond its range"
-    tone = sentences.tone(summary)
+    tone = verdicts.tone(summary)
     if tone != "differs" and not any(summary.sigma_linear):
         return "nothing to compare"
     return {
         "agrees": "holds", "differs": "does not hold", "undecided": "undecided",
         "partly": "holds output by output",
     }[tone]  # fmt: skip
-
-
-def _sentence(summary: Summary, statement: Statement, time_unit: str) -> str:
-    """Return the verdict in a sentence; that on requirements says which of them is the worst."""
-    if statement.subject != "requirements":
-        return statement.words
-    row = worst_requirement(summary, time_unit)
-    counts = statement.words.removeprefix("Requirements: ").removesuffix(".")
-    which = ": " if len(summary.requirements) == 1 else "; least margin: "
-    return f"{counts}{which}{row.words}." if row else f"{counts}."
-
-
-def worst_requirement(summary: Summary, time_unit: str = "") -> RequirementRow | None:
-    """Return the requirement with the worst finding, of several the one that uses most of its limit."""
-    return min(requirement_rows(summary, "shown", time_unit), key=worst_first, default=None)
-
-
-def worst_first(row: RequirementRow) -> tuple[int, float]:
-    """Return by what requirements are sorted, the worst first."""
-    return FINDINGS.index(row.entry.finding), -_used(row)
-
-
-def _used(row: RequirementRow) -> float:
-    """Return the share of what is allowed that an estimate uses; infinity where it is not known."""
-    entry = row.entry
-    estimate, limit = entry.estimate, entry.limits[0]
-    if estimate is None or not math.isfinite(estimate):
-        return math.inf
-    if entry.kind == "sigma_ratio":
-        return abs(estimate - 1.0) / limit if limit else math.inf
-    if entry.kind != "box":
-        return estimate / limit if limit else math.inf
-    allowed = 1.0 - (entry.probability or 0.0)
-    return (1.0 - estimate) / allowed if allowed else math.inf
 
 
 def _mean(summary: Summary, _: str) -> Worst:
@@ -191,71 +153,17 @@ def _requirement(summary: Summary, time_unit: str) -> Worst:
         return Worst(estimate, f"beyond the limit ({low} to {high}); {allowed}")
     if entry.estimate is None or not math.isfinite(entry.estimate):
         return Worst("–", row.exceedance) if known and known.refusal else NOTHING
-    limit = f"at least {100.0 * (entry.probability or 0.0):g} %" if entry.kind == "box" else _limit(row)
+    limit = f"at least {100.0 * (entry.probability or 0.0):g} %" if entry.kind == "box" else limit_words(row)
     when = f" at {instant(entry.time, f'time [{row.time_unit}]')}" if entry.time is not None else ""
-    return Worst(_three(row, entry.estimate), f"{_measure(row)}{when}{_between(row)}; {limit}")
-
-
-def requirement_in_brief(row: RequirementRow) -> str:
-    """Write a requirement in one short row: what it limits, the estimate, and the limit."""
-    entry = row.entry
-    names = _together(entry.outputs) if entry.outputs else ""
-    limit = f"at least {100.0 * (entry.probability or 0.0):g} %" if entry.kind == "box" else _limit(row)
-    value = "–" if entry.estimate is None else _three(row, entry.estimate)
-    if row.unit and limit.endswith(f" {row.unit}"):
-        value = value.removesuffix(f" {row.unit}")
-    measure = f"{100.0 * (entry.probability or 0.0):g} %" if entry.kind == "quantile" else _measure(row)
-    what = f"{names}, {measure}" if entry.kind == "quantile" else f"{measure} of {names}" if names else measure
-    when = f", {entry.when}" if entry.when else ""
-    return f"{what}{when}: {value}, {limit}"
-
-
-def _together(outputs: Sequence[str]) -> str:
-    """Name outputs, what their names begin with alike once.
-
-    >>> _together(["position_north", "position_east"]), _together(["altitude", "range"]), _together(["x", "y", "z"])
-    ('position north, east', 'altitude, range', 'x, y and 1 more')
-    """
-    first, *others = (humanize(name) for name in outputs[:NAMED])
-    start = f"{first.rpartition(' ')[0]} "
-    more = f" and {len(outputs) - NAMED} more" if len(outputs) > NAMED else ""
-    return ", ".join([first, *(name.removeprefix(start) for name in others)]) + more
-
-
-def _measure(row: RequirementRow) -> str:
-    """Name what a requirement limits in a word or two."""
-    kind = row.entry.kind
-    if kind in RADII:
-        return kind.upper()
-    return {"sigma_ratio": "sigma ratio", "box": "within the limits"}.get(
-        kind, f"{100.0 * (row.entry.probability or 0.0):g} % quantile"
-    )
-
-
-def _limit(row: RequirementRow) -> str:
-    limit = row.entry.limits[0]
-    return f"limit ±{100.0 * limit:g} %" if row.entry.kind == "sigma_ratio" else f"limit {_plain(row, limit)}"
-
-
-def _plain(row: RequirementRow, value: float) -> str:
-    return f"{value * row.scale:g} {row.unit}".strip()
-
-
-def _three(row: RequirementRow, value: float | None) -> str:
-    """Write a number of a requirement with three digits; a probability with as many as it needs."""
-    if value is None or not math.isfinite(value):
-        return "∞"
-    if row.entry.kind == "box":
-        return f"{100.0 * value:.3g} %" if value < 0.999 else f"{100.0 * value:.4g} %"
-    return f"{number(value * row.scale, DIGITS)} {row.unit}".strip()
+    return Worst(three_digits(row, entry.estimate), f"{measure_words(row)}{when}{_between(row)}; {limit}")
 
 
 def _between(row: RequirementRow) -> str:
     """Write the bounds that are known."""
     low, high = row.entry.interval
     if high is None or not math.isfinite(high):
-        return f" (above {_three(row, low)})" if low else ""
-    return f" ({_three(row, low).removesuffix(row.unit).rstrip()} to {_three(row, high)})"
+        return f" (above {three_digits(row, low)})" if low else ""
+    return f" ({three_digits(row, low).removesuffix(row.unit).rstrip()} to {three_digits(row, high)})"
 
 
 def _power(value: float | None) -> str:
@@ -289,12 +197,6 @@ def _farthest(result: FilterSummary | None, whose: str) -> Worst:
     return _ratio(result.factor, result.factor_interval, f"true σ / {whose} σ of {name}{when}", result.tolerance)
 
 
-def worst_departure(result: FilterSummary) -> Departure | None:
-    """Return what departs the most in the direction of the verdict; none of a filter of which nothing does."""
-    departures = [each for each in result.departures if each.verdict == result.verdict and each.factor]
-    return max(departures, key=lambda each: abs(math.log(each.factor or 1.0)), default=None)
-
-
 def _at(time: float | None, label: str) -> str:
     return "" if time is None else f" at {instant(time, label)}"
 
@@ -316,7 +218,7 @@ def _linear(summary: Summary, _: str) -> Worst:
     """Return the sigma ratio farthest from one, or what the joint distribution differs in."""
     if summary.unsettled or summary.beyond_range:
         return NOTHING
-    if sentences.tone(summary) == "partly":
+    if verdicts.tone(summary) == "partly":
         return _jointly(summary)
     verdict, ratios = summary.verdict, summary.sigma_ratio_paired
     known = [i for i, ratio in enumerate(ratios) if ratio is not None and math.isfinite(ratio)]

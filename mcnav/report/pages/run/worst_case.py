@@ -10,8 +10,9 @@ from mcnav.report.document.parts import Tile
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.drawing.marks import of_requirement
 from mcnav.report.figures.sigma_ratios import sigma_ratios_over_time
-from mcnav.report.pages.run.tiles import worst_departure, worst_requirement
 from mcnav.report.results.model import RunAnalysis
+from mcnav.report.statements.fields import worst_departure
+from mcnav.report.statements.requirements import worst_requirement
 
 Wanted = tuple[str, Sequence[str]]
 """Name of a figure, and what its panel has to be about; anything where that is empty."""

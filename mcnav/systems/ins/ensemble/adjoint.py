@@ -15,11 +15,11 @@ from mcnav._types import Array
 from mcnav.compiled.jit import allocation_free_part, compiled
 from mcnav.compiled.shapes import check_numbers, check_shapes
 from mcnav.compiled.vectors import load, store
+from mcnav.systems.ins.ensemble.filter_system import Steps, Updates
 from mcnav.systems.ins.ensemble.gains import ReadingTimes, check_tables
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 from mcnav.systems.ins.linear.covariance import transitions
-from mcnav.systems.ins.linear.filter_system import Steps, Updates
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_part, compiled
 from mcnav.compiled.shapes import check_numbers, check_shapes
 from mcnav.compiled.vectors import PART, Vector, load_part, room_of_parts, store_part
+from mcnav.systems.ins.ensemble.filter_system import StepNoise, Steps, Updates, filter_system
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
-from mcnav.systems.ins.linear.filter_system import StepNoise, Steps, Updates, filter_system
 
 
 class ReadingTimes(NamedTuple):

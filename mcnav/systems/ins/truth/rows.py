@@ -226,7 +226,7 @@ def _check_times(time: Array) -> None:
     if row is not None:
         raise TrajectoryError(
             f"follows a gap of {steps[row]:.6g} s, where the median step is {median:.6g} s (at most {LARGEST_GAP:g} "
-            "times that is allowed); fill in the missing rows, or keep one side of the gap",
+            "times that is allowed). Fill in the missing rows, or keep one side of the gap",
             row + 2, "time",
         )  # fmt: skip
 
@@ -343,7 +343,7 @@ def _check_velocities(rows: TrajectoryRows, velocity: Array, position: Array) ->
     if typical > JUMP_SPEED + GROSS * max(speed, given):
         raise TrajectoryError(
             f"columns VN, VE, VD: the velocities ({given:.6g} m/s rms) are not the derivative of the positions "
-            f"({speed:.6g} m/s rms); check units, signs (VD is positive downwards) and order, or leave them out"
+            f"({speed:.6g} m/s rms). Check units, signs (VD is positive downwards) and order, or leave them out"
         )
 
 
@@ -366,7 +366,7 @@ def _check_force(rows: TrajectoryRows, position: Array, earth: Earth) -> None:
     if row is not None:
         raise TrajectoryError(
             f"the positions around it imply a specific force of {size[row]:.4g} g, above the limit of "
-            f"{LARGEST_FORCE:g} g; look for a jump, too few digits, or a wrong unit",
+            f"{LARGEST_FORCE:g} g. Look for a jump, too few digits, or a wrong unit",
             row + 2, _largest(rows, row + 1, felt[row]),
         )  # fmt: skip
 

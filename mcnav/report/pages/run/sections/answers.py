@@ -18,8 +18,8 @@ from mcnav.report.format import rounded
 from mcnav.report.pages.run.sections.joint import EllipsoidWords, ellipsoid_words
 from mcnav.report.results.linear_causes import causes_at
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements import sentences
-from mcnav.report.statements.mean_words import large_means_of
+from mcnav.report.statements import details
+from mcnav.report.statements.means import large_means_of
 
 LARGEST: Final = 2
 """Causes named beside each output; beside the sigmas of a filter one."""
@@ -48,7 +48,7 @@ def answers(content: RunAnalysis) -> Answers | None:
 
 def tone(verdict: str | None) -> str | None:
     """Return the tone of a verdict on an output; none of one that has no label."""
-    return None if verdict == sentences.NOT_DISTURBED else verdict
+    return None if verdict == details.NOT_DISTURBED else verdict
 
 
 def largest_causes(content: RunAnalysis, output: int) -> Causes:
@@ -132,7 +132,7 @@ def _answer(content: RunAnalysis, entry: OutputEntry) -> _Answer:
 
 def _jointly(joint: EllipsoidWords) -> _Answer:
     verdict = Cell(joint.verdict, tone=joint.verdict)
-    return _Answer(Cell("joint: mean NEES"), joint.dimension, joint.mean, verdict, joint.remark)
+    return _Answer(Cell("joint: mean NEES"), joint.dimension, joint.mean, verdict, joint.direction)
 
 
 def _filter_table(content: RunAnalysis, rows: Sequence[FilterAnswer]) -> Table[FilterAnswer]:

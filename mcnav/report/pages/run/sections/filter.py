@@ -16,22 +16,23 @@ from mcnav.report.document.parts import Folded, Note, Part, Section, Sentence, f
 from mcnav.report.document.table import EMPHASIS, label
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements import filter_verdict
+from mcnav.report.statements import details
+from mcnav.report.statements.words import TONES
 
 EXPLANATION: Final = (
-    "The mean NEES of d states is d if the filter's covariance is that of its errors; the root of NEES over d is the "
-    "true sigma over the filter's, averaged over directions. In it single errors average out, so that the sigma of "
-    "each output is compared with the filter's as well. The filter is {optimistic} or {pessimistic} if an interval of "
-    "one of these ratios lies beyond ±{tolerance:g} % of one; these intervals hold for all groups, outputs and epochs "
-    "together at {confidence:g} %. It is {consistent} if the interval of every group and of every output at every "
+    "The mean NEES of d states is d if the filter's covariance is that of its errors. The root of NEES over d is true "
+    "sigma over filter sigma, averaged over directions. In it single errors average out; so the sigma of each output "
+    "is compared with the filter's as well. The filter is {optimistic} or {pessimistic} if an interval of one of these "
+    "ratios lies beyond ±{tolerance:g} % of one. These intervals hold for all groups, outputs and epochs together at "
+    "{confidence:g} %. It is {consistent} if the interval of every group and of every output at every "
     "single epoch lies within the tolerance. The verdict is on the navigation errors where they are a group, else on "
     "all of the filter's states, and on every output."
 )
 
 
 REMEDIES: Final = (
-    "mcnav brief, given the run folder, says what would help by linear analysis: a filter that estimates or considers "
-    "these errors, or smaller ones."
+    "mcnav brief says what would help by linear analysis: a filter that estimates or considers these errors, "
+    "or smaller ones."
 )
 
 
@@ -72,8 +73,8 @@ def _neglected(summary: Summary) -> tuple[Part, ...]:
 def _verdict(content: RunAnalysis, result: FilterConsistency) -> Sentence:
     """State the verdict, where the filter is farthest off, and what makes it so."""
     verdict = result.verdict.value
-    told = " ".join(filter(None, (at_worst(result), filter_verdict.explanation(content.summary))))
-    return Sentence(Markup("{} {}").format(label(verdict, filter_verdict.TONES[verdict]), told))
+    told = " ".join(filter(None, (at_worst(result), details.explanation_of_filter(content.summary))))
+    return Sentence(Markup("{} {}").format(label(verdict, TONES[verdict]), told))
 
 
 def _innovations(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Sequence[Part]:

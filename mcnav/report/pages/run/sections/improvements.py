@@ -35,23 +35,23 @@ NAMED: Final = 1e-3
 """Share below which an error source that the filter does not model is left out."""
 
 CAPTION: Final = (
-    "Each number alone by one grade of the catalogue finer, or half as large where the catalogue has no finer grade, "
-    "by linear covariance{held}. {share}{limits}{effect}"
+    "Each spec alone, one grade of the catalogue finer, or half as large where there is no finer grade. Linear "
+    "covariance{held}. {share}{limits}{effect}"
 )
 HELD: Final = " with the filter's gains as they are (mcnav allocate re-tunes the filter)"
 LIMITS: Final = (
-    "Limit used: largest share of its limit that a requirement uses{basis}, {now} now; below 100 % all are met. "
+    "Limit used: largest share of its limit that a requirement uses{basis}. Now {now}; below 100 % all are met. "
 )
 EFFECT: Final = "Largest effect: the sigma at the end that changes most."
 LINEAR: Final = " for linear normal errors"
-MEASURED: Final = ": the bound of the samples, scaled as linear covariance changes"
+MEASURED: Final = " (bound of the samples, scaled as linear covariance changes)"
 SHARE: Final = "Share: of the number in the mean square of {}. "
 
 UNMODELLED: Final = (
     "Error sources that the filter does not model, by their share in what it misses in {output} at {when}. Estimate or "
     "consider them: add them to a list below [filter]. mcnav brief answers such filters and simulates the best."
 )
-UNSIZED: Final = "{share} of the mean square of {of} has causes that no number of the file sizes: {causes}."
+UNSIZED: Final = "No number of the file sizes {causes}: {share} of the mean square of {of}."
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ from mcnav.analysis.multivariate import CorrelationDifference, MultivariateTests
 from mcnav.analysis.summary import HigherOrder
 from mcnav.report.columns.joint_columns import directions_table, ellipsoids_table, tests_table
 from mcnav.report.document import formulas
-from mcnav.report.document.parts import Folded, Note, Part, Section, Sentence, headed, joined
+from mcnav.report.document.parts import Folded, Lines, Note, Part, Section, Sentence, headed, joined
 from mcnav.report.document.table import STRONG, Cell, Column, Table
 from mcnav.report.document.table import label as tag
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.format import fixed, number, with_error
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements import joint_words
+from mcnav.report.statements.joint import combination_words, direction_of
 from mcnav.statistics.estimates import Estimate
 
 
@@ -32,8 +32,9 @@ class EllipsoidWords:
     about_mean: str
     nees_verdict: str
     verdict: str
-    remark: str
     ratio: str
+    direction: str
+    farthest: str
     combination: str
 
 
@@ -52,9 +53,10 @@ def ellipsoid_words(content: RunAnalysis) -> EllipsoidWords | None:
         about_mean=number(result.nees_about_mean),
         nees_verdict=result.judgement.verdict.value,
         verdict=result.verdict.value,
-        remark=joint_words.shortly(content.summary, joint),
-        ratio=number(float(result.direction_ratios[result.farthest]), 5),
-        combination=joint_words.combination_words(joint.differing, content.summary),
+        ratio=number(float(result.direction_ratios[result.farthest]), 4),
+        direction=direction_of(joint.foremost or joint.differing, content.summary),
+        farthest=direction_of(joint.differing, content.summary),
+        combination=combination_words(joint.differing, content.summary),
     )
 
 
@@ -85,13 +87,12 @@ def _nees(words: EllipsoidWords, tests: MultivariateTests | None) -> list[Part]:
     exact = f"; if linear analysis were exact, it would lie {bounds}" if bounds else ""
     mean = Markup(
         "The mean NEES of the Monte Carlo errors against the linear covariance is {} (paired estimate). The plain "
-        "estimate is {}{}. Linear analysis predicts {}, the rank of P·S·Pᵀ: {}"
+        "estimate is {}{}. Linear analysis expects {}, the rank of P·S·Pᵀ: {}"
     ).format(STRONG(words.paired), words.plain, exact, words.dimension, tag(words.nees_verdict, words.nees_verdict))
     about = Markup(
-        "About the sample mean, without the mean error, it is {}. The combination of outputs whose dispersion differs "
-        "most is {}; its sigma ratio is {}."
-    ).format(words.about_mean, words.combination, STRONG(words.ratio))
-    return [Sentence(mean), Sentence(about)]
+        "About the sample mean, without the mean error, it is {}. Dispersion differs most in {}; its sigma ratio is {}."
+    ).format(words.about_mean, words.farthest, STRONG(words.ratio))
+    return [Sentence(mean), Sentence(about), Folded("The combination", [Lines(words.combination)], explains=True)]
 
 
 def _definition() -> Folded:

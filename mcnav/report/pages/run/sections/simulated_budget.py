@@ -98,8 +98,8 @@ def _table(rows: list[_Shares]) -> Table[_Shares]:
 def _explanation(alone: Mapping[str, Any], sobol: Mapping[str, Any], least: float) -> Note:
     """Say what the shares are, whether sources interact, and what is left out."""
     parts = [Markup.escape(
-        "Variance with each source alone and with all but that source, by the linear model and simulated with the same "
-        f"{alone['samples']:,} samples (paired estimates), in per cent of the linear variance of the output. Sobol "
+        "Variance with each source alone, and with all but that source, in per cent of the output's linear variance. "
+        f"Linear model, and simulation with the same {alone['samples']:,} samples (paired estimates). Sobol "
         "indices are shares of the nonlinear variance. A total index above the first-order index shows an interaction "
         "with other sources, which a linear budget cannot show."
     )]  # fmt: skip

@@ -17,7 +17,7 @@ from mcnav.report.drawing.strip import Strip
 from mcnav.report.format import rounded
 from mcnav.report.names import humanize
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements.filter_verdict import TONES
+from mcnav.report.statements.words import TONES
 
 WORSE: Final = "The errors behind the smoother are larger than the filter's own at {} of {} epochs in some output."
 

@@ -21,9 +21,9 @@ from mcnav.statistics.correlation import ROUNDING, fisher_interval
 
 CAPTION: Final = (
     "Correlation of true dispersion and navigation error at the end, and their linear sigmas. Where it is −1 and both "
-    "sigmas are equal, the truth misses by minus the navigation error; at 0 neither is a linear function of the other. "
-    "Monte Carlo: paired estimate. Intervals, on Fisher's scale with errors that suppose no normal samples, hold "
-    "jointly at {:g} %; what is tested is whether the linear value is inside, not how much a difference matters."
+    "sigmas are equal, the truth misses by minus the navigation error. At 0 neither is a linear function of the other. "
+    "Monte Carlo: paired estimate. Intervals hold jointly at {:g} %, on Fisher's scale, without supposing normal "
+    "samples. Tested is whether the linear value is inside, not how much a difference matters."
 )
 
 NOT_TESTED: Final = "not tested"

@@ -17,7 +17,7 @@ from mcnav.report.columns.requirements import NamedRequirement, stated
 from mcnav.report.document.parts import Folded, Note, Part, Section, Sentence, WhatIfPart
 from mcnav.report.format import number
 from mcnav.report.names import humanize
-from mcnav.report.statements import sentences
+from mcnav.report.statements import verdicts
 from mcnav.store.manifest import Variable
 from mcnav.units import conversion
 
@@ -33,11 +33,10 @@ EXPLANATION: Final = (
 )
 SUM: Final = (
     "The covariance is a sum over all causes, and what a number causes grows with its square. The page has these parts "
-    "over time and adds them up; no number here is of samples."
+    "over time and adds them up. Nothing here was simulated."
 )
 HELD: Final = (
-    "What the filter believes, and so its gains and the errors that it claims, stay as they are in the campaign; mcnav "
-    "sweep and mcnav allocate tune it anew."
+    "The filter's model and gains stay as they are in the campaign. mcnav sweep and mcnav allocate re-tune the filter."
 )
 SAMPLED: Final = "Requirements: the bound of the samples, scaled as linear covariance changes"
 
@@ -55,20 +54,20 @@ GATES: Final = (
 )
 
 SAVED: Final = (
-    "Copy as TOML gives the whole campaign file with the changed numbers; save it {} for mcnav lincov or mcnav run."
+    "Copy as TOML gives the whole campaign file with the changed numbers. Save it {} for mcnav lincov or mcnav run."
 )
 GRADES: Final = "Letters below a slider are grades of the catalogue: {}; click one to take its value."
 UNSIZED: Final = "No number of the file sizes {}; what they cause stays as it is."
 SEVERAL: Final = "Errors that are correlated keep their correlations."
 STEPS: Final = (
-    "Derivatives of a closed loop are differences whose steps follow the sizes: where its maps are not smooth, mcnav "
+    "Derivatives of a closed loop are differences whose steps follow the sizes. Where its maps are not smooth, mcnav "
     "lincov of the copied file differs."
 )
 
 
 def linear_fails(summary: Summary) -> bool:
     """Return whether a run finds that linear analysis does not hold, in some output or in all together."""
-    return sentences.tone(summary) in ("differs", "partly")
+    return verdicts.tone(summary) in ("differs", "partly")
 
 
 def what_if_section(

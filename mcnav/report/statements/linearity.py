@@ -9,7 +9,9 @@ from typing import Final, Literal
 import numpy as np
 
 from mcnav.analysis.linearity import DispersionRange
-from mcnav.report.statements.sentences import JOINT
+
+JOINT: Final = "joint distribution"
+"""Name of the NEES test among the outputs."""
 
 WITHOUT_NOISE: Final = (
     "The scenario has noise, which is left out here: the range is that of the constant errors. "
@@ -71,7 +73,7 @@ def answer(names: Sequence[str], dispersion_range: DispersionRange, tolerance: f
     """Say by what factor the stated errors may grow, by the sigmas of all outputs and by their joint distribution."""
     agrees, within = dispersion_range.agrees_until[:-1], f"within ±{100.0 * tolerance:g} % of the linear one"
     if np.isnan(agrees).all():
-        return "No output is disturbed by any error: there is nothing to compare."
+        return "No error source acts on any output: there is nothing to compare."
     first = int(np.flatnonzero(agrees == np.nanmin(agrees))[0])
     value, smallest, largest = (
         float(agrees[first]),
@@ -80,17 +82,17 @@ def answer(names: Sequence[str], dispersion_range: DispersionRange, tolerance: f
     )
     if math.isinf(value):
         tried = f"by a factor of {largest:g}, the largest tried"
-        sigmas = f"The stated errors may grow {tried}: every sigma is shown to be {within}."
+        sigmas = f"All errors may grow {tried}: every sigma is shown to be {within}."
     elif value <= smallest:
         tried = f"the smallest multiple tried, {smallest:g}"
         sigmas = f"At no multiple is every sigma shown to be {within}: {names[first]} is not at {tried}."
     elif value < 1.0:
         factor = f"{value:.3g} times them is every sigma shown to be {within}"
-        sigmas = f"The stated errors are too large: only up to {factor}; {names[first]} is the first that is not."
+        sigmas = f"The errors are too large: only up to {factor}. First beyond: {names[first]}."
     else:
         sigmas = (
-            f"The stated errors may grow by a factor of {value:.3g}: up to it every sigma is shown to be {within}, and "
-            f"beyond it {names[first]} is the first that is not."
+            f"All errors may grow by a factor of {value:.3g}: up to it every sigma is shown to be {within}. Beyond it, "
+            f"{names[first]} is the first that is not."
         )
     return f"{sigmas} {_joint(float(dispersion_range.agrees_until[-1]), smallest)}".strip()
 

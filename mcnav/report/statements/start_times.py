@@ -14,7 +14,7 @@ from mcnav.analysis.verdict import combine_verdicts
 from mcnav.contract.quantities import Output, kind_of
 from mcnav.report.format import number, signed
 from mcnav.report.names import humanize
-from mcnav.report.statements.mean_words import DIGITS, against
+from mcnav.report.statements.means import DIGITS, against
 from mcnav.units import conversion
 
 if TYPE_CHECKING:
@@ -42,20 +42,20 @@ def answer(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: S
             "start."
         )
     gain = study.weighted[place] / study.weighted[0] if study.weighted[0] > 0.0 else 1.0
-    what = f"of the starts compared, {_weighted(study, outputs)} is smallest there"
+    what = f"{_weighted(study, outputs)} is smallest there"
     words = [_of_means(study, outputs)] if study.means_matter else []
     if place == 0:
         words.append(
-            f"Start at the first point, {minutes(study.times[0])} {study.clock.label}: {what}; an earlier start is not "
-            "looked at."
+            f"Start at the first point, {minutes(study.times[0])} {study.clock.label}: {what}. An earlier start was "
+            "not compared."
         )
     else:
         words.append(
-            f"Start at {minutes(study.times[place])} {study.clock.label}: {what}, {gain:.3g} times that of a start at "
+            f"Start at {minutes(study.times[place])} {study.clock.label}: {what}. It is {gain:.3g} times the value at "
             "the first point."
         )
     if place > 0 and place == study.before_event - 1:
-        words.append("It is the latest start compared; a later one is not looked at.")
+        words.append("It is the latest start compared. A later start was not compared.")
     if (differing := _of_single_outputs(study, outputs)) and len(outputs) > 1:
         words.append(differing)
     if beyond[place].any():
@@ -76,10 +76,10 @@ def _of_means(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
     scale = conversion(output.unit, output.shown_in)
     large_mean = LargeMean(int(index), float(means[place, index]), float(sigma[place, index]))
     return (
-        f"At {int(large.any(axis=1).sum())} of {len(large)} start times a mean error exceeds its sigma: that of "
-        f"{humanize(output.name)} is {signed(large_mean.mean * scale, DIGITS)} {output.shown_in}, "
-        f"{against(large_mean, scale, output.shown_in)}, for a start at {minutes(study.times[place])} "
-        f"{study.clock.label}. Start times rank by root mean square."
+        f"At {int(large.any(axis=1).sum())} of {len(large)} start times a mean error exceeds its sigma. Worst: the "
+        f"mean error of {humanize(output.name)} for a start at {minutes(study.times[place])} {study.clock.label}. It is "
+        f"{signed(large_mean.mean * scale, DIGITS)} {output.shown_in}, "
+        f"{against(large_mean, scale, output.shown_in)}. Start times rank by root mean square."
     )
 
 

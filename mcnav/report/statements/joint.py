@@ -11,7 +11,7 @@ import numpy as np
 
 from mcnav.report.format import number, percent
 from mcnav.report.names import humanize, shown_units
-from mcnav.statistics.power import sensible_step
+from mcnav.report.statements.words import joined, more_samples, several
 
 if TYPE_CHECKING:
     from mcnav.analysis.summary import CombinationEntry, Joint, Summary
@@ -35,18 +35,13 @@ NOTABLE: Final = 0.1
 """Share of the mean error in the excess of the mean NEES from which it is named beside the dispersion."""
 
 NAMED: Final = 3
-"""Combinations named in one sentence."""
+"""Combinations that are named."""
 
 THINNEST: Final = 1.1
 """Variance of a combination over that of the thinnest direction up to which it is called so: sigmas within 5 %."""
 
 BRIEFLY: Final = 2
 """Terms beside the lead output that a cell or a tile has room for."""
-
-
-def joined(names: Sequence[str]) -> str:
-    """Join names by commas and a last *and*."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def combination_words(result: CombinationEntry, summary: Summary, most: int | None = None) -> str:
@@ -103,25 +98,21 @@ def _plain(size: float) -> str:
     return shown.rstrip("0").rstrip(".") if "." in shown and "·" not in shown else shown
 
 
-def subject(summary: Summary) -> str:
-    """Name what of all outputs together is not that of linear analysis."""
-    joint = summary.joint
-    if joint is None or joint.shifted is None or joint.cause != "mean" or joint.dispersion_verdict != "agrees":
-        return "the joint distribution of the outputs"
-    named = [share for share in joint.shifted.shares if abs(share) >= LEAST]
-    return f"the mean of {humanize(joint.shifted.lead) if len(named) == 1 else 'the outputs'}"
+def direction_of(result: CombinationEntry, summary: Summary) -> str:
+    """Name a combination with its largest outputs, or the output that it is alone.
 
-
-def shortly(summary: Summary, joint: Joint) -> str:
-    """Describe in a few words what differs most in all outputs together."""
-    ratio = summary.direction_ratio
-    if joint.cause == "unpredicted":
-        result = joint.unpredicted[0]
-        linear, simulated, _ = _sigmas(result, summary)
-        return f"σ {simulated} in place of {linear} in {combination_words(result, summary)}"
-    if joint.cause == "mean":
-        return f"mean {_shift(summary, joint)}"
-    return f"σ ratio {number(ratio, 5)} in {combination_words(_known(joint.differing), summary, BRIEFLY)}"
+    >>> from mcnav.analysis.summary import CombinationEntry, Named, Summary
+    >>> two = Summary.model_construct(outputs=[Named(name="y", unit="m"), Named(name="y2", unit="m")],
+    ...                               sigma_linear=np.ones(2), covariance_linear=np.eye(2))
+    >>> of_both = dict(sigma_linear=1.0, sigma_paired=1.1, mean_error=0.0)
+    >>> direction_of(CombinationEntry(lead="y2", weights=[-2.0, 1.0], shares=[-1.0, 1.0], **of_both), two)
+    'the thinnest direction of y and y2'
+    >>> direction_of(CombinationEntry(lead="y2", weights=[0.0, 1.0], shares=[0.0, 1.0], **of_both), two)
+    'y2'
+    """
+    shares = dict(zip(summary.names, np.abs(result.shares), strict=True))
+    named = [humanize(name) for name in sorted(shares, key=lambda name: -shares[name]) if shares[name] >= LEAST]
+    return named[0] if len(named) == 1 else f"the {direction_words(result, summary)} of {several(named, BRIEFLY)}"
 
 
 def _known(combination: CombinationEntry | None) -> CombinationEntry:
@@ -132,25 +123,25 @@ def _known(combination: CombinationEntry | None) -> CombinationEntry:
 
 
 def explain(summary: Summary) -> str:
-    """Explain the verdict on all outputs together; empty where there is none."""
+    """Explain the verdict on all outputs together, in short sentences; empty where there is none."""
     verdict, joint = summary.verdict_matrix, summary.joint
     if verdict is None:
         return ""
     if verdict == "agrees":
         return _agreement(summary)
-    start = f"The joint distribution of the outputs {'differs' if verdict == 'differs' else 'is undecided'}"
+    start = f"The full covariance matrix {'differs' if verdict == 'differs' else 'is undecided'}"
     if joint is None:  # a summary of an earlier version
         return f"{start}: {_nees(summary)}."
     parts = {"unpredicted": _of_unpredicted, "mean": _of_mean, "dispersion": _of_dispersion}
-    told = parts[joint.cause or ""](summary, joint, start)
-    needed = joint.samples_needed
-    if verdict == "undecided" and needed:
-        told += f" About {sensible_step(needed, summary.samples):,} samples would decide."
-    return told
+    sentences = [*parts[joint.cause or ""](summary, joint, start)]
+    if verdict == "undecided" and joint.samples_needed:
+        more = more_samples(joint.samples_needed, summary.samples)
+        sentences.append(f"{more[:1].upper()}{more[1:]} would decide.")
+    return " ".join(sentences)
 
 
 def _nees(summary: Summary) -> str:
-    return f"the mean NEES is {_mean_nees(summary):.4g}, and linear analysis predicts {summary.nees_dimension}"
+    return f"the mean NEES is {_mean_nees(summary):.4g} where {summary.nees_dimension} is expected"
 
 
 def _mean_nees(summary: Summary) -> float:
@@ -162,14 +153,13 @@ def _mean_nees(summary: Summary) -> float:
 def _agreement(summary: Summary) -> str:
     """State that the mean NEES agrees, and what is off in spite of it."""
     also = " as well" if summary.verdict == "agrees" else ""
-    told = f"The mean NEES of all outputs together agrees{also}: it is {_mean_nees(summary):.4g}, and linear analysis "
-    told += f"predicts {summary.nees_dimension}."
+    parts = [f"The full covariance matrix agrees{also}: {_nees(summary)}."]
     joint, ratio = summary.joint, summary.direction_ratio
     if joint is None:
-        return told
+        return parts[0]
     if joint.differing and ratio is not None and abs(ratio - 1.0) > summary.tolerance:
-        words = combination_words(joint.differing, summary)
-        told += f" It is a mean over all combinations; farthest off is {words}, with a sigma ratio of {number(ratio)}."
+        parts.append("The mean NEES is a mean over all combinations of outputs.")
+        parts.append(f"Farthest off is {direction_of(joint.differing, summary)}: sigma ratio {number(ratio)}.")
     shifted = [
         f"{humanize(name)} ({abs(bias) / sigma:.2g})"
         for name, bias, error, sigma in zip(
@@ -177,7 +167,7 @@ def _agreement(summary: Summary) -> str:
         )
         if sigma and _is_certain(bias, error, summary.confidence_each) and abs(bias) > summary.tolerance * sigma
     ]
-    return f"{told} The mean is off, in sigmas: {joined(shifted)}." if shifted else told
+    return " ".join([*parts, *([f"The mean is off, in sigmas: {several(shifted)}."] if shifted else [])])
 
 
 def _is_certain(bias: float, error: float, confidence: float) -> bool:
@@ -188,33 +178,28 @@ def _is_certain(bias: float, error: float, confidence: float) -> bool:
 def _sigmas(sigmas: CombinationEntry, summary: Summary) -> tuple[str, str, str]:
     """Return linear and simulated sigma of a combination, and the linear one of its lead output, with units."""
     scale, unit = shown_units(summary)[sigmas.lead]
-    names = summary.names
-    own = summary.sigma_linear[names.index(sigmas.lead)]
+    own = summary.sigma_linear[summary.names.index(sigmas.lead)]
     sizes = (sigmas.sigma_linear, sigmas.sigma_paired, own)
-    linear, simulated, alone = (f"{number(each * scale, 3)} {unit}".strip() for each in sizes)
+    linear, simulated, alone = (f"{number(size * scale, 3)} {unit}".strip() for size in sizes)
     return linear, simulated, alone
 
 
-def _of_unpredicted(summary: Summary, joint: Joint, start: str) -> str:
-    """Name combinations that linear analysis holds fixed; single outputs have a sentence of their own."""
-    entries = [each for each in joint.unpredicted if np.count_nonzero(each.weights) > 1]
-    verdict = joint.nees_verdict
-    rest = {"agrees": "", "differs": ", which differs too", "undecided": ", which is undecided"}[verdict]
-    rest = f"In all other directions {_nees(summary)}{rest}."
+def _of_unpredicted(summary: Summary, joint: Joint, start: str) -> list[str]:
+    """Name combinations that linear analysis treats as exact; single outputs have a sentence of their own."""
+    entries = [entry for entry in joint.unpredicted if np.count_nonzero(entry.weights) > 1]
+    rest = {"agrees": "", "differs": ", which differs too", "undecided": ", which is undecided"}[joint.nees_verdict]
+    others = f"In all other directions {_nees(summary)}{rest}."
     if not entries:
-        return f"{start} with it. {rest}"
-    told, names = [], summary.names
-    for unpredicted in entries[:NAMED]:
-        linear, simulated, own = _sigmas(unpredicted, summary)
-        share = number(100.0 * unpredicted.sigma_paired / summary.sigma_linear[names.index(unpredicted.lead)], 2)
-        words = f"{combination_words(unpredicted, summary)}: linear sigma {linear}, simulated {simulated}"
-        told.append(f"{words} ({share} % of that of {humanize(unpredicted.lead)}, {own})")
-    more = f", and {len(entries) - NAMED} more" if len(entries) > NAMED else ""
-    return (
-        f"{start}: what linear analysis holds fixed is dispersed. "
-        f"{'; '.join(told)}{more}. What depends on this, such as a difference of outputs or an inverse of P·S·Pᵀ, is "
-        f"not what linear analysis says. {rest}"
-    )
+        return [f"{start} with it.", others]
+    result = [f"{start}: linear analysis treats a combination as exact that varies."]
+    for entry in entries[:NAMED]:
+        linear, simulated, own = _sigmas(entry, summary)
+        share = number(100.0 * entry.sigma_paired / summary.sigma_linear[summary.names.index(entry.lead)], 2)
+        size = f"linear sigma {linear}, simulated {simulated} ({share} % of the {own} of {humanize(entry.lead)})"
+        result.append(f"{combination_words(entry, summary, BRIEFLY)}: {size}.")
+    if len(entries) > NAMED:
+        result.append(f"So do {len(entries) - NAMED} more.")
+    return [*result, "Do not rely on such a difference of outputs, or on an inverse of P·S·Pᵀ.", others]
 
 
 def _shift(summary: Summary, joint: Joint, named: str = "") -> str:
@@ -222,71 +207,72 @@ def _shift(summary: Summary, joint: Joint, named: str = "") -> str:
     shift = _known(joint.shifted)
     scale, unit = shown_units(summary)[shift.lead]
     size = f"{number(shift.mean_error * scale, 3)} {unit}".strip()
-    return f"off by {joint.mean_error:.3g} sigma in {named or combination_words(shift, summary)} (by {size})"
+    return f"off by {joint.mean_error:.3g} sigma in {named or direction_of(shift, summary)} (by {size})"
 
 
-def _of_mean(summary: Summary, joint: Joint, start: str) -> str:
+def _of_mean(summary: Summary, joint: Joint, start: str) -> list[str]:
     """Tell the mean error from the dispersion, which may agree."""
     words = {"agrees": "agrees", "differs": "differs too", "undecided": "is undecided"}
-    nees = (
-        f"the mean NEES is {_mean_nees(summary):.4g} about the linear mean and {joint.nees_about_mean:.4g} about "
-        f"the sample mean, and linear analysis predicts {summary.nees_dimension}"
-    )
-    of = "the dispersion" if summary.verdict == "agrees" else "the dispersion of all outputs together"
-    told = f"The mean is {_shift(summary, joint)}; {of} {words[joint.dispersion_verdict or '']}: {nees}."
+    of = "The dispersion" if summary.verdict == "agrees" else "The dispersion of all outputs together"
+    result = [
+        f"The mean is {_shift(summary, joint)}.",
+        f"{of} {words[joint.dispersion_verdict or '']}.",
+        f"The mean NEES is {_mean_nees(summary):.4g} about the linear mean, {joint.nees_about_mean:.4g} about the "
+        f"sample mean; {summary.nees_dimension} is expected.",
+    ]
     if joint.dispersion_verdict != "agrees":
-        return f"{start}. {told}"
-    return f"{told} Linear sigmas hold about the sample mean, not about the linear one."
+        return [f"{start}.", *result]
+    return [*result, "Linear sigmas hold about the sample mean, not about the linear one."]
 
 
-def _of_dispersion(summary: Summary, joint: Joint, start: str) -> str:
+def _of_dispersion(summary: Summary, joint: Joint, start: str) -> list[str]:
     """Describe the combination of outputs whose dispersion differs most, and what that means."""
-    ratio = summary.direction_ratio
-    dispersion, told = _known(joint.differing), f"{start}: {_nees(summary)}."
+    ratio, dispersion = summary.direction_ratio, _known(joint.differing)
+    result = [f"{start}: {_nees(summary)}."]
     if ratio is None or not math.isfinite(ratio):  # no variance is left in the paired estimate
-        return told
+        return result
     linear, simulated, own = _sigmas(dispersion, summary)
-    size = f"{number(ratio, 3)} times as large" if ratio > LARGE_RATIO else f"a difference of {percent(ratio - 1.0)}"
-    told += (
-        f" It differs most in {combination_words(dispersion, summary)}: linear sigma {linear}, simulated {simulated}, "
-    )
-    told += size
+    lead = humanize(dispersion.lead)
+    size = f"{number(ratio, 3)} times as large" if ratio > LARGE_RATIO else percent(ratio - 1.0)
     alone = sum(abs(share) > ROUNDING for share in dispersion.shares) == 1
-    told += "." if alone else f"; the linear sigma of {humanize(dispersion.lead)} alone is {own}."
+    result.append(f"It differs most in {direction_of(dispersion, summary)}.")
+    result.append(f"There the simulated sigma is {simulated}, the linear one {linear} ({size}).")
+    result += [] if alone else [f"The linear sigma of {lead} alone is {own}."]
     if joint.mean_error**2 > NOTABLE * abs(_mean_nees(summary) - summary.nees_dimension):
         same = combination_words(_known(joint.shifted), summary) == combination_words(dispersion, summary)
-        told += f" The mean is {_shift(summary, joint, 'it' if same else '')}."
+        result.append(f"The mean is {_shift(summary, joint, 'the same direction' if same else '')}.")
     if summary.verdict_matrix != "differs" or summary.verdict != "agrees" or alone:
-        return told
-    names = summary.names
-    cancels = ratio > 1.0 and dispersion.sigma_linear < CANCELLING * summary.sigma_linear[names.index(dispersion.lead)]
-    why = "By linear analysis these errors nearly cancel, in the simulation less so: the" if cancels else "The"
-    return f"{told} {why} sigmas of single outputs hold, but an error ellipsoid or an inverse of P·S·Pᵀ does not."
+        return result
+    lead_sigma = summary.sigma_linear[summary.names.index(dispersion.lead)]
+    if ratio > 1.0 and dispersion.sigma_linear < CANCELLING * lead_sigma:
+        result.append("By linear analysis these errors nearly cancel; in the simulation they cancel less.")
+    return [*result, "The sigmas of single outputs hold. An error ellipsoid or an inverse of P·S·Pᵀ does not."]
 
 
 def explain_unpredicted(summary: Summary, names: Sequence[str]) -> str:
-    """Explain outputs, by their keys, that linear analysis holds fixed and that are dispersed."""
+    """Explain outputs, by their keys, that linear analysis treats as exact and that vary."""
     units, keys = shown_units(summary), summary.names
     simulated = {name: summary.sigma_sample[keys.index(name)] for name in names}
     shown = [f"{number(simulated[name] * units[name][0], 3)} {units[name][1]}".strip() for name in names]
     one = len(names) == 1
-    told = (
-        f"Linear analysis predicts no dispersion of {joined([humanize(name) for name in names])}: "
-        f"{_reason(summary, [keys.index(name) for name in names])}. The simulated sigma{'' if one else 's'} of "
-        f"{summary.samples - summary.failed:,} samples {'is' if one else 'are'} {joined(shown)}."
-    )
+    result = [
+        f"Linear analysis predicts no dispersion of {several([humanize(name) for name in names])}.",
+        f"{_reason(summary, [keys.index(name) for name in names])}.",
+        f"The simulated sigma{'' if one else 's'} of {summary.samples - summary.failed:,} samples "
+        f"{'is' if one else 'are'} {several(shown)}.",
+    ]
     quadratic, others = _quadratic(summary, simulated)
-    parts = []
     if quadratic:
-        subject = f"that of {joined([humanize(name) for name in quadratic])}"
-        parts.append(f"Second-order terms explain {subject if others else 'this'}: quadratic there.")
+        subject = f"the sigma of {several([humanize(name) for name in quadratic])}" if others else "this"
+        result.append(f"Second-order terms explain {subject}: quadratic at the nominal.")
     if others:
-        subject = joined([humanize(name) for name in others]) if quadratic else "The output" if one else "The outputs"
+        subject = joined([humanize(name) for name in others[:NAMED]]) if quadratic else "The output" if one else ""
         verb = "has" if len(others) == 1 else "have"
-        parts.append(f"{subject} {verb} a kink, a flat place or terms of higher order there.")
+        result.append(f"{subject or 'The outputs'} {verb} a kink, a flat place or terms of higher order there.")
     return " ".join([
-        told, *parts,
-        "No linear analysis about this point sees it: take the simulated sigma, or outputs that are linear here.",
+        *result,
+        "No linear analysis about this point sees it.",
+        "Take the simulated sigma, or outputs that are linear here.",
     ])  # fmt: skip
 
 
@@ -295,8 +281,8 @@ def _reason(summary: Summary, rows: Sequence[int]) -> str:
     spread = np.sqrt(np.maximum(np.diag(summary.start_covariance), 0.0))
     terms = np.abs(summary.partials) * spread
     if np.all(terms[list(rows)] <= ROUNDING * max(float(terms.max(initial=0.0)), 0.0)):
-        return "the partial derivatives at the nominal are zero"
-    return "at the nominal the partial derivatives are zero, or their contributions cancel"
+        return "The partial derivatives at the nominal are zero"
+    return "At the nominal the partial derivatives are zero, or their contributions cancel"
 
 
 def _quadratic(summary: Summary, simulated: Mapping[str, float]) -> tuple[list[str], list[str]]:

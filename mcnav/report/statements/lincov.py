@@ -19,14 +19,15 @@ from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.mean_errors import departures, large_means, mean_errors, nominal_values, rounding_of_means
 from mcnav.analysis.vector_sizes import linear_sizes
-from mcnav.report.columns.requirements import NAMED, listed
+from mcnav.report.columns.requirements import NAMED
 from mcnav.report.columns.vector_sizes import size_sentence
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.format import number, signed
 from mcnav.report.names import humanize, scale_of
-from mcnav.report.statements.filter_verdict import LEAST
-from mcnav.report.statements.filter_verdict import TONES as FILTER_TONES
-from mcnav.report.statements.mean_words import sentence_on
+from mcnav.report.statements.fields import LEAST
+from mcnav.report.statements.means import sentence_on
+from mcnav.report.statements.words import TONES as FILTER_TONES
+from mcnav.report.statements.words import listed
 
 WORSE: Final = 1e-6
 """Share by which a smoothed sigma exceeds that of its filter where it is worse, and not rounded."""
@@ -115,8 +116,8 @@ def _verdict_words(answer: LinearAnswer, judged: LinearVerdict | None, name: str
     if judged.verdict == Honesty.CONSISTENT:
         times = len(np.unique(judged.times))
         yield (
-            f"The {name} is consistent: the true sigma of every output and of every group of them is within {within} "
-            f"of its own at all {times} times{_floors(answer, judged)}",
+            f"The {name} is consistent: every output and every group is within {within} of the {name} sigma at all "
+            f"{times} times{_floors(answer, judged)}",
             tone,
         )
         return
@@ -125,7 +126,7 @@ def _verdict_words(answer: LinearAnswer, judged: LinearVerdict | None, name: str
         return
     worst = instant(judged.worst, judged.label)
     departure = _departure(answer, judged)
-    yield f"The {name} is {judged.verdict.value} {_period(judged)}: at worst, at {worst}, {departure}", tone
+    yield f"The {name} is {judged.verdict.value} {_period(judged)}. At worst, at {worst}, {departure}", tone
 
 
 def _floors(answer: LinearAnswer, judged: LinearVerdict) -> str:
@@ -135,7 +136,7 @@ def _floors(answer: LinearAnswer, judged: LinearVerdict) -> str:
         if output.name in judged.floors:
             of_units.setdefault(output.shown_in, []).append(judged.floors[output.name] * scale[output])
     sizes = [f"{number(max(floors), 2)} {unit}" for unit, floors in of_units.items()]
-    return f"; errors up to {' or '.join(sizes)} count as none" if sizes else ""
+    return f". Errors up to {' or '.join(sizes)} count as none" if sizes else ""
 
 
 def _period(judged: LinearVerdict) -> str:
@@ -154,18 +155,19 @@ def _departure(answer: LinearAnswer, judged: LinearVerdict) -> str:
     """Say what departs the most, by how much, and because of which neglected errors."""
     if judged.group:
         return (
-            f"the errors of {group_words(judged.group)} together are {judged.factor:.3g} times what it states (root of "
-            "the expected NEES over the number of outputs), though each alone is within the tolerance"
+            f"the errors of {group_words(judged.group)} together are {judged.factor:.3g} times what it computes. Each "
+            "alone is within the tolerance"
         )
     name = humanize(judged.output)
     if math.isinf(judged.factor):
-        words = f"it states no error of {name}, and there is one"
+        words = f"it computes no error of {name}, and there is one"
     else:
-        words = f"the error of {name} is {judged.factor:.3g} times its own sigma"
+        words = f"the error of {name} is {judged.factor:.3g} times the filter sigma"
     named = [cause for cause in judged.neglected if cause.share >= LEAST][:NAMED]
     if not named:
         return words
-    return f"{words}, because of {listed([(label_of(answer, cause.name), cause.share) for cause in named])}"
+    largest = listed([(label_of(answer, cause.name), cause.share) for cause in named])
+    return f"{words}. Largest unmodelled errors: {largest}"
 
 
 @dataclass(frozen=True)
@@ -223,7 +225,7 @@ def large_mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
         if large := large_means(known.errors[at], known.sigmas[at], floor):
             causes = _causes_of_mean(answer, known, at, large[0].output)
             words = sentence_on(large, named).removesuffix(".")
-            yield f"{words} ({known.when(at, answer)}, because of {causes})", "partly"
+            yield f"{words}. This is {known.when(at, answer)}. Causes: {causes}", "partly"
 
 
 def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
@@ -238,11 +240,11 @@ def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     described, scale = answer.outputs[output], scale_of(answer.outputs)[output]
     mean, ratio = float(known.errors[at, output]), float(ratios[at, output])
     when, causes = known.when(at, answer), _causes_of_mean(answer, known, at, output)
-    filtered = "; the filter knows of no mean" if answer.filter is not None else ""
+    filtered = ". The filter computes no mean" if answer.filter is not None else ""
     against = "where its sigma is zero" if math.isinf(ratio) else f"{ratio:.3g} times its sigma"
     yield (
-        f"Mean errors are not zero: that of {humanize(described.name)} is {signed(mean * scale)} {described.shown_in} "
-        f"{when}, {against}, because of {causes}{filtered}",
+        f"Mean errors are not zero: {humanize(described.name)} {when} has {signed(mean * scale)} {described.shown_in}, "
+        f"{against}. Causes: {causes}{filtered}",
         "",
     )
 

@@ -13,6 +13,7 @@ from mcnav.analysis.mean_errors import LargeMean, large_means
 from mcnav.contract.quantities import Of
 from mcnav.report.format import number, signed
 from mcnav.report.names import humanize, shown_units
+from mcnav.report.statements.words import several
 
 if TYPE_CHECKING:
     from mcnav.analysis.summary import Summary
@@ -59,7 +60,7 @@ def sentence_on(large: Sequence[LargeMean], named: Sequence[tuple[str, Of, float
         Of the outputs: name, what they are of, factor from SI to the unit shown, and that unit.
 
     >>> sentence_on([LargeMean(0, 387e3, 21.5e3)], [("altitude", "navigation", 1e-3, "km")])
-    'The mean error of altitude is +387 km, 18.0 times its sigma of 21.5 km: the sigma alone understates the error.'
+    'The mean error of altitude is +387 km, 18.0 times its sigma of 21.5 km. The sigma alone understates the error.'
     """
     if not large:
         return ""
@@ -68,9 +69,9 @@ def sentence_on(large: Sequence[LargeMean], named: Sequence[tuple[str, Of, float
     what = f"mean error of {humanize(name)}" if of == "navigation" else f"mean of {humanize(name)} off the nominal"
     shown = f"The {what} is {signed(first.mean * scale, DIGITS)} {unit}, {against(first, scale, unit)}"
     if not others:
-        return f"{shown}: the sigma alone understates the error."
-    listed = ", ".join(humanize(named[other.output][0]) for other in others)
-    return f"{shown}; the means of {listed} exceed their sigmas, too: sigmas alone understate these errors."
+        return f"{shown}. The sigma alone understates the error."
+    listed = several([humanize(named[other.output][0]) for other in others])
+    return f"{shown}. So {'does' if len(others) == 1 else 'do'} {listed}. Sigmas alone understate these errors."
 
 
 def against(large: LargeMean, scale: float, unit: str) -> str:

@@ -17,6 +17,7 @@ from mcnav.analysis.comparison import correlations
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.filter_remarks import instant
 from mcnav.report.columns.requirements import RequirementRow, requirement_rows
+from mcnav.report.figures import filter_captions
 from mcnav.report.figures.matrices import certain_differences
 from mcnav.report.figures.requirements import measure
 from mcnav.report.figures.sources import contributors, variance_over_time
@@ -24,8 +25,8 @@ from mcnav.report.format import number, rounded, signed
 from mcnav.report.names import humanize, shown_units
 from mcnav.report.results.kinds import planes, quantities
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements import filter_figure_words
-from mcnav.report.statements.joint_words import BRIEFLY, combination_words, joined
+from mcnav.report.statements.joint import BRIEFLY, combination_words
+from mcnav.report.statements.words import joined, several
 
 TAIL: Final = 0.05
 """Share of the samples beyond a point of the chi-square distribution that is compared with what is expected."""
@@ -70,7 +71,7 @@ def _ratios(content: RunAnalysis) -> str:
     if not (sides["across"] or sides["beyond"]):
         return f"All paired ratios stay within {band}, with their intervals."
     parts = [
-        f"the interval{'s' if len(some) > 1 else ''} of {joined(some)} {verb[len(some) > 1]} {where} {band}"
+        f"the interval{'s' if len(some) > 1 else ''} of {several(some)} {verb[len(some) > 1]} {where} {band}"
         for some, verb, where in (
             (sides["beyond"], ("lies", "lie"), "beyond"), (sides["across"], ("reaches", "reach"), "across a limit of"),
         )
@@ -141,15 +142,15 @@ def _development(content: RunAnalysis) -> str:
     size = f"{rounded(largest)} {content.output_units[output]}".strip()
     verb, when = "is" if len(early) == 1 else "are", "after the start, but before" if later else "before"
     return (
-        f"By linear analysis {len(early)} of {len(moving)} sigmas {verb} largest {when} the end; 1σ of "
-        f"{content.output_names[output]} is {size} at {at}."
+        f"By linear analysis {len(early)} of {len(moving)} sigmas {verb} largest {when} the end. "
+        f"1σ of {content.output_names[output]} is {size} at {at}."
     )
 
 
 def _envelopes(content: RunAnalysis) -> str:
     """Say where linear and Monte Carlo sigma are farthest apart."""
     if content.filter is not None:
-        return filter_figure_words.errors(content.filter)
+        return filter_captions.errors(content.filter)
     known = content.envelopes
     if known is None or not content.moving:
         return ""
@@ -332,10 +333,10 @@ WORDS: Final[dict[str, Callable[[RunAnalysis], str]]] = {
     "quantiles": _quantiles, "convergence": _convergence, "combination": _combination,
     "requirements_over_time": _requirements, "tails": _tails,
     "dispersion_over_time": _dispersion, "landing_ellipses": _ellipses,
-    "nees_history": _of_filter(filter_figure_words.nees_history),
-    "nis_history": _of_filter(filter_figure_words.nis_history),
-    "sigma_history": _of_filter(filter_figure_words.sigma_history),
-    "within_history": _of_filter(filter_figure_words.within_history),
-    "estimation": _of_filter(filter_figure_words.estimation),
+    "nees_history": _of_filter(filter_captions.nees_history),
+    "nis_history": _of_filter(filter_captions.nis_history),
+    "sigma_history": _of_filter(filter_captions.sigma_history),
+    "within_history": _of_filter(filter_captions.within_history),
+    "estimation": _of_filter(filter_captions.estimation),
 }  # fmt: skip
 """Sentences by the names of the figures."""

@@ -271,9 +271,9 @@ def confirmed_words(sweep: Sweep) -> tuple[str, str]:
     joint = sum(each.summary.verdict_matrix == "differs" for each in sweep.confirmations)
     words = f"Monte Carlo agrees with linear analysis at all {count} points where it was run"
     if others := sum(each.summary.verdict == "differs" for each in sweep.confirmations):
-        return f"{words}, in what is looked at; other outputs differ at {others} of them", "partly"
+        return f"{words}. Other outputs differ at {others} of them", "partly"
     if joint:
-        return f"{words}, except for the joint distribution of all outputs at {joint} of them", "partly"
+        return f"{words}. The full covariance matrix differs at {joint} of them", "partly"
     return words, "agrees"
 
 
