@@ -94,7 +94,7 @@ def after_lincov(campaign: Path, answer: LinearAnswer) -> str:
 def after_allocation(campaign: Path, result: Allocation) -> str:
     """Return the command after an allocation: the number of the smallest change, varied as far as it has to change."""
     changes = (change for goal in result.goals for change in goal.changes if change.now and change.needed)
-    change = next((each for each in changes if each.now != each.needed), None)
+    change = next((change for change in changes if change.now != change.needed), None)
     if change is None:
         return written("run", campaign)
     return written("sweep", campaign, "--vary", f"{change.paths[0]}={change.now}, {change.needed}", "--confirm", 2)
@@ -108,9 +108,9 @@ def after_sweep(campaign: Path, folder: Path, vary: Sequence[str], against: Sequ
     for option, values in (("--vary", vary), ("--against", against)):
         for value in values:
             words += [option, value]
-    sizes = [10_000 if ".." in each else each.count(",") + 1 for each in vary]
-    count = min(max(3, 2 ** len(sizes)), prod(sizes))
-    return written(*words, "--confirm", count, *_into(folder, Path("reports") / f"{campaign.stem}_sweep"))
+    counts = [10_000 if ".." in values else values.count(",") + 1 for values in vary]
+    points = min(max(3, 2 ** len(counts)), prod(counts))
+    return written(*words, "--confirm", points, *_into(folder, Path("reports") / f"{campaign.stem}_sweep"))
 
 
 def after_recording(campaign: Path, files: Sequence[Path]) -> str:

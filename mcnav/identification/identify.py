@@ -97,15 +97,15 @@ class IdentifiedNoise:
         import pandas as pd
 
         rows = [
-            {"parameter": each.name, "value": each.value, "value_from": each.low, "value_to": each.high,
-             "identified": each.identified}
-            for each in self.estimates
+            {"parameter": estimate.name, "value": estimate.value, "value_from": estimate.low,
+             "value_to": estimate.high, "identified": estimate.identified}
+            for estimate in self.estimates
         ]  # fmt: skip
         return pd.DataFrame(rows).set_index("parameter")
 
     def __str__(self) -> str:
         """Tabulate the estimates, and say whether the model fits."""
-        lines = [_line(each) for each in self.estimates]
+        lines = [_line(estimate) for estimate in self.estimates]
         worst = self.goodness.worst
         fits = "the model fits" if not self.goodness.rejected else f"the model does not fit: {worst}"
         lines.append(f"{fits} (p = {self.goodness.p:.2g}); margin over the next model {self.margin:.3g}")
@@ -185,15 +185,15 @@ def identify_noise(readings: ArrayLike, interval: float, below: float | None = N
         if kept < FEWEST_ORDINATES:
             raise ValueError(f"below {below:g} Hz the record has {kept} ordinates; {FEWEST_ORDINATES} are needed")
         return _identify(replace(record, ordinates=record.ordinates[:kept]), values, record)
-    tried, part = [_identify(record, values)], 2
-    while tried[-1].goodness.rejected_by(BANDWIDTH) and len(record.ordinates) // part >= FEWEST_ORDINATES:
-        tried.append(_identify(record.up_to(part), values, record))
-        part *= 2
-    if tried[-1].goodness.rejected_by(BANDWIDTH):
-        return max(tried, key=lambda noise: noise.goodness.p)
-    if len(tried) > 1 and len(record.ordinates) // part >= FEWEST_ORDINATES:
-        tried.append(_identify(record.up_to(part), values, record))  # a filter's share that no test can see biases, too
-    return tried[-1] if len(tried) == 1 else replace(tried[-1], of_all=tried[0].goodness)
+    fits, divisor = [_identify(record, values)], 2
+    while fits[-1].goodness.rejected_by(BANDWIDTH) and len(record.ordinates) // divisor >= FEWEST_ORDINATES:
+        fits.append(_identify(record.up_to(divisor), values, record))
+        divisor *= 2
+    if fits[-1].goodness.rejected_by(BANDWIDTH):
+        return max(fits, key=lambda noise: noise.goodness.p)
+    if len(fits) > 1 and len(record.ordinates) // divisor >= FEWEST_ORDINATES:
+        fits.append(_identify(record.up_to(divisor), values, record))  # a filter's share that no test can see biases
+    return fits[-1] if len(fits) == 1 else replace(fits[-1], of_all=fits[0].goodness)
 
 
 def _identify(record: Record, values: Array, whole: Record | None = None) -> IdentifiedNoise:

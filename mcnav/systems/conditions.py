@@ -39,17 +39,17 @@ class Conditions:
         Rows of which no more than `LEFT` is left need none, such as those of epochs that follow each other closely.
         """
         sizes = np.sqrt(np.einsum("mz,mz->m", partials, partials))
-        left = np.divide(partials, sizes[:, None], out=np.zeros_like(partials), where=sizes[:, None] > 0.0)
-        rest, found = (sizes > 0.0).astype(float), list[Array]()
-        while (rest > LEFT).any():
-            row = left[int(np.argmax(np.round(rest, DIGITS)))]
-            for direction in found:  # again: what rounding has left of them
+        remainders = np.divide(partials, sizes[:, None], out=np.zeros_like(partials), where=sizes[:, None] > 0.0)
+        squares, rows = (sizes > 0.0).astype(float), list[Array]()
+        while (squares > LEFT).any():
+            row = remainders[int(np.argmax(np.round(squares, DIGITS)))]
+            for direction in rows:  # again: what rounding has left of them
                 row = row - (row @ direction) * direction
             row = row / np.sqrt(row @ row)
-            found.append(row)
-            left = left - np.einsum("mz,z->m", left, row)[:, None] * row
-            rest = np.einsum("mz,mz->m", left, left)
-        directions = np.array(found).reshape(len(found), partials.shape[1])
+            rows.append(row)
+            remainders = remainders - np.einsum("mz,z->m", remainders, row)[:, None] * row
+            squares = np.einsum("mz,mz->m", remainders, remainders)
+        directions = np.array(rows).reshape(len(rows), partials.shape[1])
         return cls(directions, np.einsum("mz,rz->mr", partials, directions))
 
     def met(self, normals: Array, wanted: Array) -> Array:

@@ -119,18 +119,19 @@ def _axes(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
 
 def _union(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
     """Describe tables of several forms, and the text that may stand for one of them."""
-    tables = [_plain(each, inside) for each in node["anyOf"]]
-    for closed in tables:
-        closed.pop("description", None)
-    told = node.get("description", "")
+    tables = [_plain(form, inside) for form in node["anyOf"]]
+    for table in tables:
+        table.pop("description", None)
+    description = node.get("description", "")
     if EITHER in node:
-        return any_of(tables, told)
+        return any_of(tables, description)
     if BY_TYPE in node:
         key = node[BY_TYPE]
-        kinds = {str(_condition(each, key)): each for each in tables}
-        usual = next((kind for kind, each in kinds.items() if key not in each["required"]), "")
-        return by_type(key, {kind: _condition(each, key) for kind, each in kinds.items()}, kinds, told, usual)
-    union = by_key({next(iter(each["properties"])): each for each in tables}, told)
+        kinds = {str(_condition(table, key)): table for table in tables}
+        usual = next((kind for kind, table in kinds.items() if key not in table["required"]), "")
+        conditions = {kind: _condition(table, key) for kind, table in kinds.items()}
+        return by_type(key, conditions, kinds, description, usual)
+    union = by_key({next(iter(table["properties"])): table for table in tables}, description)
     return {**union, "type": ["string", "object"], "pattern": f"^{node[TEXT]}$"} if TEXT in node else union
 
 
@@ -149,11 +150,11 @@ def _or_first(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
 
 def _by_form(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
     """Describe a table and a value in one: editors look for keys in ``properties``; other types are alternatives."""
-    forms = [_plain(each, inside) for each in node["anyOf"]]
+    forms = [_plain(form, inside) for form in node["anyOf"]]
     outer = {key: value for key, value in _table(node, inside).items() if key not in ("anyOf", BY_FORM)}
-    if not any("properties" in each for each in forms):
+    if not any("properties" in form for form in forms):
         return {**outer, "anyOf": forms}
-    merged = {key: value for each in forms for key, value in each.items()}
+    merged = {key: value for form in forms for key, value in form.items()}
     if "enum" in merged:
         merged["anyOf"] = [{"type": "object"}, {"enum": merged.pop("enum")}]
-    return {**merged, **outer, "type": [each["type"] for each in reversed(forms)]}
+    return {**merged, **outer, "type": [form["type"] for form in reversed(forms)]}

@@ -154,21 +154,21 @@ class StochasticUserEngine:
                 return np.asarray(self._fly(instance, errors, noise).errors.reshape(-1, len(self.outputs)))
 
         counted = GivenNoise(0, 0, np.zeros(0), 0.0)
-        begun = fly(instance, none, counted)
+        noiseless = fly(instance, none, counted)
         if not 0 < counted.used <= MOST_NORMALS:
-            return np.zeros((0, *begun.shape))
+            return np.zeros((0, *noiseless.shape))
 
-        def added(k: int) -> Array:
-            impulse = np.append(np.zeros(k), step)
-            there = fly(instance, none, GivenNoise(0, 0, impulse, 0.0))
-            before = begun if self.own_linear else fly(instance, none, GivenNoise(0, 0, -impulse, 0.0))
-            return np.asarray((there - before) / (step if self.own_linear else 2.0 * step)).ravel()
+        def derivative(normal: int) -> Array:
+            impulse = np.append(np.zeros(normal), step)
+            up = fly(instance, none, GivenNoise(0, 0, impulse, 0.0))
+            down = noiseless if self.own_linear else fly(instance, none, GivenNoise(0, 0, -impulse, 0.0))
+            return np.asarray((up - down) / (step if self.own_linear else 2.0 * step)).ravel()
 
-        values = np.empty((counted.used, begun.size))
-        failures = simulate_each(added, range(counted.used), values, file=self.spec.code.file)
+        derivatives = np.empty((counted.used, noiseless.size))
+        failures = simulate_each(derivative, range(counted.used), derivatives, file=self.spec.code.file)
         for failure in failures.values():
             raise ScenarioError("type", f"a flight with one normal of its noise failed: {failure}")
-        return values.reshape(counted.used, *begun.shape)
+        return derivatives.reshape(counted.used, *noiseless.shape)
 
     def nominal(self) -> Simulated:
         """Simulate without errors and noise; what ``fly`` raises is raised."""
