@@ -43,7 +43,15 @@ class Capability(StrEnum):
 
 
 class PlainScenario(Protocol):
-    """What a scenario answers that states nothing else: it has no epochs, no noise, no filter and no further start."""
+    """What a scenario answers that states nothing else: it has no epochs, no noise, no filter and no further start.
+
+    Attributes
+    ----------
+    further_epochs : tuple of float
+        Those of its epochs that requirements have added, s.
+    """
+
+    further_epochs: tuple[float, ...] = ()
 
     @property
     def can(self) -> frozenset[Capability]:
@@ -69,11 +77,6 @@ class PlainScenario(Protocol):
     def reading_times(self) -> Array:
         """The epochs at which errors are known, the end last, s; empty where they are known at the end alone."""
         return np.zeros(0)
-
-    @property
-    def further_epochs(self) -> tuple[float, ...]:
-        """Those of the epochs that requirements have added, s."""
-        return ()
 
     def with_epochs(self, times: tuple[float, ...]) -> Self:
         """Return the same with further epochs, s; itself where the system's own are all that can be known."""

@@ -463,6 +463,7 @@ class Ins(PlainScenario):
                 "end", f"got {navigation.end:g} s with a start at {navigation.start:g} s; expected {SHORTEST:g} s more"
             )
         self.navigation = navigation
+        self.further_epochs = navigation.further  # samples' noise depends on all epochs
         self.remarks = remarks
         self._last_starts: tuple[tuple[str, bytes], Propagated] | None = None
 
@@ -657,11 +658,6 @@ class Ins(PlainScenario):
         loop = aided.loop
         measured = loop.measurements
         return GatedFilter(loop.timeline, loop.designed, sensors, measured.sensors, measured.times, mean, covariance)
-
-    @property
-    def further_epochs(self) -> tuple[float, ...]:
-        """Times that have been added to the usual epochs, s: samples' noise depends on all of them."""
-        return self.navigation.further
 
     def with_epochs(self, times: tuple[float, ...]) -> Self:
         """Return the same with further epochs, s."""
