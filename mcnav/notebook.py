@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MplFigure
 
 
-class _FormerMethod(pd.DataFrame):
+class _FormerMethod(pd.DataFrame):  # type: ignore[misc]
     """A frame that was a method: for one release more it may be called."""
 
     _metadata: ClassVar[list[str]] = ["former"]

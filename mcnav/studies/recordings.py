@@ -75,10 +75,10 @@ class RecordingFiles:
     units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        as_path = {name: Path(given) for name in ("imu", "reference", "start") if (given := getattr(self, name))}
-        as_path["measurements"] = {name: Path(file) for name, file in self.measurements.items()}
-        for name, given in as_path.items():
-            object.__setattr__(self, name, given)
+        for name in ("imu", "reference", "start"):
+            if (file := getattr(self, name)) is not None:
+                object.__setattr__(self, name, Path(file))
+        object.__setattr__(self, "measurements", {name: Path(file) for name, file in self.measurements.items()})
 
 
 def recordable(campaign: Campaign) -> RecordingScenario:
