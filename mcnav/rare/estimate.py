@@ -30,7 +30,7 @@ from mcnav.rare.pilot import Pilot, fly_pilot
 from mcnav.rare.search import foreseen, search_elsewhere
 from mcnav.rare.unseen import UnseenNoise
 from mcnav.rare.weigh import CHECKED_FEW, CHECKED_MANY, SPREAD, Rare, Routes
-from mcnav.rare.widened import Widened, draw_widened, fly_widened
+from mcnav.rare.widened import Widened, draw_everywhere, draw_widened, fly_widened, ratio
 
 FEW, MANY, MORE = 400, 4_000, 20_000
 """Flights with widened errors: where flights are dear, where they are cheap, and there where lines do not suffice."""
@@ -127,15 +127,18 @@ class _Estimate:
     def estimate(self, facets: Facets, noisy: bool, precision: float, confidence: float, allowed: float) -> Rare:
         """Fly a pilot, search, lay the lines of the estimate, search again, and compare."""
         flown, dimensions = self.follower.flown, facets.directions.shape[1]
-        facets = self._turned(facets)
+        facets = self._turned(self.follower.moved_out(facets))
         unseen = UnseenNoise.measure(flown, facets, self.linear) if noisy else None
         pilot = fly_pilot(self.follower, facets, unseen, None)
-        nearest, lost = pilot.nearest, flown.failed
+        lost = flown.failed
         levels = simulate_levels(flown, dimensions, _generator(self.seed, 1)) if self.cheap else None
-        widened = self._widened(pilot.fit, MANY if self.cheap else FEW)
+        points = draw_widened(MANY if self.cheap else FEW, dimensions, _generator(self.seed, 2))
+        widened = self._widened(pilot.fit, points, ratio(points))
         surprises, jumps = self._surprises(pilot, widened, levels), False
         for attempt in range(ROUNDS):
-            search = search_elsewhere(flown, facets, nearest, surprises, FOLLOWED_MANY if self.cheap else FOLLOWED_FEW)
+            search = search_elsewhere(
+                flown, facets, pilot.nearest, surprises, FOLLOWED_MANY if self.cheap else FOLLOWED_FEW
+            )
             grown, jumps = len(search.facets.distances) > len(facets.distances), jumps or search.jumps
             if attempt and not grown:
                 break
@@ -160,7 +163,8 @@ class _Estimate:
         routes = replace(routes, laid=laid, search=replace(search, jumps=jumps))
         rare = routes.stated(confidence, allowed)
         if self.cheap and (rare.refusal or rare.by_levels):
-            rare = replace(routes, widened=self._widened(laid.fit, MORE)).stated(confidence, allowed)
+            points, weights = draw_everywhere(MORE, laid.fit.facets, _generator(self.seed, 3))
+            rare = replace(routes, widened=self._widened(laid.fit, points, weights)).stated(confidence, allowed)
         return rare
 
     def _turned(self, facets: Facets) -> Facets:
@@ -174,10 +178,9 @@ class _Estimate:
             facets = informed.facets
         return fly_pilot(self.follower, facets, unseen, informed)
 
-    def _widened(self, fit: Fit, count: int) -> Widened:
-        points = draw_widened(count, fit.facets.directions.shape[1], _generator(self.seed, count))
+    def _widened(self, fit: Fit, points: Array, weights: Array) -> Widened:
         known = foreseen(points, self.follower.expected, fit.facets, fit.proposals)
-        return fly_widened(self.follower.flown, points, known)
+        return fly_widened(self.follower.flown, points, weights, known)
 
     def _surprises(self, pilot: Pilot, widened: Widened, levels: Levels | None) -> Places:
         """Return failures that lie on no line of the pilot, or on few, by all that has flown so far."""

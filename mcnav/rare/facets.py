@@ -86,11 +86,6 @@ class Facets:
         """Return the same with other bases."""
         return replace(self, turned=bases)
 
-    @property
-    def probabilities(self) -> Array:
-        """Probability of each half-space, shape (facets,)."""
-        return np.asarray(special.ndtr(-self.distances))
-
     def points(self, facet: IndexArray, across: Array, along: Array) -> Array:
         """Return ``B_j v + t alpha_j``, shape (n, d), from v, shape (n, d - 1), and t, shape (n,)."""
         return self.feet(facet, across) + along[:, None] * self.directions[facet]

@@ -7,7 +7,7 @@ Each line has noise of its own, where there is any.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,12 +15,16 @@ from numpy.typing import NDArray
 from scipy import special
 
 from mcnav._types import Array, IndexArray
+from mcnav.rare.facets import Facets
 from mcnav.rare.fit import Fit
 from mcnav.rare.flights import Flown, Places
 from mcnav.rare.lines import Crossings, crossings
 
 END: Final = 3.5
 """Distance beyond the farthest entry expected to which a line is followed."""
+
+LATE: Final = 1.0
+"""Distance behind a half-space of the linear model from which its entry contradicts it."""
 
 BETWEEN: Final = 4
 """One line in so many is flown at a point before its entry as well."""
@@ -80,6 +84,21 @@ class Follower:
         at = feet + facets.distances[facet][:, None] * along
         slopes = (self.expected(at + step * along) - self.expected(at - step * along)) / (2.0 * step)
         return crossings(self.flown, noise, feet, along, guesses, slopes, begins, ends), begins
+
+    def moved_out(self, facets: Facets) -> Facets:
+        """Move half-spaces of the linear model whose axes enter the event by `LATE` later, or never, away from it.
+
+        Where they are expected, as of an output that saturates, their cells would hide the ways to fail beyond.
+        """
+        if facets.shared:
+            return facets
+        linear, d = np.arange(facets.foreseen), facets.directions.shape[1]
+        entry = self.crossed(
+            Fit.plain(facets), linear, np.zeros((len(linear), d - 1)), self.flown.new_noise(len(linear))
+        )[0].at  # fmt: skip
+        distances, expected = facets.distances.copy(), facets.distances[linear]
+        distances[linear] = np.where(entry > expected + LATE, np.minimum(entry, expected + END), expected)
+        return replace(facets, distances=distances)
 
     def follow(self, fit: Fit, facet: IndexArray, across: Array, check: bool = True) -> Lines:
         """Follow lines, and fly a point beyond the entry of each, if that is checked, and before that of some."""

@@ -25,6 +25,7 @@ from mcnav.rare.follow import BETWEEN, UNLIKELY, Follower, Lines
 from mcnav.rare.interval import weights_interval
 from mcnav.rare.lines import NARROW
 from mcnav.rare.pilot import Pilot, slopes_of_logarithm
+from mcnav.rare.proposal import Proposal
 from mcnav.rare.strata import draw_members, strata_of
 
 FEWEST, MOST = 120, 1_000
@@ -46,7 +47,13 @@ MINOR: Final = 0.02
 """Share of a cell in the probability below which the pilot, of few lines there, is not compared with."""
 
 SCATTERED: Final = 2.5
-"""Variance of the logarithm of a line's probability about the fit, at most, where the linear model misses noise."""
+"""Variance of the logarithm of a line's probability about the fit, at most, where the linear model misses noise.
+
+It belongs to `mcnav.rare.weigh.WIDER`, which says what follows for the intervals of so few lines.
+"""
+
+SPARE: Final = 0.2
+"""Share of the lines beyond the coefficients of a fit from which their scatter about it is known."""
 
 BEFORE: Final = "flights fail before the limit is reached along their line as well: it is crossed more than once"
 NOWHERE: Final = "no flight fails where the linear model expects it"
@@ -169,11 +176,20 @@ def _heaviest(fit: Fit, lines: Lines, weights: Array) -> int:
 
 
 def _scatter(fit: Fit, lines: Lines, weights: Array) -> float:
-    """Return the variance of the logarithm of a line's probability about the fit, of the heaviest half-space."""
+    """Return the variance of the logarithm of a line's probability about the fit, of the heaviest half-space.
+
+    About a fit of these lines, if they are more than its coefficients: that of the pilot, of fewer, scatters as well.
+    """
     j = _heaviest(fit, lines, weights)
     mine = (lines.facet == j) & np.isfinite(lines.entry)
-    at, fitted = lines.entry[mine], fit.entry(j, lines.across[mine])
-    return float(np.var(slopes_of_logarithm(at) * (at - fitted)))
+    at, across = lines.entry[mine], lines.across[mine]
+    slopes, later = slopes_of_logarithm(at), at - fit.moved(j, across)
+    scatter = float(np.var(slopes * (at - fit.entry(j, across))))
+    freedom = len(at) - 2.0 * across.shape[1] - 1.0
+    if freedom < SPARE * len(at):
+        return scatter
+    fitted = Proposal.fitted(across, later, float(np.mean(later))).entry(across)
+    return min(scatter, float(np.sum((slopes * (later - fitted)) ** 2) / freedom))
 
 
 def _likely_point(fit: Fit, lines: Lines, weights: Array) -> Array:

@@ -71,9 +71,8 @@ class Pilot:
 
     @property
     def nearest(self) -> float:
-        """Distance of a half-space as probable as the event."""
-        total = float(np.sum(self.means))
-        return float(-special.ndtri(total)) if total > 0.0 else float(np.min(self.fit.facets.distances))
+        """Distance of a half-space as probable as the event; infinite where no line enters it."""
+        return float(-special.ndtri(np.sum(self.means)))
 
     def shares(self) -> Array:
         """Return the share of the lines of each cell: its probability by the pilot and by the fit, shape (facets,).
@@ -189,7 +188,8 @@ def _lighter(lines: Lines, mine: NDArray[np.bool_], fitted: Proposal, moments: P
 def _lines_of_each(facets: Facets) -> IndexArray:
     """Return how many lines of the pilot are laid along each half-space, shape (facets,)."""
     d = facets.directions.shape[1] - 1
-    likely = facets.probabilities / np.max(facets.probabilities)
+    logarithms = special.log_ndtr(-facets.distances)
+    likely = np.exp(logarithms - np.max(logarithms))
     likely[facets.foreseen : facets.foreseen + 1] = 0.0  # the opposite side
     if facets.shared:
         number = max(SHARED_LINES, 2 * d + 12)

@@ -130,4 +130,4 @@ class Proposal:
 
 def hazard_at(distance: float) -> float:
     """Return the hazard ``phi(c) / Phi(-c)``."""
-    return float(np.exp(-0.5 * distance**2) / np.sqrt(2.0 * np.pi) / special.ndtr(-distance))
+    return float(np.exp(-0.5 * distance**2 - special.log_ndtr(-distance)) / np.sqrt(2.0 * np.pi))

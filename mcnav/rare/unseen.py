@@ -22,7 +22,7 @@ from mcnav.rare.facets import Facets, Outputs
 from mcnav.rare.flights import Flown
 from mcnav.rare.limits import Limit, side_towards
 
-FEWEST, MOST, FLIGHTS = 6, 12, 300
+FEWEST, MOST, FLIGHTS = 6, 40, 300
 """Noises that flights are compared with, and flights for them, about."""
 
 MANY: Final = 40
@@ -65,7 +65,7 @@ class UnseenNoise:
     def _along(cls, flown: Flown, facets: Facets, linear: Outputs) -> UnseenNoise:
         axes = facets.directions[np.argsort(facets.distances, kind="stable")[:NEAREST]]
         points, identity = np.vstack([np.zeros(axes.shape[1]), STEP * axes]), STEP * np.eye(axes.shape[1])
-        outputs = np.stack([flown.outcomes()(points) for _ in range(MOST)])
+        outputs = np.stack([flown.outcomes()(points) for _ in range(FLIGHTS // len(points))])
         slopes = (outputs[:, 1:] - outputs[:, :1]).swapaxes(1, 2) / STEP
         tilts = (slopes - slopes.mean(axis=0)) @ np.linalg.pinv(axes.T)
         here = outputs[:, 0]

@@ -24,20 +24,26 @@ from mcnav.rare.search import Search
 from mcnav.rare.widened import Widened
 
 CHECKED_FEW, CHECKED_MANY = 40, 800
-"""Failures with widened errors whose lines are checked, where flights are dear and cheap, the likeliest first."""
+"""Failures with widened errors that are checked, where flights are dear and cheap, the likeliest first."""
+
+CHECKED: Final = 0.999
+"""Share of the probability of all of them that are checked at least, where flights are cheap."""
 
 MUCH: Final = 0.25
 """Share of the estimate by which its interval may be widened for what few failures away from the lines stand for."""
 
 COUNTED: Final = 20.0
-"""Independent failures away from the lines from which they may stand for more."""
+"""Independent failures away from the lines from which they may stand for more, if their weights' tail allows it."""
 
 SPREAD: Final = 0.05
 """Share of the flights with widened errors that may fail away from the lines: more is a region of its own."""
 
 WIDER: Final = 1.2
-"""Factor of the interval's reach to each side: with it intervals hold at their confidence in each row of
-`mcnav docs method`, and without it in all rows together."""
+"""Factor of the interval's reach to each side.
+
+Of 120 log-normal weights, the fewest lines, with logarithms of the variance `mcnav.rare.laid.SCATTERED`, Student's and
+Hall's intervals of 95 % hold in 92 %, and with it in 95 %: by simulation, in the tests.
+"""
 
 AGREE: Final = 0.995
 """Confidence at which levels and lines must contradict each other."""
@@ -93,12 +99,12 @@ class Routes:
         laid, levels = self.laid, self.levels
         if levels is not None and levels.scatter > ROUGHEST:
             levels = None
-        smooth = None if self.search.jumps or self.search.corner <= self.search.far else levels
+        smooth = None if self.search.jumps or self.search.corner < self.search.far else levels
         stated = partial(self._rare, self.widened.power(allowed))
         if laid.doubt:
             everywhere = self.widened.failed & self.widened.seen
             value, low, high = self.widened.probability(everywhere, confidence)
-            if self.widened.counted(everywhere) >= COUNTED:
+            if self.levels is not None and self.widened.counted(everywhere) >= COUNTED:
                 return stated(value, low, high, by_levels=True)
             if smooth is None:
                 return self.refused(laid.doubt)
@@ -109,13 +115,13 @@ class Routes:
         (value, low, high), known = self._with_missed(*missed, counted, confidence)
         if not known and smooth is None:
             return self.refused(self._somewhere(np.logical_or(*missed)))
-        if levels is None:
-            return stated(value, low, high)
+        if levels is None or counted:
+            return stated(value, low, high, by_levels=counted)
         reach = float(special.stdtrit(len(levels.estimates) - 1, 0.5 + 0.5 * AGREE)) * levels.scatter
         difference, of_levels = math.log(levels.value / value), levels.interval(confidence)
         if difference > reach or not known:
             return stated(levels.value, min(low, of_levels[0]), max(high, of_levels[1]), by_levels=True)
-        if difference < -reach and smooth is not None and not counted:
+        if difference < -reach and smooth is not None:
             low = min(low, of_levels[0])
         return stated(value, low, high)
 
@@ -134,7 +140,7 @@ class Routes:
     def missed(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return which flights with widened errors fail on no line of the estimate, and which on few, shape (n,)."""
         widened = self.widened
-        picked = widened.heaviest(CHECKED_FEW if self.levels is None else CHECKED_MANY)
+        picked = widened.heaviest(CHECKED_FEW) if self.levels is None else widened.heaviest(CHECKED_MANY, CHECKED)
         late = ~widened.seen & ~widened.foreseen
         heavy = np.zeros_like(late)
         if len(picked):

@@ -332,11 +332,11 @@ def aided(samples: int, heading: str) -> dict[str, Any]:
 
 
 def test_noise_that_the_linear_model_misses_is_refused() -> None:
-    """An aided flight whose heading bends its errors: noise moves the limit by more than lines can follow."""
+    """An aided flight whose heading bends its errors: noise moves lines away from where the first ones were."""
     system = prepared(parse_campaign(aided(5_000, "5 deg"), "test.toml", "test"), 5)
     asked = Requirement("quantile", (8,), (HEADING,), 0.9998)
     (record,) = estimate_exceedances(system, [asked], 0.95)
-    assert record.refusal == "noise that the linear model does not see moves the limit too far"
+    assert "times the probability that the first ones had" in record.refusal
 
 
 @pytest.mark.slow

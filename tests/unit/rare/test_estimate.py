@@ -8,7 +8,8 @@ from scipy import special, stats
 
 from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.facets import linear_facets
-from mcnav.rare.interval import ROOTS
+from mcnav.rare.interval import ROOTS, tail_index, weights_interval
+from mcnav.rare.laid import FEWEST, SCATTERED
 from mcnav.rare.limits import Distance, Sides
 from mcnav.rare.strata import STRATA, draw_members, strata_of
 from mcnav.rare.weigh import WIDER
@@ -17,6 +18,8 @@ from tests.calibration.rare_events import (
     NOISY,
     OVER_TIME,
     Coverage,
+    RareEvent,
+    both,
     circle,
     curved,
     first,
@@ -42,10 +45,27 @@ def test_curved_limits_are_estimated_within_five_percent(event):
 
 
 def test_intervals_hold():
-    """At 94 % so few hold in 60 trials with a probability of 1e-4; the measured share is in METHOD.md."""
-    results = [Coverage.of(event, 20) for event in CURVED]
+    """At 94 % so few hold in 21 trials with a probability of 1e-4; the measured share is in METHOD.md."""
+    results = [Coverage.of(event, 7) for event in CURVED]
     assert all(result.refused == 0.0 for result in results)
-    assert sum(20 * result.holds for result in results) >= stats.binom.ppf(1e-4, 60, 0.94)
+    assert sum(7 * result.holds for result in results) >= stats.binom.ppf(1e-4, 21, 0.94)
+
+
+def test_intervals_are_as_wide_as_the_largest_scatter_that_is_stated_needs():
+    """Of 120 log-normal weights; 1,500 intervals, within three standard errors of 95 %, and worse without it."""
+    weights = np.exp(np.sqrt(SCATTERED) * np.random.default_rng(1).standard_normal((1_500, FEWEST)) - 0.5 * SCATTERED)
+    value, low, high = np.transpose([weights_interval(some, np.zeros(FEWEST, dtype=int), 0.95) for some in weights])
+    wide = np.mean((value - WIDER * (value - low) <= 1.0) & (value + WIDER * (high - value) >= 1.0))
+    assert wide == pytest.approx(0.95, abs=3.0 * np.sqrt(0.95 * 0.05 / 1_500))
+    assert np.mean((low <= 1.0) & (high >= 1.0)) < 0.93
+
+
+@pytest.mark.parametrize("index", [-0.3, 0.2, 0.5, 1.3])
+def test_the_tail_index_of_weights(index):
+    """Of generalised Pareto weights, by the largest 300 of 10,000: four standard errors, (1 + k) / sqrt(300)."""
+    weights = stats.genpareto.rvs(index, size=10_000, random_state=np.random.default_rng(2))
+    assert tail_index(weights) == pytest.approx(index, abs=4.0 * (1.0 + abs(index)) / np.sqrt(300.0))
+    assert tail_index(weights[:20]) == np.inf
 
 
 def quiet(outputs):
@@ -60,6 +80,22 @@ def test_noise_moves_the_entries_of_lines(event):
     assert 15 * result.refused <= stats.binom.isf(1e-4, 15, 0.02)
     assert 15 * result.wrong <= stats.binom.isf(1e-4, 15, 0.06)
     assert result.most_flights < 1_700
+
+
+def test_noise_beside_many_errors_is_no_reason_to_refuse():
+    """Noise scatters the logarithms by 0.25; the fit of the pilot, of 52 lines for 40 coefficients, by up to 11.
+
+    Half of the runs were refused; so few of ten are with a probability of 1 % then.
+    """
+
+    def outputs(points):
+        return points[:, :1] * (1.0 + 0.02 * points[:, 20:])
+
+    gains = np.linspace(-8.0, 8.0, 1_601)
+    exact = 0.01 * float(2.0 * special.ndtr(-4.9 / np.abs(1.0 + 0.02 * gains)) @ stats.norm.pdf(gains))
+    event = RareEvent("noise of the gain", outputs, first, both(4.9), 20, exact, hidden=1)
+    refusals = [event.estimate(seed).refusal for seed in range(10)]
+    assert refusals.count("noise that the linear model does not see moves the limit too far") <= 1
 
 
 @pytest.mark.parametrize("event", OVER_TIME, ids=lambda event: event.name)
@@ -142,9 +178,9 @@ def test_a_jump_with_a_corner_is_refused_in_words():
 def test_a_jump_back_beyond_the_limit_is_seen_by_the_flights_beyond():
     """35 % of the tail does not fail: the interval is right, or it is refused, in all but 6 % of the trials.
 
-    More than this in 40 trials has a probability of 1e-4.
+    More than this in 15 trials has a probability of 1e-4.
     """
-    assert Coverage.of(jump_back(10), 40).wrong <= stats.binom.isf(1e-4, 40, 0.06) / 40
+    assert Coverage.of(jump_back(10), 15).wrong <= stats.binom.isf(1e-4, 15, 0.06) / 15
 
 
 def test_a_linear_model_that_points_the_wrong_way_is_corrected():

@@ -7,12 +7,13 @@ import pytest
 from scipy import special, stats
 
 from mcnav.rare.estimate import estimate_probability
+from mcnav.rare.facets import Facets
 from mcnav.rare.flights import Flown, Places
 from mcnav.rare.jumps import jump_planes, known_facets
 from mcnav.rare.levels import simulate_levels
 from mcnav.rare.limits import Sides
 from mcnav.rare.lines import crossings
-from mcnav.rare.widened import Widened, draw_widened, ratio
+from mcnav.rare.widened import Widened, draw_everywhere, draw_widened, ratio
 from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
 from tests.calibration.rare_events import (
     CURVED,
@@ -25,6 +26,7 @@ from tests.calibration.rare_events import (
     upper,
 )
 from tests.calibration.rare_random import ball, oblique_cosh, second_half_space
+from tests.calibration.rare_shapes import saturating, sloping_square
 
 OUTLIER = EmpiricalDistribution(np.append(np.zeros(9_999), 20.0))
 """A table with one value of 20 in 10,000."""
@@ -45,7 +47,7 @@ def dear(event, seed):
 def all_passed(points):
     """Return flights with widened errors of which none fails."""
     nothing, everything = np.zeros((2, len(points)), dtype=bool)
-    return Widened(Places(points, np.arange(len(points))), nothing, nothing, ~everything)
+    return Widened(Places(points, np.arange(len(points))), ratio(points), nothing, nothing, ~everything)
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 10, 40])
@@ -95,10 +97,10 @@ def test_a_plain_margin_has_no_levels():
 
 @pytest.mark.parametrize("event", OBLIQUE[1::2], ids=lambda event: event.name)
 def test_both_mirror_ways_of_an_oblique_curvature_are_found(event):
-    """Of twelve intervals at 94 %, so few hold with a probability of 1e-4; a way missed halves the estimate."""
-    result = Coverage.of(event, 12)
-    assert 12 * result.refused <= 2
-    assert 12 * result.wrong <= stats.binom.isf(1e-4, 12, 0.06)
+    """Of six intervals at 94 %, so few hold with a probability of 1e-4; a way missed halves the estimate."""
+    result = Coverage.of(event, 6)
+    assert 6 * result.refused <= 1
+    assert 6 * result.wrong <= stats.binom.isf(1e-4, 6, 0.06)
     assert result.error < 0.25
 
 
@@ -120,10 +122,45 @@ def test_a_way_to_fail_of_a_hundredth_belongs_to_the_estimate():
 
 def test_a_small_ball_s_outside_is_added_to_a_half_space():
     """It carries some per cent of the estimate; it was refused in seven of 20 runs, or missing from the interval."""
-    rare = [(event := ball(5, seed), event.estimate(seed)) for seed in range(1, 16)]
+    rare = [(event := ball(5, seed), event.estimate(seed)) for seed in range(1, 6)]
     assert not any(estimate.refusal for _, estimate in rare)
     held = sum(estimate.low <= event.exact <= estimate.high for event, estimate in rare)
-    assert held >= stats.binom.ppf(1e-4, 15, 0.94)
+    assert held >= stats.binom.ppf(1e-4, 5, 0.94)
+
+
+@pytest.mark.parametrize("seed", [70_067, 70_092])
+def test_a_half_space_beside_a_ball_in_many_dimensions_is_not_left_out(seed):
+    """Widened errors alone lack it, 18 % of the event, and their scatter does not show that: 0.64 to 0.93 of it."""
+    event = bowl(41, 92.0)
+    rare = event.estimate(seed)
+    assert rare.low <= event.exact <= rare.high
+    assert rare.high < 1.25 * rare.low
+
+
+def test_a_way_of_the_linear_model_that_does_not_exist_hides_no_other():
+    """With few flights nothing was stated; with many, intervals reached from 0 to three times the estimate."""
+    for seed in range(3):
+        event = saturating(seed)
+        few, many = dear(event, seed), event.estimate(seed)
+        assert few.refusal or few.low <= event.exact <= few.high
+        assert many.low <= event.exact <= many.high < 1.2 * many.low
+
+
+def test_a_way_of_the_linear_model_at_48_sigmas_is_no_number_to_divide_by():
+    event = sloping_square(1)
+    for rare in (event.estimate(1), dear(event, 1)):
+        assert rare.low <= event.exact <= rare.high
+
+
+def test_weights_about_half_spaces_have_the_probability_of_a_ball_and_a_half_space():
+    """In 40 errors, by twenty thousand flights, within six standard errors of each."""
+    directions = np.eye(40)[:1]
+    points, weights = draw_everywhere(20_000, Facets(directions, np.array([5.0]), 1), np.random.default_rng(3))
+    beyond_ball = np.sum(points**2, axis=1) > stats.chi2.isf(1e-6, 40)
+    for failed, exact in ((beyond_ball, 1e-6), (points[:, 0] > 5.0, float(special.ndtr(-5.0)))):
+        some = weights * failed
+        assert np.mean(some) == pytest.approx(exact, rel=0.0, abs=6.0 * np.std(some) / np.sqrt(2e4))
+        assert np.std(some) / np.sqrt(2e4) < 0.1 * exact
 
 
 def test_lines_enter_a_steep_margin_where_it_is_zero():
@@ -146,12 +183,12 @@ def test_a_second_half_space_is_found_in_any_number_of_dimensions(dimensions):
 
 
 def test_the_outside_of_a_ball_is_counted_or_refused():
-    """Most of its probability has no half-space; of eight intervals two at most miss it (0.6 %)."""
+    """Most of its probability has no half-space; of four intervals one at most misses it (1.4 %)."""
     event = bowl(11, 40.0)
     assert event.exact + special.ndtr(-5.0) == pytest.approx(
         2.94e-6, rel=0.0, abs=5e-9
     )  # to both sides, computed apart
-    assert Coverage.of(event, 8).wrong <= 0.25
+    assert Coverage.of(event, 4).wrong <= 0.25
     for seed in range(3):
         rare = dear(event, seed)
         assert "where no failure is expected" in rare.refusal or rare.low <= event.exact <= rare.high
