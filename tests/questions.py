@@ -25,6 +25,7 @@ from mcnav.analysis.requirements import requirements_from
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.contract.questions import Question, reason_against
+from mcnav.contract.scenario import has_gates
 from mcnav.errors import CampaignError
 from mcnav.report.pages.brief import Links
 from mcnav.report.pages.brief import page as brief_page
@@ -50,8 +51,8 @@ from tests.strapdown_loops import FIXES, FLIGHT
 PAGE: Final = Path(__file__).parent.parent / "mcnav" / "docs" / "GUIDE.md"
 HEADING: Final = "## What can be asked of which system\n"
 INTRODUCTION: Final = """\
-Each cell was tried on a small campaign. "Rare events" are requirements that counting cannot decide. `python -m tests.questions`
-writes the table.
+Each cell was tried on a small campaign. "Rare events" are requirements that counting cannot decide.
+`python -m tests.questions` writes the table.
 """
 UNTOLD: Final = "is left out without a word"
 CODE: Final = Path(__file__).with_name("questioned.py")
@@ -107,6 +108,13 @@ _QUIET: Final[dict[str, Content]] = {
     },
 }  # fmt: skip
 """The same with constant errors alone."""
+
+_SENSORS: Final = {
+    "`ins`, aided": ("position_fix", "position_north", "20 s"),
+    "closed loop": ("ranging", "ranging", "6 s"),
+    "loop with `Strapdown`": ("fix", "fix_1", "5 s"),
+}
+"""A sensor of each system, one of its components, and a time at which it measures."""
 
 MEASURED: Final = "a filter weighs measurements by their noise, so errors are never constant alone"
 
@@ -240,9 +248,13 @@ def _gates(subject: Subject) -> str:
 
 
 def _faults(subject: Subject) -> str:
-    component = {"component": "position_north"} if subject.name == "`ins`, aided" else {}
-    spike = {"kind": "spike", "sensor": "position_fix", "begin": "20 s", "size": "30 m", **component}
-    return _shown(bool(subject.campaign(faults=[spike]).scenario.can))
+    sensor, component, begin = _SENSORS.get(subject.name, ("gnss", "position_north", "5 s"))
+    spike = {"kind": "spike", "sensor": sensor, "component": component, "begin": begin, "size": "30 m"}
+    campaign = subject.campaign(faults=[spike])
+    errors = campaign.errors
+    return _shown(
+        has_gates(campaign.scenario) and len(campaign.scenario.fault_laws(errors.mean, errors.covariance)) == 1
+    )
 
 
 def _what_if(subject: Subject) -> str:
@@ -269,9 +281,8 @@ def _size(subject: Subject) -> str:
 def _brief(subject: Subject) -> str:
     subject.run  # noqa: B018  there it is
     content = analyse(RunFolder(subject.folder / "run"))
-    return _shown(
-        bool(brief_page(content, advise(subject.file, run=content.summary, confirm=0), Links("run", "")).head)
-    )
+    advice = advise(subject.file, run=content.summary, confirm=0)
+    return _shown(bool(brief_page(content, advice, Links("run", "")).head))
 
 
 def _allocate(subject: Subject) -> str:

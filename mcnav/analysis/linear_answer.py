@@ -112,7 +112,7 @@ class LinearAnswer:
     kind : str
         Type of its scenario.
     remarks : tuple of str
-        What the scenario notices of itself; see `mcnav.contract.scenario.RemarkingScenario`.
+        What the scenario notices of itself; see `mcnav.contract.scenario.PlainScenario`.
     card : callable or None
         Writes it as HTML, for notebooks.
 

@@ -156,7 +156,10 @@ class CodeFiles:
         except FileNotFoundError:
             return None
         with file:
-            return pickle.load(file) if pickle.load(file) == (self._stamp, key) else None
+            try:
+                return pickle.load(file) if pickle.load(file) == (self._stamp, key) else None
+            except (ImportError, AttributeError):
+                return None  # of a version whose types of arguments were elsewhere
 
     def _path(self, key: Any) -> Path:
         return self.folder / f"{self._name}.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol, Self, TypeGuard
 
@@ -14,7 +15,7 @@ from mcnav.contract.errors import ScenarioError as ScenarioError
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.gates import FaultLaw, GateLaw, GateQuestion, RejectionLaws
 from mcnav.contract.history import History, StartClock
-from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
+from mcnav.contract.linear import CovarianceReadings, LinearSystem
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.questions import Question, TimelineParts, reason_against
 from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
@@ -43,7 +44,15 @@ class Capability(StrEnum):
 
 
 class PlainScenario(Protocol):
-    """What a scenario answers that states nothing else: it has no epochs, no noise, no filter and no further start."""
+    """What a scenario answers that states nothing else: it has no epochs, no noise, no filter and no further start.
+
+    Attributes
+    ----------
+    further_epochs : tuple of float
+        Those of its epochs that requirements have added, s.
+    """
+
+    further_epochs: tuple[float, ...] = ()
 
     @property
     def can(self) -> frozenset[Capability]:
@@ -69,11 +78,6 @@ class PlainScenario(Protocol):
     def reading_times(self) -> Array:
         """The epochs at which errors are known, the end last, s; empty where they are known at the end alone."""
         return np.zeros(0)
-
-    @property
-    def further_epochs(self) -> tuple[float, ...]:
-        """Those of the epochs that requirements have added, s."""
-        return ()
 
     def with_epochs(self, times: tuple[float, ...]) -> Self:
         """Return the same with further epochs, s; itself where the system's own are all that can be known."""
@@ -179,13 +183,33 @@ class GatedScenario(Scenario, Protocol):
         """Compute the laws of good measurements that are rejected, with errors at epochs, s; none without a gate."""
 
 
+@dataclass(frozen=True)
+class CovarianceQuestion:
+    """What is asked of a variation of a scenario, of the same class.
+
+    Attributes
+    ----------
+    times : ndarray
+        Rising, s.
+    mean, covariance : ndarray, shapes (sources,), (sources, sources)
+        Of the sources.
+    """
+
+    scenario: Scenario
+    times: Array
+    mean: Array
+    covariance: Array
+
+
 class CovarianceScenario(Scenario, Protocol):
     """A scenario that knows its `COVARIANCE`."""
 
-    def covariance_readings(
-        self, times: Array, mean: Array, covariance: Array, shared: SharedTables
-    ) -> CovarianceReadings:
-        """Propagate mean and covariance of the sources to rising times, s; `ScenarioError` outside of the flight."""
+    def covariance_readings(self, questions: Sequence[CovarianceQuestion]) -> list[CovarianceReadings]:
+        """Propagate mean and covariance of the sources of variations of this scenario, after updates.
+
+        Each answer has the bits that it has beside any other questions. Variations in sizes of errors cost a fraction
+        of others. `ScenarioError` outside of the flight.
+        """
 
 
 class Replayable(Scenario, Protocol):

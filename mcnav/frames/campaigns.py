@@ -141,8 +141,8 @@ def read_campaign(path: str | Path, overrides: Mapping[str, Any] | None = None) 
     Raises `CampaignError`, which lists every mistake.
 
     >>> import mcnav as mc
-    >>> mc.read_campaign("campaigns/11_cruise.toml").samples  # doctest: +SKIP
-    20000
+    >>> mc.read_campaign("reports/first/campaign.toml", {"samples": 500}).samples
+    500
     """
     document = document_of(path)
     return Campaign.of(replace(document, content={**document.content, **(overrides or {})}))

@@ -152,11 +152,12 @@ class Judgement:
 
     Examples
     --------
-    A flight is recorded by ``mcnav replay`` or by a vehicle.
+    A record whose fixes scatter three times as much as the campaign says; ``mcnav judge --record`` writes such files.
 
     >>> import mcnav as mc
-    >>> judgement = mc.judge("flight.toml", mc.RecordingFiles("imu.csv", {"gnss": "gnss.csv"}))  # doctest: +SKIP
-    >>> judgement.alarm, judgement.frame.query("named")                                          # doctest: +SKIP
+    >>> judgement = mc.judge("flight.toml", mc.RecordingFiles("imu.csv", {"gnss": "gnss.csv"}, "reference.csv"), 200)
+    >>> judgement.alarm, list(judgement.frame.query("named").index)
+    (True, ['gnss_position_noise'])
     """
 
     duration: float

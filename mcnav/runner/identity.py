@@ -70,7 +70,7 @@ def identity_of(
             "revision": getattr(scenario, "revision", None) or None,
             # chunks of a run made before them do not have their columns
             "later_sources": [source.name for source in scenario.sources if source.later] or None,
-            "further_epochs": list(getattr(scenario, "further_epochs", None) or ()) or None,
+            "further_epochs": list(scenario.further_epochs) or None,
             "code": None if code is None else CodeRecord(file=code.file, sha256=code.digest),
             "files": {file.name: file.digest for file in inputs} or None,
         }

@@ -2,8 +2,8 @@
 
 Without a filter the final covariance is a sum of the squares of the numbers, so that multiples follow from the budget.
 With one, the gains change with what the filter believes, and each multiple takes a covariance of the closed loop of its
-own, from all causes at once. Either way every number proposed is put into the campaign and its linear answer, by cause,
-computed.
+own, from all causes at once; all numbers are searched side by side, so that these covariances are computed together.
+Either way every number proposed is put into the campaign and its covariance computed.
 
 Linear answers may be wrong. With a simulation of the campaign as it is they are scaled by what it measured
 (`mcnav.analysis.simulated_requirements`), and `mcnav.studies.confirmed_changes` simulates changes.
@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from itertools import combinations
+from functools import partial
+from itertools import combinations, compress
 from math import comb
 from pathlib import Path
 from typing import Final
@@ -31,7 +32,7 @@ from mcnav.report.document.html import page_html
 from mcnav.report.pages import allocate as tables
 from mcnav.runner.executors import JOBS
 from mcnav.statistics.demonstration import runs_to_show
-from mcnav.studies.allocated_numbers import find_goal
+from mcnav.studies.allocated_numbers import find_goals
 from mcnav.studies.confirmed_changes import ConfirmationPlan, confirm_goal, confirm_grades
 from mcnav.studies.simulated_campaigns import samples_of
 from mcnav.studies.variations import Variations
@@ -100,7 +101,7 @@ def allocate(
     progress.phase(Phase.SIMULATING, note="linear answers of changed numbers")
     unmet = [number for number in judged if not base.requirements[number].met]
     goals = [(number,) for number in unmet] + ([judged] if len(judged) > 1 and unmet else [])
-    allocation = [find_goal(variations, goal) for goal in goals or [judged]]
+    allocation = find_goals(variations, goals or [judged])
     grades = _search_grades(variations, judged, finer=bool(unmet))
     if confirm:
         allocation[-1] = confirm_goal(variations, allocation[-1], plan)
@@ -166,8 +167,9 @@ def _search_grades(variations: Variations, goal: tuple[int, ...], finer: bool) -
         return GradeChange(named, variations.worst(judged, goal))
 
     def best(grade_changes: Sequence[Sequence[Move]]) -> tuple[GradeChange, ...]:
-        changes = [change for each in grade_changes if (change := moved(each)) is not None]
-        return tuple(sorted(changes, key=lambda each: -each.worst.margin))
+        changes = variations.in_lockstep([partial(moved, each) for each in grade_changes])
+        known = [change for change in changes if change is not None]
+        return tuple(sorted(known, key=lambda each: -each.worst.margin))
 
     whole = moved(moves)
     if not finer:
@@ -179,9 +181,10 @@ def _search_grades(variations: Variations, goal: tuple[int, ...], finer: bool) -
         if tried + comb(len(moves), size) > MOST_GRADES:
             return GradeSearch(finer, best([_irreducible(moves, meets)]), whole, False)
         tried += comb(len(moves), size)
-        search = [each for each in combinations(moves, size) if meets(each)]
-        if search:
-            return GradeSearch(finer, best(search)[:LISTED], whole, True)
+        together = list(combinations(moves, size))
+        enough = variations.in_lockstep([partial(meets, each) for each in together])
+        if any(enough):
+            return GradeSearch(finer, best(list(compress(together, enough)))[:LISTED], whole, True)
     return GradeSearch(finer, (whole,), whole, True)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 from mcnav.analysis.allocation import LEAST, MOST, Goal, NumberChange, critical_multiple, nearest_multiple, worst_of
@@ -38,20 +39,29 @@ def _groups(numbers: Sequence[DataSheetNumber]) -> dict[str, list[DataSheetNumbe
     return kept
 
 
-def find_goal(variations: Variations, goal: tuple[int, ...]) -> Goal:
-    """Find the change of each number, and of each group, with which the requirements of a goal are just met."""
-    met = worst_of(variations.base.requirements, goal).met
-    numbers = variations.numbers
-    alone = numbers if met else [*numbers, *variations.beliefs]
-    changes = [find_change(variations, goal, number.path, [number]) for number in alone]
-    changes += [find_change(variations, goal, name, members) for name, members in _groups(numbers).items()]
+def find_goals(variations: Variations, goals: Sequence[tuple[int, ...]]) -> list[Goal]:
+    """Find the change of each number, and of each group, with which the requirements of each goal are just met."""
+    named = [(number.path, [number]) for number in variations.numbers]
+    believed = [(number.path, [number]) for number in variations.beliefs]
+    groups = list(_groups(variations.numbers).items())
+    met = [worst_of(variations.base.requirements, goal).met for goal in goals]
+    asked = [
+        (goal, label, members)
+        for goal, is_met in zip(goals, met, strict=True)
+        for label, members in (*named, *([] if is_met else believed), *groups)
+    ]
+    changes = variations.in_lockstep([partial(find_change, variations, *each) for each in asked])
 
-    def order(change: NumberChange) -> tuple[bool, float]:
+    def order(change: NumberChange, is_met: bool) -> tuple[bool, float]:
         if not change.reached:
             return True, -change.result.margin
-        return False, change.factor if met else abs(math.log(change.factor)) if change.factor > 0.0 else math.inf
+        return False, change.factor if is_met else abs(math.log(change.factor)) if change.factor > 0.0 else math.inf
 
-    return Goal(goal, met, tuple(sorted(changes, key=order)))
+    found = list[Goal]()
+    for goal, is_met in zip(goals, met, strict=True):
+        own = [change for (of, _, _), change in zip(asked, changes, strict=True) if of == goal]
+        found.append(Goal(goal, is_met, tuple(sorted(own, key=lambda change: order(change, is_met)))))
+    return found
 
 
 def find_change(

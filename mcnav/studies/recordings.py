@@ -50,7 +50,7 @@ SIGMAS: Final[Mapping[str, tuple[tuple[str, str], ...]]] = {
 
 @dataclass(frozen=True)
 class RecordingFiles:
-    """Files of a recorded flight.
+    """Files of a recorded flight, by their paths, which may be given as text.
 
     Attributes
     ----------
@@ -62,10 +62,9 @@ class RecordingFiles:
     Examples
     --------
     >>> import mcnav as mc
-    >>> from pathlib import Path
-    >>> files = mc.RecordingFiles(Path("imu.csv"), {"gnss": Path("fixes.csv")}, units={"gyro": "deg/s"})
-    >>> sorted(files.measurements)
-    ['gnss']
+    >>> files = mc.RecordingFiles("imu.csv", {"gnss": "fixes.csv"}, units={"gyro": "deg/s"})
+    >>> files.imu.name, sorted(files.measurements)
+    ('imu.csv', ['gnss'])
     """
 
     imu: Path
@@ -74,6 +73,12 @@ class RecordingFiles:
     start: Path | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        as_path = {name: Path(given) for name in ("imu", "reference", "start") if (given := getattr(self, name))}
+        as_path["measurements"] = {name: Path(file) for name, file in self.measurements.items()}
+        for name, given in as_path.items():
+            object.__setattr__(self, name, given)
 
 
 def recordable(campaign: Campaign) -> RecordingScenario:

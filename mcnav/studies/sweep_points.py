@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 import numpy as np
 
 from mcnav._subprocess import side_threads
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.analysis.accuracy_measures import Measure, requirement_measures
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_range import limits_of, outputs_beyond
@@ -21,6 +21,7 @@ from mcnav.config.overrides import Value, VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.contract.linear import CovarianceReadings, LinearModel, SharedTables
 from mcnav.contract.scenario import (
+    CovarianceQuestion,
     ScenarioError,
     knows_covariance,
     runs_user_code,
@@ -88,7 +89,7 @@ class LinearPoints:
         self._varied, self._variables, self._measures, self._at = varied, variables, measures, at
         self._shared = SharedTables()
         self._known: dict[Point, PointAnswer] = {}
-        self.present = self._answer(varied.campaign, self._shared)
+        (self.present,) = self._answers([varied.campaign], self._shared)
 
     def values_at(self, point: Point) -> dict[str, Value]:
         """Return the values of a point by path, as a campaign file has them."""
@@ -123,13 +124,28 @@ class LinearPoints:
         return [self._known[point] for point in points]
 
     def _piece(self, campaigns: Sequence[Campaign]) -> list[PointAnswer]:
-        """Compute the answers of some campaigns one after another; each shares what it can with the one before."""
-        shared = SharedTables(self._shared.tables)
-        return [self._answer(each, shared) for each in campaigns]
+        """Compute the answers of some campaigns; each shares what it can with the one before."""
+        return self._answers(campaigns, SharedTables(self._shared.tables))
 
-    def _answer(self, campaign: Campaign, shared: SharedTables) -> PointAnswer:
-        with scenario_errors(campaign.file):
-            end, answer = _readings(campaign, [time for time in self._at if time is not None], shared)
+    def _answers(self, campaigns: Sequence[Campaign], shared: SharedTables) -> list[PointAnswer]:
+        at, base = [time for time in self._at if time is not None], self._varied.campaign.scenario
+        asked, readings = dict[int, _Asked](), dict[int, tuple[int, CovarianceReadings]]()
+        for number, campaign in enumerate(campaigns):
+            _check_variances(campaign)
+            with scenario_errors(campaign.file):
+                if knows_covariance(campaign.scenario) and type(campaign.scenario) is type(base):
+                    asked[number] = _Asked.of(campaign, at)
+                else:
+                    readings[number] = _readings(campaign, at, shared)
+        if asked and knows_covariance(base):
+            with scenario_errors(campaigns[0].file):
+                answers = base.covariance_readings([each.question for each in asked.values()])
+            for number, answer in zip(asked, answers, strict=True):
+                readings[number] = asked[number].read(answer)
+        return [self._judge(campaign, *readings[number]) for number, campaign in enumerate(campaigns)]
+
+    def _judge(self, campaign: Campaign, end: int, answer: CovarianceReadings) -> PointAnswer:
+        """Judge a campaign by what was read out, of which one reading is the end."""
         own = campaign_requirements(campaign)
         required = {each.requirement: each for each in requirement_measures(own, campaign.scenario.outputs)}
         since = _beyond_since(campaign, answer)
@@ -187,29 +203,57 @@ def _margin(measure: Measure, value: float) -> float:
     return math.log(ratio) if ratio > 0.0 else -math.inf
 
 
-def _readings(campaign: Campaign, at: Sequence[float], shared: SharedTables) -> tuple[int, CovarianceReadings]:
-    """Read the linear system out at the scenario's epochs, and then at further times; of others at the end.
+@dataclass(frozen=True)
+class _Asked:
+    """What a campaign asks of its scenario: its epochs, the last of which is the end, and then further times.
 
-    Return the number of the end among the readings as well.
+    Attributes
+    ----------
+    order : ndarray of int
+        Numbers of these among the times of the question.
     """
-    scenario, errors = campaign.scenario, campaign.errors
-    if not np.isfinite(errors.standard_deviations).all():
-        name = errors.names[int(np.argmin(np.isfinite(errors.standard_deviations)))]
-        message = "has no finite variance, and a linear covariance needs that of every source"
-        raise CampaignError([Problem(campaign.file, f"errors.{name}", message)])
-    if knows_covariance(scenario):
-        epochs = scenario.reading_times
+
+    question: CovarianceQuestion
+    order: IndexArray
+    end: int
+
+    @classmethod
+    def of(cls, campaign: Campaign, at: Sequence[float]) -> _Asked:
+        """Ask at the scenario's epochs and at further times; `CampaignError` outside of the navigation."""
+        scenario, errors, epochs = campaign.scenario, campaign.errors, campaign.scenario.reading_times
         for time in at:
             if not epochs[0] - 1e-9 <= time <= epochs[-1] + 1e-9:
                 span = f"navigation is from {epochs[0]:g} s to {epochs[-1]:g} s"
                 raise CampaignError([Problem(campaign.file, "--at", f"got {time:g} s; {span}")])
         apart = np.unique([time for time in at if np.abs(epochs - time).min() > 1e-9])
         times = np.union1d(epochs, apart)
-        readings = scenario.covariance_readings(times, errors.mean, errors.covariance, shared)
         order = np.concatenate([np.searchsorted(times, epochs), np.searchsorted(times, apart)])
-        own = None if readings.own is None else readings.own[order]
-        ordered = CovarianceReadings(times[order], readings.mean[order], readings.covariance[order], own)
-        return len(epochs) - 1, ordered
+        return cls(CovarianceQuestion(scenario, times, errors.mean, errors.covariance), order, len(epochs) - 1)
+
+    def read(self, answer: CovarianceReadings) -> tuple[int, CovarianceReadings]:
+        """Return the number of the end, and the readings in order."""
+        order, own = self.order, None if answer.own is None else answer.own[self.order]
+        return self.end, CovarianceReadings(answer.times[order], answer.mean[order], answer.covariance[order], own)
+
+
+def _check_variances(campaign: Campaign) -> None:
+    """Refuse errors without a finite variance."""
+    errors = campaign.errors
+    if not np.isfinite(errors.standard_deviations).all():
+        name = errors.names[int(np.argmin(np.isfinite(errors.standard_deviations)))]
+        message = "has no finite variance, and a linear covariance needs that of every source"
+        raise CampaignError([Problem(campaign.file, f"errors.{name}", message)])
+
+
+def _readings(campaign: Campaign, at: Sequence[float], shared: SharedTables) -> tuple[int, CovarianceReadings]:
+    """Read the linear system out at the scenario's epochs, and then at further times; of others at the end.
+
+    Return the number of the end among the readings as well.
+    """
+    scenario, errors = campaign.scenario, campaign.errors
+    if knows_covariance(scenario):
+        asked = _Asked.of(campaign, at)
+        return asked.read(scenario.covariance_readings([asked.question])[0])
     if at:
         end, readings = _readings(campaign, (), shared)
         return end, _with_times(campaign, readings, np.unique(at))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
-from mcnav._threads import one_thread
 from mcnav.analysis.allocation import worst_of
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, judge_within_range
 from mcnav.analysis.linear_covariance import Moments, covariance_over_time
@@ -17,11 +18,15 @@ from mcnav.config.data_sheet import DataSheetNumber, believed_numbers, data_shee
 from mcnav.config.documents import Document
 from mcnav.config.overrides import Value, parse_document
 from mcnav.config.read import Campaign
-from mcnav.contract.linear import SharedTables
-from mcnav.contract.scenario import knows_covariance
+from mcnav.contract.linear import CovarianceReadings
+from mcnav.contract.scenario import CovarianceQuestion, knows_covariance
 from mcnav.errors import CampaignError
 from mcnav.progress import Progress
 from mcnav.studies.lincov import answer_linearly
+from mcnav.studies.lockstep import Unanswered, Values, in_lockstep
+
+Requirements = tuple[LinearRequirement, ...]
+Result = TypeVar("Result")
 
 
 class Variations:
@@ -43,11 +48,9 @@ class Variations:
         self.base = answer_linearly(self.campaign)
         self.numbers = data_sheet_numbers(self.content, self.campaign.scenario.sources)
         self.beliefs = believed_numbers(self.content) if self.closed_loop else []
-        self.computed = 1
-        self._progress = progress
-        self._known: dict[str, tuple[LinearRequirement, ...] | None] = {}
-        self._tried: dict[str, tuple[LinearRequirement, ...] | None] = {}
-        self._shared = SharedTables()
+        self._progress, self._searching = progress, False
+        self._known: dict[str, Requirements | None] = {}
+        self._counted: set[str] = set()
         self._scaled = _Scaled(self.base)
 
     def read(self, values: Mapping[str, Value]) -> Campaign:
@@ -89,47 +92,80 @@ class Variations:
         scenario = self.campaign.scenario
         return knows_covariance(scenario) and scenario.filter_schema is not None
 
-    def judged(self, values: Mapping[str, Value]) -> tuple[LinearRequirement, ...] | None:
-        """Judge the requirements by a linear answer with some keys set; none where the campaign is refused then."""
-        key = json.dumps(values, sort_keys=True)
+    def judged(self, values: Values) -> Requirements | None:
+        """Judge the requirements with some keys set; none where the campaign is refused then."""
+        result = self.tried(values)
+        self._counted.add(_key(values))
+        return result
+
+    def tried(self, values: Values) -> Requirements | None:
+        """Judge the requirements as `judged` does, in the course of a search.
+
+        Raises `Unanswered` within `in_lockstep`, where the answer is not known.
+        """
+        key = _key(values)
         if key not in self._known:
-            self.computed += 1
-            self._progress.advance(1)
-            try:
-                self._known[key] = answer_linearly(self.at(values)).requirements
-            except CampaignError:
-                self._known[key] = None
+            if self._searching:
+                raise Unanswered(values)
+            self._answer([values])
         return self._known[key]
 
-    def tried(self, values: Mapping[str, Value]) -> tuple[LinearRequirement, ...] | None:
-        """Judge the requirements with some keys set by the covariance of all causes at once, where there is one."""
-        key = json.dumps(values, sort_keys=True)
-        if key not in self._tried:
+    def in_lockstep(self, searches: Sequence[Callable[[], Result]]) -> list[Result]:
+        """Run searches side by side, whose answers are computed together."""
+        self._searching = True
+        try:
+            return in_lockstep(searches, self._answer)
+        finally:
+            self._searching = False
+
+    @property
+    def computed(self) -> int:
+        """Answers that what is proposed rests on, that of the campaign as it is among them."""
+        return 1 + len(self._counted)
+
+    def _answer(self, asked: Sequence[Values]) -> None:
+        """Answer for keys: by the covariance of all causes at once where there is one, else by cause."""
+        base, questions = self.campaign.scenario, dict[str, CovarianceQuestion]()
+        for values in {_key(values): values for values in asked}.values():
+            key = _key(values)
             try:
                 campaign = self.at(values)
+                scenario, errors = campaign.scenario, campaign.errors
+                if self._has_covariance and knows_covariance(scenario):
+                    times = scenario.reading_times
+                    questions[key] = CovarianceQuestion(scenario, times, errors.mean, errors.covariance)
+                else:
+                    self._known[key] = answer_linearly(campaign).requirements
             except CampaignError:
-                self._tried[key] = None
-                return None
-            scenario, errors = campaign.scenario, campaign.errors
-            if not knows_covariance(scenario) or any(each.requirement.of for each in self.base.requirements):
-                return self.judged(values)
-            with one_thread():
-                readings = scenario.covariance_readings(
-                    scenario.reading_times, errors.mean, errors.covariance, self._shared
-                )
-            moments = Moments(readings.times, readings.mean, readings.covariance)
-            required = [each.requirement for each in self.base.requirements]
-            limits = limits_of(output.limit for output in self.base.outputs)
-            self._tried[key] = judge_within_range(required, limits, readings.mean[-1], readings.covariance[-1], moments)
-        return self._tried[key]
+                self._known[key] = None
+        self._progress.advance(len(asked))
+        if questions and knows_covariance(base):
+            for key, readings in zip(questions, base.covariance_readings(list(questions.values())), strict=True):
+                self._known[key] = self._judge(readings)
 
-    def with_multiple(self, changed: Sequence[DataSheetNumber], factor: float) -> tuple[LinearRequirement, ...] | None:
+    @cached_property
+    def _has_covariance(self) -> bool:
+        """Whether requirements are judged by covariances alone: none is of a smoother, and nothing has a gate."""
+        smoothed = any(each.requirement.of for each in self.base.requirements)
+        return knows_covariance(self.campaign.scenario) and self.base.rejections is None and not smoothed
+
+    def _judge(self, readings: CovarianceReadings) -> Requirements:
+        moments = Moments(readings.times, readings.mean, readings.covariance)
+        required = [each.requirement for each in self.base.requirements]
+        limits = limits_of(output.limit for output in self.base.outputs)
+        return judge_within_range(required, limits, readings.mean[-1], readings.covariance[-1], moments)
+
+    def with_multiple(self, changed: Sequence[DataSheetNumber], factor: float) -> Requirements | None:
         """Judge the requirements with some numbers multiplied."""
         if factor == 1.0:
             return self.base.requirements
         if self.closed_loop:
             return self.tried(values_of(changed, factor))
         return self._scaled.judged(changed, factor)
+
+
+def _key(values: Values) -> str:
+    return json.dumps(values, sort_keys=True)
 
 
 class _Scaled:

@@ -97,8 +97,6 @@ class ScenarioType:
         Sources against which ``[errors]`` is checked when ``[scenario]`` itself is wrong.
     outputs : sequence of Output
         Outputs that such scenarios can have, for editors and the command line.
-    start_times : bool
-        Whether its start can be chosen.
     tables : mapping of str to FurtherTable
         Further tables of the file that it reads.
     choose_outputs : callable, optional
@@ -112,7 +110,6 @@ class ScenarioType:
     read: Callable[[Any, Mapping[str, Any], FileContext], ScenarioSpec | None]
     sources: Sequence[Source] | None = None
     outputs: Sequence[Output] = ()
-    start_times: bool = False
     tables: Mapping[str, FurtherTable] = field(default_factory=dict)
     choose_outputs: Callable[[Mapping[str, Any]], Sequence[Output]] | None = None
     check_alone: Callable[[FileContext], None] | None = None

@@ -61,8 +61,9 @@ class RunComparison:
     Examples
     --------
     >>> import mcnav as mc
-    >>> change = mc.compare_runs(["reports/first", "reports/second"])  # doctest: +SKIP
-    >>> change.outputs.xs("altitude", level="output")["change_ratio"]  # doctest: +SKIP
+    >>> change = mc.compare_runs(["reports/first", "reports/second"])
+    >>> list(change.outputs.xs("altitude", level="output")["change_ratio"].between(0.9, 1.1))
+    [True]
     """
 
     titles: tuple[str, ...]

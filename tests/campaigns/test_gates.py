@@ -12,9 +12,8 @@ from scipy import stats
 
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.config.read import parse_campaign
-from mcnav.contract.linear import SharedTables
 from mcnav.contract.samples import Batch
-from mcnav.contract.scenario import has_gates
+from mcnav.contract.scenario import CovarianceQuestion, has_gates
 from mcnav.errors import CampaignError
 from mcnav.notebook import RunResult
 from mcnav.report.document.html import page_html
@@ -126,8 +125,8 @@ def test_both_engines_and_linear_analysis_of_a_fault_without_a_gate() -> None:
     for values in found:
         np.testing.assert_allclose(values[0, :3], nominal[:3], rtol=1e-3)
     np.testing.assert_allclose(found[0][0, :6], found[1][0, :6], rtol=1e-4)
-    times, sources = scenario.reading_times, nothing.shape[1]
-    readings = scenario.covariance_readings(times, nothing[0], np.zeros((sources, sources)), SharedTables())
+    question = CovarianceQuestion(scenario, scenario.reading_times, nothing[0], np.zeros((nothing.shape[1],) * 2))
+    (readings,) = scenario.covariance_readings([question])
     np.testing.assert_allclose(readings.mean, scenario.linear().nominal, rtol=1e-9, atol=1e-12)
 
 

@@ -15,7 +15,7 @@ from mcnav._types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
 from mcnav.contract.recorded import MeasurementFile
-from mcnav.contract.scenario import ScenarioError, has_noisy_start_times
+from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError
 from mcnav.studies.start_times import check_start_time, start_time_study
 from mcnav.systems.ins.scenario import SHORTEST, Ins
@@ -84,7 +84,7 @@ def assert_same(found: tuple[Array, Array], other: Ins, known: Campaign) -> None
 @pytest.mark.parametrize("platform", ["strapdown", "level", "inertial"])
 def test_each_start_is_that_of_a_campaign(platform: str) -> None:
     known = scenario(platform)
-    assert has_noisy_start_times(known)
+    assert known.parts.noise
     partials, noise = known.partials_at(STARTS), known.noise_at(STARTS)
     for row, start in enumerate(STARTS):
         own = campaign(platform, f"{float(start)!r} s")

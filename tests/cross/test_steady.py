@@ -331,3 +331,43 @@ def test_the_seeds_earth_may_be_another() -> None:
     """Twice the radius at the same gravity swings sqrt(2) slower."""
     one, other = (SteadyFlight(0.0, 0.0, 1.0, earth=Earth.with_gravity(r, 9.8)) for r in (6.4e6, 12.8e6))
     assert measured_period(other) / measured_period(one) == pytest.approx(np.sqrt(2.0), rel=1e-6)
+
+
+def test_a_later_start_of_a_hover_leaves_schulers_closed_form() -> None:
+    """Started at t_s, a bias b has moved the range by b / w^2 (1 - cos w (T - t_s)), and a tilt by R (1 - cos ...)."""
+    hover = Cruise(SteadyFlight(0.0, 0.0, 3_600.0))
+    times = hover.start_times(4)
+    partials = hover.partials_at(times)
+    flight, names = hover.flight, [source.name for source in hover.sources]
+    gone = 1.0 - np.cos(np.sqrt(flight.gravity / flight.radius) * (flight.duration - times))
+    along = partials[:, [output.name for output in hover.outputs].index("range")]
+    np.testing.assert_allclose(along[:, names.index("bias_x")], flight.radius / flight.gravity * gone, rtol=1e-9)
+    np.testing.assert_allclose(along[:, names.index("misalignment")], -flight.radius * gone, rtol=1e-9)
+    for number, time in enumerate(times.tolist()):
+        np.testing.assert_allclose(
+            hover.started_at(time, "start").linear().end.partials, partials[number], atol=1e-9 * np.abs(partials).max()
+        )
+
+
+@pytest.mark.parametrize(
+    ("time", "axes", "told"), [(-1.0, "start", "from 0 s"), (0.0, "trajectory", "aligned at each")]
+)
+def test_a_start_that_a_steady_flight_does_not_have_is_refused(time: float, axes: str, told: str) -> None:
+    with pytest.raises(ScenarioError, match=told):
+        Cruise(SteadyFlight(0.0, 0.0, 3_600.0)).started_at(time, axes)
+
+
+def test_a_further_epoch_changes_no_sample() -> None:
+    """The samples at the other epochs keep their bits, and at the new one they are those of a shorter flight."""
+    usual = Cruise(FLIGHTS["cruise, inertial platform"])
+    further = usual.with_epochs((3_000.0,))
+    errors = np.diag([source.nominal for source in usual.sources])
+    batch = Batch(np.arange(len(errors)), errors, 1)
+    engines = [each.engine("ensemble", errors) for each in (usual, further)]
+    before, after = (engine.simulate(batch).history for engine in engines)
+    assert before is not None
+    assert after is not None
+    new = int(np.flatnonzero(further.reading_times == 3_000.0)[0])
+    np.testing.assert_array_equal(np.delete(after, new, axis=1), before)
+    shorter = Cruise(replace(usual.flight, duration=3_000.0)).engine("reference", errors).simulate(batch).values
+    assert (np.abs(after[:, new] - shorter) / np.abs(shorter).max(axis=0)).max() < 1e-6  # 1e-7, and interpolation

@@ -165,7 +165,10 @@ OPTIONS = {
     "a replay of nothing": (["replay", "nowhere", "1"], "nowhere: holds no run"),
     "an index of nothing": (["index", "nowhere"], "nowhere: is no folder; expected one that contains run folders"),
     "an index of a file": (["index", "good.toml"], "good.toml: is no folder; expected"),
-    "start times of cruise": (["sweep", "cruise.toml", "--vary", "start"], "cruise.toml: scenario: has no start times"),
+    "axes of cruise": (
+        ["sweep", "cruise.toml", "--vary", "start", "--axes", "trajectory"],
+        "cruise.toml: start_times.axes: got 'trajectory'; axes of a steady flight are aligned at each start",
+    ),
     "a sweep of nothing": (["sweep", "good.toml"], "mcnav sweep needs --vary KEY=VALUES, --vary start or --scale"),
     "a sweep of two kinds": (["sweep", "good.toml", "--scale", "--vary", "start"], "mcnav sweep needs --vary KEY"),
     "an option of another sweep": (["sweep", "good.toml", "--scale", "--axes", "start"], "--axes: belongs to --vary"),

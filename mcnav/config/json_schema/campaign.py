@@ -94,7 +94,7 @@ def _output_names(kind: ScenarioType) -> list[str]:
 
 def _keys(kind: ScenarioType) -> list[str]:
     """Return the keys of a file with a type of scenario."""
-    other = {*(set(FURTHER_NAMES) - kind.tables.keys()), *(() if kind.start_times else ("start_times",))}
+    other = set(FURTHER_NAMES) - kind.tables.keys()
     return [key for key in CampaignFile.model_fields if key not in other]
 
 

@@ -123,15 +123,9 @@ class _Pass:
     def _steps(self, first: int, last: int) -> Iterator[tuple[Array, ...]]:
         """Yield A, B, Q, F and Q_f of steps, those of noise of each tuning."""
         steps, own = self.timelines[0].steps(first, last), self.filters[0].steps(first, last)
-        inputs = steps.inputs[:, :, self.used]
-        noise = _added_up(steps.noise, [timeline.sizes for timeline in self.timelines], self.covariance.shape[-1])
-        believed = _added_up(own.noise, [filtered.sizes for filtered in self.filters], self.own.shape[-1])
-        count = last - first
-        nothing = np.zeros(count) if noise is None or believed is None else None
-        yield from zip(
-            steps.transitions, inputs, nothing if noise is None else noise, own.transitions,
-            nothing if believed is None else believed, strict=True,
-        )  # fmt: skip
+        noise = _added_up(steps.noise, [timeline.sizes for timeline in self.timelines], steps.transitions.shape)
+        believed = _added_up(own.noise, [filtered.sizes for filtered in self.filters], own.transitions.shape)
+        yield from zip(steps.transitions, steps.inputs[:, :, self.used], noise, own.transitions, believed, strict=True)
 
     def _step(self, transition: Array, inputs: Array, noise: Array, own: Array, own_noise: Array) -> None:
         self.own = step(self.own, own, own_noise)
@@ -158,17 +152,17 @@ def _total(timeline: Timeline, shape: tuple[int, ...]) -> Array:
     return sum(timeline.updates.variances.values(), np.zeros(shape))
 
 
-def _added_up(noise: Mapping[str, StepNoise], sizes: Sequence[Mapping[str, float]], states: int) -> Array | None:
-    """Add up what all processes add in k steps, of the sizes of each of N tunings, shape (k, N, n, n); none of none."""
+def _added_up(noise: Mapping[str, StepNoise], sizes: Sequence[Mapping[str, float]], shape: tuple[int, ...]) -> Array:
+    """Add up what all processes add in steps of a shape (k, n, n), of the sizes of each of N tunings, (k, N, n, n)."""
+    total = np.zeros((shape[0], len(sizes), *shape[1:]))
     if not noise:
-        return None
+        return total
     rows = np.unique(np.concatenate([added.rows for added in noise.values()]))
-    count = len(next(iter(noise.values())).covariances)
-    units = np.zeros((len(noise), count, len(rows), len(rows)))
+    units = np.zeros((len(noise), shape[0], len(rows), len(rows)))
     for unit, added in zip(units, noise.values(), strict=True):
         places = np.searchsorted(rows, added.rows)
         unit[:, places[:, None], places] = added.covariances
-    total, flat = np.zeros((count, len(sizes), states, states)), units.reshape(len(units), -1)
+    flat = units.reshape(len(units), -1)
     for number, of in enumerate(sizes):
         sized = np.array([of.get(name, 1.0) for name in noise]) @ flat
         total[:, number, rows[:, None], rows] = sized.reshape(units.shape[1:])

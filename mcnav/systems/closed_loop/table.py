@@ -99,7 +99,7 @@ def read_scenario(table: user.UserTable, entries: Mapping[str, Any], context: Fi
     if not isinstance(loop, ClosedLoop):
         for name in TABLES:
             if name in context.content:
-                reason = f"{UNMEASURED}; " if name == "filter" else ""
+                reason = f"{UNMEASURED}; " if name in ("filter", "faults") else ""
                 context.problem(name, f"{reason}this is no ClosedLoop, whose sizes this table gives; leave it out")
         return user.scenario_spec(described)
     sizes = without_errors(described.spec)

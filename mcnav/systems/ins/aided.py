@@ -36,11 +36,9 @@ from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, process_s
 from mcnav.systems.ins.imu.linear_noise import respond_from_rest
 from mcnav.systems.ins.imu.sample_noise import SampleNoise
 from mcnav.systems.ins.linear.aided_errors import (
-    ClosedLoopCovariance,
     ClosedLoopErrors,
     SmoothedErrors,
     propagate_closed_loop,
-    propagate_covariance,
     smooth_closed_loop,
 )
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, close_loop
@@ -179,25 +177,6 @@ class AidedNavigation:
             updates += ["before", "after"] if updated else [None]
         after = np.array([update == "after" for update in updates])
         return tuple(updates), loop, np.array(readings), after
-
-    def covariances(
-        self, times: Array, mean: Array, sources: Array, shared: ClosedLoopCovariance | None
-    ) -> ClosedLoopCovariance:
-        """Propagate mean and covariance of the errors to rising times, after their updates.
-
-        Parameters
-        ----------
-        mean, sources : ndarray, shapes (s,), (s, s)
-            Of the constant sources.
-        shared : ClosedLoopCovariance, optional
-            Of another navigation, whose tables are taken over where they hold.
-        """
-        grid = self.grid(1, np.concatenate([[self.start], times]))
-        loop = close_loop(
-            self.truth, self.platform, grid, self.imu, self.sensors, self.filter, recent_responses,
-            None if shared is None else shared.loop,
-        )  # fmt: skip
-        return propagate_covariance(loop, np.searchsorted(grid, times - 1e-9), mean, sources, shared)
 
     def started(self, starts: Array, end: float) -> Propagated:
         """Compute the linear system at the end for navigation from each start, s, with a filter that starts there."""

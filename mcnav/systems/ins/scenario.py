@@ -7,7 +7,7 @@ and the definition of their noise, which each draws by generators of its own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final, Self
@@ -22,15 +22,14 @@ from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.gates import USUAL, FaultLaw, GateLaw, GateQuestion, RejectionLaws
 from mcnav.contract.history import Epochs, History, Panel, StartClock
-from mcnav.contract.linear import TRAJECTORY_TIME, CovarianceReadings, LinearSystem, SharedTables
+from mcnav.contract.linear import TRAJECTORY_TIME, CovarianceReadings, LinearSystem
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.questions import TimelineParts
 from mcnav.contract.recorded import FilteredRecord, MeasurementFile, Recording
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import Capability, PlainScenario, ScenarioError
+from mcnav.contract.scenario import Capability, CovarianceQuestion, PlainScenario, ScenarioError
 from mcnav.contract.time_axis import TimeAxis, time_axis
-from mcnav.linear.engine.propagate import Propagated, propagate
-from mcnav.products import transform
+from mcnav.linear.engine.propagate import Propagated
 from mcnav.systems.gates import GatedFilter, GatedSensor, fault_laws, gate_laws, rejection_laws
 from mcnav.systems.histories import first_and_last
 from mcnav.systems.ins.aided import (
@@ -46,14 +45,12 @@ from mcnav.systems.ins.ensemble.aided import GivenNoise
 from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
 from mcnav.systems.ins.ensemble.free import EnsembleErrors, EnsembleTables, simulate, simulate_given, tabulate
 from mcnav.systems.ins.filter.model import EKF, FilterModel
-from mcnav.systems.ins.filter.tables import same_memory
 from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import NoiseResponse
-from mcnav.systems.ins.linear.aided_errors import ClosedLoopCovariance
 from mcnav.systems.ins.linear.covariance import LinearErrors
-from mcnav.systems.ins.linear.free_timeline import free_errors, free_starts, free_timeline
+from mcnav.systems.ins.linear.free_timeline import free_errors, free_starts
 from mcnav.systems.ins.linear.recent_responses import recent_responses
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
@@ -63,6 +60,7 @@ from mcnav.systems.ins.sensors.registry import QUANTITIES
 from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources, flexure_rates
 from mcnav.systems.ins.truth.gravity import GravityPath
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
+from mcnav.systems.ins.tunings import Navigated, Tunings
 from mcnav.systems.sample_loop import simulate_each
 
 DEGREE: Final = np.pi / 180.0
@@ -283,28 +281,6 @@ def _around_faults(sensor: Sensor) -> list[tuple[float, ...]]:
 
 
 @dataclass(frozen=True)
-class _FreeTables:
-    """Responses of a navigation without aiding."""
-
-    truth: Truth
-    platform: Platform
-    imu: Imu
-    responses: StepResponses
-
-    @classmethod
-    def of(cls, navigation: Navigation, grid: Array, earlier: _FreeTables | None) -> _FreeTables:
-        """Compute the responses over the steps of a grid, or take earlier ones that hold."""
-        truth, platform, imu = navigation.truth, navigation.platform, navigation.imu
-        if (
-            earlier is not None and earlier.truth is truth and earlier.platform == platform
-            and np.array_equal(earlier.responses.times, grid) and same_memory(earlier.imu, imu)
-            and earlier.imu.quantized == imu.quantized
-        ):  # fmt: skip
-            return earlier
-        return cls(truth, platform, imu, recent_responses(truth, platform, grid, imu))
-
-
-@dataclass(frozen=True)
 class EnsembleEngine:
     """Deviations over shared tables; a sample beyond their validity fails."""
 
@@ -463,8 +439,10 @@ class Ins(PlainScenario):
                 "end", f"got {navigation.end:g} s with a start at {navigation.start:g} s; expected {SHORTEST:g} s more"
             )
         self.navigation = navigation
+        self.further_epochs = navigation.further  # samples' noise depends on all epochs
         self.remarks = remarks
         self._last_starts: tuple[tuple[str, bytes], Propagated] | None = None
+        self._tunings = Tunings()
 
     @property
     def can(self) -> frozenset[Capability]:
@@ -576,7 +554,7 @@ class Ins(PlainScenario):
             nominal = zero if navigation.aided is None else navigation.aided.linear.nominal
             epochs = navigation.epochs.times
             return LinearSystem(epochs, linear.partials, nominal, linear.processes, label=navigation.clock.label)
-        self._check_within(times)
+        self.check_within(times)
         own = tuple(range(len(OUTPUTS)))
         epochs_alone = np.array_equal(times, navigation.times)
         if navigation.aided is not None:
@@ -614,7 +592,7 @@ class Ins(PlainScenario):
                 navigation.epochs.times, errors.partials, errors.nominal, errors.processes, own=errors.own,
                 own_outputs=own, label=navigation.clock.label, believed=self._believed,
             )  # fmt: skip
-        self._check_within(times)
+        self.check_within(times)
         updates, errors = navigation.aided.smoothed(None if np.array_equal(times, navigation.times) else times)
         return LinearSystem(
             errors.times, errors.partials, errors.nominal, errors.processes, updates, errors.own, own, TRAJECTORY_TIME,
@@ -658,16 +636,12 @@ class Ins(PlainScenario):
         measured = loop.measurements
         return GatedFilter(loop.timeline, loop.designed, sensors, measured.sensors, measured.times, mean, covariance)
 
-    @property
-    def further_epochs(self) -> tuple[float, ...]:
-        """Times that have been added to the usual epochs, s: samples' noise depends on all of them."""
-        return self.navigation.further
-
     def with_epochs(self, times: tuple[float, ...]) -> Self:
         """Return the same with further epochs, s."""
         return type(self)(replace(self.navigation, further=times), self.remarks)
 
-    def _check_within(self, times: Array) -> None:
+    def check_within(self, times: Array) -> None:
+        """Refuse times outside of the navigation with `ScenarioError`."""
         navigation = self.navigation
         for time in times:
             if not navigation.start <= time <= navigation.end:
@@ -690,24 +664,25 @@ class Ins(PlainScenario):
         """The epochs, the end last, s."""
         return self.navigation.times
 
-    def covariance_readings(
-        self, times: Array, mean: Array, covariance: Array, shared: SharedTables
-    ) -> CovarianceReadings:
+    def covariance_readings(self, questions: Sequence[CovarianceQuestion]) -> list[CovarianceReadings]:
         """Propagate mean and covariance of the sources to rising times of the trajectory, s, after their updates."""
-        self._check_within(times)
-        navigation, before = self.navigation, shared.tables
-        if navigation.aided is not None:
-            earlier = before if isinstance(before, ClosedLoopCovariance) else None
-            shared.tables = covariances = navigation.aided.covariances(times, mean, covariance, earlier)
-            return CovarianceReadings(times, covariances.mean, covariances.true, covariances.own)
+        asked = []
+        for question in questions:
+            assert isinstance(question.scenario, Ins)
+            question.scenario.check_within(question.times)
+            asked.append(question.scenario.navigated(question))
+        return self._tunings.answer([self.navigated(question) for question in questions], asked)
+
+    def navigated(self, question: CovarianceQuestion) -> Navigated:
+        """Return this navigation with the times and errors of a question."""
+        navigation, times = self.navigation, question.times
         grid = np.union1d(navigation.times, times)
-        responses = _FreeTables.of(navigation, grid, before if isinstance(before, _FreeTables) else None)
-        shared.tables = responses
-        timeline = free_timeline(navigation.truth, responses.responses, navigation.imu)
-        read = propagate(timeline, None, timeline.positions(times), by_cause=False)
-        partials = read.partials[:, :, :-1]
-        total = transform(partials, covariance) + read.covariances.sum(axis=1)
-        return CovarianceReadings(times, partials @ mean, total)
+        if navigation.aided is not None:
+            grid = navigation.aided.grid(1, np.concatenate([[navigation.start], times]))
+        return Navigated(
+            navigation.truth, navigation.platform, grid, times, navigation.imu, navigation.sensors, navigation.filter,
+            question.mean, question.covariance,
+        )  # fmt: skip
 
     def linear_over_time(self, count: int | None = None) -> LinearSystem:
         """Return the linear system at the epochs, whatever the count."""

@@ -346,15 +346,11 @@ class Reentry(PlainScenario):
         """The epochs, s from reentry."""
         return reading_times(self.navigation)
 
-    @property
-    def further_epochs(self) -> tuple[float, ...]:
-        """Those besides the usual ones, s from reentry."""
-        return self.navigation.further_epochs
-
     def with_epochs(self, times: tuple[float, ...]) -> Self:
         """Return the same with further epochs, s from reentry; the truth is shared."""
         other = copy(self)
         other.navigation, other._latest = replace(self.navigation, further_epochs=times), None
+        other.further_epochs = times
         return other
 
     def linear_over_time(self, count: int | None = None) -> LinearSystem:

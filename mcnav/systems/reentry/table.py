@@ -282,6 +282,4 @@ ALL_SOURCES: Final = (*SOURCES, *SPEED_AND_ANGLE, *TRUTH_SOURCES)
 ALL_OUTPUTS: Final = (*DEVIATIONS, *(each.output for each in FURTHER), TRUE_ALTITUDE, *TRUTH_OUTPUTS)
 """Keys of reentries with and without guidance."""
 
-REENTRY: Final = ScenarioType(
-    ReentryTable, read_scenario, ALL_SOURCES, ALL_OUTPUTS, start_times=True, choose_outputs=_choose_outputs
-)
+REENTRY: Final = ScenarioType(ReentryTable, read_scenario, ALL_SOURCES, ALL_OUTPUTS, choose_outputs=_choose_outputs)

@@ -300,15 +300,10 @@ class Cruise(PlainScenario):
         """The epochs, s."""
         return self.navigation.shares * self.flight.duration
 
-    @property
-    def further_epochs(self) -> tuple[float, ...]:
-        """Those besides the usual ones, s."""
-        return self.navigation.further_epochs
-
     def with_epochs(self, times: tuple[float, ...]) -> Self:
         """Return the same with further epochs, s."""
         other = copy(self)
-        other.navigation = replace(self.navigation, further_epochs=times)
+        other.navigation, other.further_epochs = replace(self.navigation, further_epochs=times), times
         return other
 
     def check_start_axes(self, axes: str) -> None:

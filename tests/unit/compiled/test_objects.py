@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from types import CodeType
+from types import CodeType, ModuleType
 
 import llvmlite
 import numba
@@ -186,3 +186,18 @@ def test_code_is_whole_and_says_what_it_is_whoever_writes_it(tmp_path: Path) -> 
     first._path("int64").replace(first._path("float64"))
     assert first.load("float64") is None
     assert first.load("int64") is None
+
+
+def test_code_for_types_that_are_elsewhere_now_is_compiled_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A version stored code for a named tuple; its module, or the class in it, is gone."""
+    earlier = ModuleType("earlier")
+    monkeypatch.setitem(sys.modules, "earlier", earlier)
+    earlier.Steps = type("Steps", (), {"__module__": "earlier", "__repr__": lambda self: "Steps"})  # type: ignore[attr-defined]
+    key, files = earlier.Steps(), objects.CodeFiles(tmp_path, "kernel", "sources")
+    files.save(key, pickle.dumps("code"))
+    del earlier.Steps  # type: ignore[attr-defined]
+    assert files.load(key) is None
+    monkeypatch.delitem(sys.modules, "earlier")
+    assert files.load(key) is None

@@ -255,13 +255,6 @@ WRONG: dict[str, Content] = {
     "an unknown precision": {"samples": {"until": "sigma 1 %", "at_most": 1_000}},
     "a probability of one": {"accept": {"quantile": [{"output": "heading", "probability": 1.0, "below": "1 rad"}]}},
     "instruments of a reentry": WITHOUT_SENSORS | {"scenario": {"type": "reentry", "trajectory": 4}, "errors": {}},
-    "start times of a cruise": WITHOUT_SENSORS
-    | {
-        "scenario": {"type": "cruise", "speed": "250 m/s", "duration": "1 h"},
-        "errors": {},
-        "start_times": {"count": 5},
-        "imu": None,
-    },
 }
 """Mistakes of structure: entries that replace those of `AIDED`; None leaves one out."""
 

@@ -57,7 +57,6 @@ def test_another_type_is_read_and_described() -> None:
     for wrong in (
         {"errors": {"gyro_bias": "1 deg/h"}},
         {"imu": {}},
-        {"start_times": {}},
         {"scenario": {**CAMPAIGN["scenario"], "volum": "1 m"}},
     ):
         assert not validator.is_valid(CAMPAIGN | wrong), wrong

@@ -1,4 +1,4 @@
-"""Covariance of aided errors from all causes at once: the sum over causes, means, and tables that loops share."""
+"""Covariance of aided errors from all causes at once: the sum over causes, means, and many tunings in one pass."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import pytest
 
 from mcnav._types import Array
 from mcnav.systems.ins.imu.instruments import Imu, Noise
-from mcnav.systems.ins.linear.aided_errors import propagate_closed_loop, propagate_covariance
-from mcnav.systems.ins.linear.closed_loop import ClosedLoop, close_loop
+from mcnav.systems.ins.linear.aided_errors import ClosedLoopErrors, propagate_closed_loop
+from mcnav.systems.ins.linear.closed_loop import close_loop
 from mcnav.systems.ins.linear.response import respond
+from mcnav.systems.ins.tunings import Navigated, Tunings
 from tests.aided import make_filter, make_sensor, sized
 from tests.flights import flight
 
@@ -34,9 +35,16 @@ READ = np.arange(0, len(TIMES), 50)
 TRUTH = flight(1.0)
 
 
-def loop_of(believed: dict[str, float], shared: ClosedLoop | None = None) -> ClosedLoop:
+def navigated(believed: dict[str, float], mean: Array, covariance: Array) -> Navigated:
+    """Return a navigation with a filter that believes some sizes."""
     model = make_filter(SENSORS, NOISY, believed, ("gyro_bias", "altimeter_bias"), ("gnss_lever_arm",))
-    return close_loop(TRUTH, "strapdown", TIMES, NOISY, SENSORS, model, respond, shared)
+    return Navigated(TRUTH, "strapdown", TIMES, TIMES[READ], NOISY, SENSORS, model, mean, covariance)
+
+
+def by_cause(of: Navigated) -> ClosedLoopErrors:
+    """Return the errors of a navigation by cause."""
+    loop = close_loop(of.truth, of.platform, of.grid, of.imu, of.sensors, of.filter, respond)
+    return propagate_closed_loop(loop, READ, np.ones(len(READ)))
 
 
 def correlated(sizes: Array) -> Array:
@@ -47,59 +55,80 @@ def correlated(sizes: Array) -> Array:
     return covariance
 
 
+def scaled_by(factor: float, imu: Imu) -> Imu:
+    """Return a unit with all processes of other sizes."""
+    sizes = ("random_walk", "instability", "rate_random_walk", "quantization")
+    gyro, accelerometer = (
+        replace(noise, **{name: factor * getattr(noise, name) for name in sizes})
+        for noise in (imu.gyro, imu.accelerometer)
+    )
+    return replace(imu, gyro=gyro, accelerometer=accelerometer)
+
+
+SIZES = sized(SENSORS, SIGMAS | NEGLECTED)
+NOTHING = np.zeros(len(SIZES))
+
+
 def test_the_covariance_is_the_sum_over_all_causes() -> None:
     """To 1e-9 of the sigmas: 300 steps and 360 updates with rounding of 1e-16 of a first covariance 1e4 as large."""
-    loop = loop_of(SIGMAS)
-    causes = propagate_closed_loop(loop, READ, np.ones(len(READ)))
-    sources = correlated(sized(SENSORS, SIGMAS | NEGLECTED))
-    expected = causes.partials @ sources @ causes.partials.swapaxes(1, 2) + sum(causes.processes.values())
-    found = propagate_covariance(loop, READ, np.zeros(len(sources)), sources)
+    of = navigated(SIGMAS, NOTHING, correlated(SIZES))
+    causes, (found,) = by_cause(of), Tunings().answer([of], [of])
+    expected = causes.partials @ of.covariance @ causes.partials.swapaxes(1, 2) + sum(causes.processes.values())
     scale = np.sqrt(np.einsum("mii,mjj->mij", expected, expected))
-    assert np.abs((found.true - expected) / scale).max() < 1e-9
-    assert np.array_equal(found.own, causes.own)
+    assert np.abs((found.covariance - expected) / scale).max() < 1e-9
+    scale = np.sqrt(np.einsum("mii,mjj->mij", causes.own, causes.own))
+    assert np.abs((found.own - causes.own) / scale).max() < 1e-9
     assert not found.mean.any()
 
 
 def test_the_mean_is_the_response_to_the_mean_of_the_sources() -> None:
-    loop = loop_of(SIGMAS)
-    sizes = sized(SENSORS, SIGMAS | NEGLECTED)
-    mean = sizes * np.linspace(-1.0, 1.0, len(sizes))
-    partials = propagate_closed_loop(loop, READ, np.ones(len(READ))).partials
-    found = propagate_covariance(loop, READ, mean, np.zeros((len(sizes), len(sizes))))
-    assert found.mean == pytest.approx(partials @ mean, rel=1e-9, abs=1e-12)
+    mean = SIZES * np.linspace(-1.0, 1.0, len(SIZES))
+    of = navigated(SIGMAS, mean, np.zeros((len(SIZES),) * 2))
+    (found,) = Tunings().answer([of], [of])
+    assert found.mean == pytest.approx(by_cause(of).partials @ mean, rel=1e-9, abs=1e-12)
 
 
-def test_a_loop_that_shares_tables_is_the_same_as_one_of_its_own() -> None:
-    """Whether only the flight is shared, or the filter's gains as well."""
-    first = loop_of(SIGMAS)
-    sources = correlated(sized(SENSORS, SIGMAS | NEGLECTED))
-    before = propagate_covariance(first, READ, np.zeros(len(sources)), sources)
-    for believed, same_gains in ((SIGMAS | {"tilt": 3e-4}, False), (SIGMAS | {"gyro_scale": 1.0}, True)):
-        shared, own = loop_of(believed, first), loop_of(believed)
-        assert shared.responses is first.responses
-        assert (shared.filter_design is first.filter_design) is same_gains
-        mean = np.zeros(len(sources))
-        taken_over = propagate_covariance(shared, READ, mean, sources, before)
-        alone = propagate_covariance(own, READ, mean, sources)
-        assert taken_over.maps is before.maps
-        assert np.array_equal(taken_over.true, alone.true)
-        assert np.array_equal(taken_over.own, alone.own)
-
-
-def test_tables_of_another_flight_grid_or_sensor_are_not_shared() -> None:
-    first = loop_of(SIGMAS)
-    model, same = first.model, {"truth": TRUTH, "platform": "strapdown", "times": TIMES, "sensors": SENSORS}
+def variations_of(base: Navigated) -> dict[str, Navigated]:
+    """Return navigations that differ from one in sizes: of states, of noise, of sources; or in more than sizes."""
+    model = make_filter(SENSORS, NOISY, SIGMAS | {"tilt": 3e-4}, ("gyro_bias", "altimeter_bias"), ("gnss_lever_arm",))
+    without = {name: 0.0 if name == "altimeter_bias" else size for name, size in SIGMAS.items()}
+    louder = (
+        replace(SENSORS[0], components=tuple(replace(each, noise=7.0) for each in SENSORS[0].components)),
+        SENSORS[1],
+    )
     moved = (replace(SENSORS[0], lever_arm=np.array([9.0, 0.0, 0.0])), SENSORS[1])
-    for change, responses, measurements in (
-        ({"truth": replace(TRUTH)}, False, False),
-        ({"platform": "inertial"}, False, False),
-        ({"times": np.arange(0.0, END + 0.5, 0.5)}, False, True),
-        ({"sensors": moved}, True, False),
-    ):
-        found = same | change
-        loop = close_loop(
-            found["truth"], found["platform"], found["times"], NOISY, found["sensors"], model, respond, first
+    return {
+        "tilt": replace(base, filter=model),
+        "without a bias": navigated(without, NOTHING, np.diag(SIZES**2)),
+        "unit": replace(base, imu=scaled_by(2.0, NOISY)),
+        "no noise": replace(base, imu=scaled_by(0.0, NOISY)),
+        "sensor": replace(base, sensors=louder),
+        "sources": replace(base, covariance=np.diag(4.0 * SIZES**2), mean=SIZES),
+        "another lever arm": replace(base, sensors=moved),
+        "estimates more": replace(
+            base, filter=make_filter(SENSORS, NOISY, SIGMAS, ("gyro_bias", "accelerometer_bias", "altimeter_bias"))
+        ),
+    }  # fmt: skip
+
+
+def test_tunings_are_what_each_navigation_is_by_itself() -> None:
+    base = navigated(SIGMAS, NOTHING, np.diag(SIZES**2))
+    others = variations_of(base)
+    together = Tunings().answer([base] * len(others), list(others.values()))
+    for (name, of), found in zip(others.items(), together, strict=True):
+        causes = by_cause(of)
+        expected = causes.partials @ of.covariance @ causes.partials.swapaxes(1, 2) + sum(
+            causes.processes.values(), np.zeros((9, 9))
         )
-        assert (loop.responses is first.responses) is responses
-        assert (loop.measurements is first.measurements) is measurements
-        assert loop.filter_design is not first.filter_design
+        for answer, exact in ((found.covariance, expected), (found.own, causes.own)):
+            scale = np.sqrt(np.einsum("mii,mjj->mij", exact, exact))
+            assert np.abs((answer - exact) / scale).max() < 1e-9, name
+        alone = Tunings().answer([base], [of])[0]
+        assert np.array_equal(alone.covariance, found.covariance), name
+        assert base.has(of) is (name not in ("another lever arm", "estimates more")), name
+
+
+def test_another_flight_or_grid_is_no_tuning() -> None:
+    base = navigated(SIGMAS, NOTHING, np.diag(SIZES**2))
+    for change in ({"truth": replace(TRUTH)}, {"platform": "inertial"}, {"grid": np.arange(0.0, END + 0.5, 0.5)}):
+        assert not base.has(replace(base, **change))

@@ -1,4 +1,4 @@
-"""Linear errors of an aided navigator: by cause, from all causes at once, and behind a smoother."""
+"""Linear errors of an aided navigator by cause, also behind a smoother."""
 
 from __future__ import annotations
 
@@ -57,31 +57,6 @@ class SmoothedErrors:
     nominal: Array
 
 
-@dataclass(frozen=True)
-class ClosedLoopCovariance:
-    """Errors of an aided navigator from all causes at once, after the updates at m times.
-
-    Attributes
-    ----------
-    loop : ClosedLoop
-    readings : ndarray of int, shape (m,)
-        Numbers of the times.
-    maps : ndarray, shape (m, 9, 9)
-        From psi, v, x to the outputs.
-    mean : ndarray, shape (m, 9)
-        Of the outputs.
-    true, own : ndarray, shape (m, 9, 9)
-        Covariance of the outputs, and as the filter computes it.
-    """
-
-    loop: ClosedLoop
-    readings: IndexArray
-    maps: Array
-    mean: Array
-    true: Array
-    own: Array
-
-
 def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) -> ClosedLoopErrors:
     """Propagate the true errors and the filter's covariance.
 
@@ -121,34 +96,6 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
             if pairs is None
             else pairs.of_covariances(own[:, NAVIGATION:, NAVIGATION:])
         ),
-    )
-
-
-def propagate_covariance(
-    loop: ClosedLoop, readings: IndexArray, mean: Array, sources: Array, shared: ClosedLoopCovariance | None = None
-) -> ClosedLoopCovariance:
-    """Propagate mean and covariance of the true errors to times, by their numbers, after the updates there.
-
-    Parameters
-    ----------
-    mean, sources : ndarray, shapes (s,), (s, s)
-        Mean and covariance of the constant sources: those of the instruments, then those of aiding.
-    shared : ClosedLoopCovariance, optional
-        Covariance of another loop, whose maps are taken over where they hold.
-    """
-    timeline, positions = loop.timeline, loop.positions(readings, np.ones(len(readings)))
-    designed, states = loop.designed(positions), np.eye(NAVIGATION, timeline.states)
-    read = propagate(timeline, designed.gains, positions, by_cause=False, maps=lambda _: states)
-    same_flight = shared is not None and shared.loop.responses is loop.responses
-    if shared is not None and same_flight and np.array_equal(shared.readings, readings):
-        maps = shared.maps
-    else:
-        maps = _output_maps(loop, readings)
-    covariance = transform(read.partials[:, :, :-1], sources) + read.covariances.sum(axis=1)
-    means = np.einsum("mij,mjs,s->mi", maps, read.partials, np.append(mean, 1.0))
-    own = designed.covariances[:, :NAVIGATION, :NAVIGATION]
-    return ClosedLoopCovariance(
-        loop, readings, maps, means, map_covariances(maps, covariance), map_covariances(maps, own)
     )
 
 

@@ -13,7 +13,7 @@ are of size one, for the truth and for the filter: sizes are those of a timeline
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,14 +21,14 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import FilterSteps, Instants, Start, StepNoise, Steps, Timeline, TimelineFilter, Updates
-from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel, FilterState
+from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.filter.tables import FilterTables, initial_covariance
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, of_unit_sizes, process_variances
 from mcnav.systems.ins.linear.covariance import biased_processes, output_map, process_systems, transitions
 from mcnav.systems.ins.linear.inertial_steps import InertialSteps
 from mcnav.systems.ins.linear.response import StepResponses, responses_between
 from mcnav.systems.ins.linear.sensor_processes import SensorProcess, sensor_processes, white_variances
-from mcnav.systems.ins.linear.sizes import same_kind, same_sensors, states_of_sizes
+from mcnav.systems.ins.linear.sizes import states_of_sizes
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants, aiding_processes
 from mcnav.systems.ins.sensors.measurements import Measurements, rate_error, white_sigmas
 from mcnav.systems.ins.truth.trajectory import Truth
@@ -56,27 +56,16 @@ class AidedSystem:
     @cached_property
     def timeline(self) -> Timeline:
         """The timeline; navigation may start at any time of its grid."""
-        return self._sized(self.imu, self.sensors, self.model, self.model.states)
+        return self.tuned(self.imu, self.sensors, self.model)
 
-    def tuned(self, imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel) -> Timeline | None:
-        """Return the timeline of other errors and another filter; none where they differ in more than sizes."""
-        if not (
-            same_kind(self.imu, imu) and same_kind(self.model.beliefs.imu, model.beliefs.imu)
-            and same_sensors(self.sensors, sensors)
-            and same_sensors(self.model.beliefs.sensors, model.beliefs.sensors)
-        ):  # fmt: skip
-            return None
-        states = states_of_sizes(self.model.states, model.states)
-        return None if states is None else self._sized(imu, sensors, model, states)
-
-    def _sized(
-        self, imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel, states: Sequence[FilterState]
-    ) -> Timeline:
+    def tuned(self, imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel) -> Timeline:
         """Return the timeline of errors and of a filter that differ from this system's in sizes alone."""
-        timeline, beliefs = self._of_unit_sizes, model.beliefs
+        timeline, beliefs, states = self._of_unit_sizes, model.beliefs, states_of_sizes(self.model.states, model.states)
         updates, filtered = timeline.updates, timeline.filter
         assert updates is not None
         assert filtered is not None
+        if states is None:
+            raise ValueError("model: got a filter that differs in more than sizes")
         start = float(self.responses.times[0])
         return replace(
             timeline, sizes=_sizes(imu, sensors, timeline.processes),
@@ -201,7 +190,7 @@ class AidedSystem:
         imu = of_unit_sizes(self.model.beliefs.imu)
         for name, (_, added, _) in process_systems(responses_between(self.filter.believed, first, last), imu).items():
             if name in self._believed_processes:
-                rows, used = np.arange(NAVIGATION + 1), added.any(axis=(0, 1))
+                rows, used = np.arange(NAVIGATION + 1), np.asarray(added.any(axis=(0, 1)))
                 rows[NAVIGATION] = place_of.get(name, NAVIGATION)
                 used[NAVIGATION] &= name in place_of
                 noise[name] = StepNoise(rows[used], added[:, used][:, :, used])

@@ -1,4 +1,4 @@
-"""An aided navigator along the truth: the tables of its timeline, which variations of it share."""
+"""An aided navigator along the truth: the tables of its timeline."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from mcnav._types import Array, IndexArray
 from mcnav.contract.timeline import Timeline
 from mcnav.linear.engine.design import Design, design
 from mcnav.systems.ins.filter.model import FilterModel
-from mcnav.systems.ins.filter.tables import FilterTables, same_memory, tabulate_filter
+from mcnav.systems.ins.filter.tables import FilterTables, tabulate_filter
 from mcnav.systems.ins.imu.instruments import Imu
 from mcnav.systems.ins.linear.aided_timeline import AidedSystem
 from mcnav.systems.ins.linear.response import StepResponses, respond
-from mcnav.systems.ins.linear.same_content import same_content
 from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.measurements import Measurements, measure
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
@@ -47,7 +46,7 @@ class ClosedLoop:
     first_updates : ndarray of int, shape (K + 2,)
         Number of the first update at each time.
     filter_design : FilterDesign
-        Of the filter, which loops with the same beliefs share.
+        Of the filter.
     """
 
     truth: Truth
@@ -67,12 +66,17 @@ class ClosedLoop:
         return self.responses.times
 
     @cached_property
-    def timeline(self) -> Timeline:
-        """The timeline of its true errors, with its filter."""
+    def system(self) -> AidedSystem:
+        """What its timeline and those of its tunings consist of."""
         return AidedSystem(
             self.truth, self.imu, self.sensors, self.model, self.responses, self.measurements, self.filter,
             self.first_updates,
-        ).timeline  # fmt: skip
+        )  # fmt: skip
+
+    @property
+    def timeline(self) -> Timeline:
+        """The timeline of its true errors, with its filter."""
+        return self.system.timeline
 
     def positions(self, readings: IndexArray, after: Array) -> IndexArray:
         """Return the positions of readings: numbers of times, and whether after the updates there, shapes (m,)."""
@@ -89,7 +93,7 @@ class ClosedLoop:
 
 def close_loop(
     truth: Truth, platform: Platform, times: Array, imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel,
-    respond: Callable[[Truth, Platform, Array, Imu], StepResponses] = respond, shared: ClosedLoop | None = None,
+    respond: Callable[[Truth, Platform, Array, Imu], StepResponses] = respond,
 ) -> ClosedLoop:  # fmt: skip
     """Tabulate an aided navigator along the truth.
 
@@ -99,50 +103,12 @@ def close_loop(
         Rising, with all instants of the sensors among them; the first is the start of navigation.
     respond : callable
         Computes the responses over the steps.
-    shared : ClosedLoop, optional
-        A loop along the same truth, the same object, whose tables are taken over where they hold.
     """
-    responses, measurements = _shared_tables(truth, platform, times, imu, sensors, shared)
-    if responses is None:
-        responses = respond(truth, platform, times, imu)
-    if measurements is None:
-        measurements = measure(truth, platform, float(times[0]), sensors)
-    same_tables = shared is not None and shared.responses is responses and shared.measurements is measurements
-    if shared is not None and same_tables and same_content(_beliefs(shared.model), _beliefs(model)):
-        return replace(shared, imu=imu, sensors=sensors, model=model)
+    responses = respond(truth, platform, times, imu)
+    measurements = measure(truth, platform, float(times[0]), sensors)
     tables = tabulate_filter(truth, platform, imu, responses, model, measurements)
     first = np.append(np.searchsorted(measurements.times, times, side="left"), len(measurements.times))
     return ClosedLoop(truth, platform, imu, sensors, model, responses, measurements, tables, first)
-
-
-def _shared_tables(
-    truth: Truth, platform: Platform, times: Array, imu: Imu, sensors: tuple[Sensor, ...], shared: ClosedLoop | None
-) -> tuple[StepResponses | None, Measurements | None]:
-    """Return the responses and the measurements of a loop that hold for another one as well."""
-    if shared is None or shared.truth is not truth or shared.platform != platform:
-        return None, None
-    same_grid = np.array_equal(shared.times, times)
-    same_imu = same_memory(shared.imu, imu) and shared.imu.quantized == imu.quantized
-    same_sensors = shared.times[0] == times[0] and same_content(_geometry(shared.sensors), _geometry(sensors))
-    return shared.responses if same_grid and same_imu else None, shared.measurements if same_sensors else None
-
-
-def _geometry(sensors: tuple[Sensor, ...]) -> tuple[object, ...]:
-    """Return what the responses of innovations depend on."""
-    return tuple(
-        (
-            sensor.name, sensor.times, sensor.lever_arm, sensor.has_lever_arm,
-            tuple((each.quantity, each.axis, each.label) for each in sensor.components), sensor.faults,
-            sensor.flexure is not None, sensor.offsets, sensor.arrangement,
-        )
-        for sensor in sensors
-    )  # fmt: skip
-
-
-def _beliefs(model: FilterModel) -> tuple[object, ...]:
-    """Return what a filter's gains depend on."""
-    beliefs = model.beliefs
-    return model.states, beliefs.covariance, beliefs.imu, beliefs.sensors
 
 
 @dataclass(frozen=True)

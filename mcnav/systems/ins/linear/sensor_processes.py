@@ -65,8 +65,9 @@ def _components(sensors: tuple[Sensor, ...], measured: Measurements) -> Iterator
 def _correlated(component: Component, at: NDArray[np.bool_], times: Array) -> SensorProcess:
     """Return a component's correlated errors, a Gauss-Markov process."""
     shares = np.diff(times)[:, None] / component.correlation_time
-    added = -np.expm1(-2.0 * shares)[:, :, None]
-    return SensorProcess(np.exp(-shares), added, np.ones((len(times), 1, 1)), -1.0 * at[:, :, None])
+    added = np.asarray(-np.expm1(-2.0 * shares)[:, :, None])
+    seen = np.asarray(-1.0 * at[:, :, None])
+    return SensorProcess(np.asarray(np.exp(-shares)), added, np.ones((len(times), 1, 1)), seen)
 
 
 def _flexing(flexure: Flexure, axis: int, number: int, measured: Measurements, times: Array) -> SensorProcess:

@@ -209,7 +209,6 @@ INS: Final = ScenarioType(
     read_scenario,
     SOURCES,
     NAVIGATION_ERRORS,
-    start_times=True,
     check_alone=check_alone,
     tables={
         "imu": IMU,

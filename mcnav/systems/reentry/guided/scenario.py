@@ -169,15 +169,10 @@ class GuidedReentry(PlainScenario):
         """The epochs, s from reentry; the last is the end of each sample."""
         return self._unguided.reading_times
 
-    @property
-    def further_epochs(self) -> tuple[float, ...]:
-        """Those besides the usual ones, s from reentry."""
-        return self._unguided.further_epochs
-
     def with_epochs(self, times: tuple[float, ...]) -> Self:
         """Return the same with further epochs, s from reentry."""
         other = copy(self)
-        other._unguided = self._unguided.with_epochs(times)
+        other._unguided, other.further_epochs = self._unguided.with_epochs(times), times
         return other
 
     def linear_over_time(self, count: int | None = None) -> LinearSystem:

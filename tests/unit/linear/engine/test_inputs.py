@@ -50,9 +50,10 @@ def test_no_readings_no_starts_and_no_updates_are_empty_answers():
 def test_a_filter_without_measurements_keeps_its_own_propagation(updates):
     timeline = replace(UNMEASURED, updates=updates)
     end, own = timeline.end, timeline.filter.covariance
-    for steps in [timeline.filter.steps(0, end)]:
-        for transition, noise in zip(steps.transitions, steps.noise, strict=True):
-            own = transition @ own @ transition.T + noise
+    steps = timeline.filter.steps(0, end)
+    (of,) = steps.noise.values()
+    for transition, noise in zip(steps.transitions, of.covariances, strict=True):
+        own = transition @ own @ transition.T + noise
     designed = design(timeline, [0, end])
     np.testing.assert_allclose(designed.covariances[1], own, rtol=1e-12, atol=1e-12 * np.abs(own).max())
     np.testing.assert_allclose(smooth(timeline, designed, [0, end]).claimed, designed.covariances)
