@@ -29,7 +29,7 @@ from mcnav.contract.scenario import has_gates
 from mcnav.errors import CampaignError
 from mcnav.report.pages.brief import Links
 from mcnav.report.pages.brief import page as brief_page
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from mcnav.store.manifest import ExceedanceRecord
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.allocate import allocate

@@ -8,24 +8,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter
-
 from mcnav.config.campaign import Campaign, check_stored_samples
 from mcnav.config.documents import SI, Description, document_of
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import check_requirements, read_requirements
+from mcnav.config.scenario import read_scenario
 from mcnav.config.schema import CampaignFile, CampaignTable, UntilTable
 from mcnav.config.sources import KnownSources, check_names, read_correlations, read_errors, read_joint, with_units
 from mcnav.config.start_times import StartTimesPlan, read_start_times
 from mcnav.config.stopping import StoppingRule, read_stopping_rule
 from mcnav.config.table_of_values import StoredTable, stored_table
 from mcnav.config.toml import Content, load_file
-from mcnav.contract.members import lacks_scenario
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.entries.context import EarlierFile, FileContext
 from mcnav.entries.inputs import SourceFile
-from mcnav.entries.validation import validate, validate_entry
+from mcnav.entries.validation import validate
 from mcnav.errors import CampaignError, Problem
 from mcnav.sampler.distributions import Distribution, Normal
 from mcnav.sampler.error_model import Correlation, CorrelationError, ErrorModel, JointError
@@ -33,10 +31,8 @@ from mcnav.sampler.multivariate_t import MultivariateT
 from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
-from mcnav.systems.description import ScenarioType
 from mcnav.systems.registry import (
     FURTHER_NAMES,
-    SCENARIO_TYPES,
     ScenarioSpec,
     further_tables,
     is_code,
@@ -133,7 +129,7 @@ def _parse(context: FileContext, stem: str, numbers: PlainNumbers) -> Campaign:
 def _read_tables(table: CampaignTable, context: FileContext, stem: str, numbers: PlainNumbers) -> Campaign:
     """Read the tables of a file, of which the top level is known; see `parse_campaign`."""
     content = context.content
-    described, known = _read_scenario(content.get("scenario"), context)
+    described, known = read_scenario(content.get("scenario"), context)
     if content.get("units") == SI and isinstance(content.get("errors"), dict) and known is not None:
         content["errors"] = with_units(content["errors"], known.sources)
     distributions = _read_distributions(described, known, context)
@@ -286,61 +282,6 @@ def _check_start_times(scenario: Scenario, axes: str, context: FileContext) -> N
         scenario.check_start_axes(axes)
     except ScenarioError as wrong:
         context.problem("start_times.axes" if wrong.key == "axes" else "start_times", str(wrong))
-
-
-def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | None, KnownSources | None]:
-    """Read the scenario, and the sources that ``[errors]`` may name; mistakes are added to the context.
-
-    Where the scenario cannot be read, its further tables are checked as far as they do not depend on it.
-    """
-    if not isinstance(entries, dict):
-        return None, None  # the validation of the whole file reports it
-    kind = scenario_type(entries.get("type"))
-    if kind is None:
-        known = f"{', '.join(SCENARIO_TYPES)}, or a file and class such as 'my_module.py:Boost'"
-        came = f"got {entries['type']!r}; expected" if "type" in entries else "is missing; it is"
-        context.problem("scenario.type", f"{came} one of {known}")
-        return None, None
-    before = len(context.problems)
-    described = _read_by_type(kind, entries, context)
-    if described is None:
-        _check_further(kind, context)
-    sources = kind.sources if described is None else described.scenario.sources
-    if sources is None:
-        return described, None
-    # sources of sensors are not known where a table is wrong
-    incomplete = described is None or len(context.problems) > before
-    brought = [table.source_patterns.values() for name, table in kind.tables.items() if name in context.content]
-    return described, KnownSources(sources, tuple(each for some in brought for each in some) if incomplete else ())
-
-
-def _read_by_type(kind: ScenarioType, entries: dict[str, Any], context: FileContext) -> ScenarioSpec | None:
-    """Read the table of a scenario and build it; mistakes are added to the context."""
-    table = validate(kind.table, entries, context, "scenario")
-    if table is None:
-        return None
-    try:
-        described = kind.read(table, entries, context)
-    except ScenarioError as wrong:
-        context.problem(f"scenario.{wrong.key}", str(wrong))
-        return None
-    lines = [] if described is None else lacks_scenario(described.scenario)
-    for line in lines:
-        context.problem("scenario.type", line)
-    return None if lines else described
-
-
-def _check_further(kind: ScenarioType, context: FileContext) -> None:
-    """Add the mistakes of further tables of a scenario that cannot be read, but those that are there already."""
-    alone = replace(context, problems=[])
-    if kind.check_alone is not None:
-        kind.check_alone(alone)
-    else:
-        for name, further in kind.tables.items():
-            if name in context.content:
-                validate_entry(TypeAdapter(further.form), context.content[name], alone, name)
-    known = {problem.key for problem in context.problems}
-    context.problems.extend(problem for problem in alone.problems if problem.key not in known)
 
 
 def _resolve(content: Mapping[str, Any], table: CampaignTable, name: str, described: ScenarioSpec) -> Content:

@@ -15,7 +15,8 @@ from mcnav._types import Array
 from mcnav.contract.errors import ScenarioError
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.frames.systems import Simulatable, System, system_of
+from mcnav.frames.system import System
+from mcnav.frames.systems import Simulatable, system_of
 from mcnav.runner.worth import worth_from
 from mcnav.sampler.errors import SAMPLING, errors_of
 

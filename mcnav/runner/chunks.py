@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from mcnav.entries.inputs import InputFile
 from mcnav.linear.block_sums import Normalization
 from mcnav.linear.sample_reduction import BlockReduction
 from mcnav.numerics.power_sums import sum_powers_about_zero
-from mcnav.sampler.error_model import ErrorModel
+from mcnav.runner.draws import DrawPlan
 from mcnav.statistics.filter_sums import FilterSums
 from mcnav.store.chunk_files import (
     ChunkFile,
@@ -43,32 +43,6 @@ from mcnav.systems.timeouts import SampleTimeout, time_limit
 
 Sums = TypeVar("Sums", PowerSums, FilterSums, Summary)
 """Sums over samples, which add up."""
-
-PROBES: Final = 64
-"""Samples on which an engine's accuracy is determined: the first of the campaign itself."""
-
-
-@dataclass(frozen=True)
-class DrawPlan:
-    """The samples of a campaign; see `ErrorModel.draw`."""
-
-    errors: ErrorModel
-    design: str
-    seed: int
-    samples: int
-
-    def draw(self, begin: int, end: int) -> Array:
-        """Draw samples [begin, end), or fewer at the campaign's end, shape (n, sources)."""
-        return self.errors.draw(self.design, self.seed, self.samples, begin, min(end, self.samples))
-
-    def batch(self, begin: int, end: int) -> Batch:
-        """Draw samples [begin, end), or fewer at the campaign's end, with what their noise depends on."""
-        errors = self.draw(begin, end)
-        return Batch(np.arange(begin, begin + len(errors)), errors, self.seed)
-
-    def probes(self) -> Array:
-        """Draw the samples on which an engine's accuracy is determined, shape (n, sources)."""
-        return self.draw(0, PROBES)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from mcnav.entries.inputs import InputFile, SourceFile
 from mcnav.errors import RunFolderError, shortened
 from mcnav.files import to_json
 from mcnav.linear.block_sums import block_size
-from mcnav.runner.chunks import PROBES
+from mcnav.runner.draws import PROBES
 from mcnav.sampler.designs import REPLICATES, block_length
 from mcnav.store.chunk_files import identities_in
 from mcnav.store.manifest import CodeRecord, Identity

@@ -8,7 +8,7 @@ from mcnav._types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.members import ready_engine
 from mcnav.contract.scenario import Scenario, runs_user_code
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from mcnav.systems.user.noise_soundness import find_unsettled_noise
 from mcnav.systems.user.scenario import is_users
 from mcnav.systems.user.soundness import Unsettled, find_unsettled

@@ -12,7 +12,7 @@ from mcnav.analysis.comparison import Model
 from mcnav.contract.engine import Engine
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from mcnav.runner.soundness import isolated
 
 SAMPLES: Final = 8

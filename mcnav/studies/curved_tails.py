@@ -45,7 +45,7 @@ def _curvature(campaign: Campaign) -> Curvature | None:
     simulations = 2 * directions**2 + 2 * directions + 1
     if not errors.normal or runs_user_code(scenario) or filtered or simulations > MOST_SIMULATIONS:
         return None
-    from mcnav.runner.chunks import DrawPlan  # with a run's files, which other answers do not need
+    from mcnav.runner.draws import DrawPlan  # with a run's files, which other answers do not need
 
     draws = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples)
     engine = prepare_engine(scenario, scenario.engines[0], draws.probes(), errors.mean, errors.standard_deviations)

@@ -218,7 +218,7 @@ def _check_soundness(campaign: Campaign) -> None:
     """Refuse a user's own scenario that has no linear model."""
     if not is_users(campaign.scenario):
         return
-    from mcnav.runner.chunks import DrawPlan  # with a run's files, which other scenarios do not need
+    from mcnav.runner.draws import DrawPlan  # with a run's files, which other scenarios do not need
     from mcnav.runner.soundness import find_doubt
 
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)

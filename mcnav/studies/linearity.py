@@ -25,7 +25,7 @@ from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import linearity as tables
 from mcnav.report.statements.linearity import NoiseUse
-from mcnav.runner.chunks import PROBES
+from mcnav.runner.draws import PROBES
 from mcnav.sampler.designs import SamplingDesign
 
 SAMPLES: Final = 2_000

@@ -19,7 +19,7 @@ from mcnav.logs.imu_log import read_imu_log, remark_on_axes
 from mcnav.logs.log_error import LogError
 from mcnav.logs.tables import read_table
 from mcnav.logs.track import Track, read_track
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from mcnav.units import UnitError, conversion
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from mcnav.linear.start_times import StartTimeStudy, study_start_times, usual_we
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import start_times as tables
-from mcnav.runner.chunks import PROBES
+from mcnav.runner.draws import PROBES
 from mcnav.sampler.designs import SamplingDesign
 
 EVENLY: Final = 6

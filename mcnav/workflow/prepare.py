@@ -22,7 +22,7 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.linear.at_epochs import differenced_at_epochs, filter_at_epochs, linear_throughout
 from mcnav.linear.polynomial_engine import prepare_engine
 from mcnav.linear.refusals import scenario_errors
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from mcnav.runner.soundness import find_doubt
 from mcnav.runner.tail_outputs import tail_outputs
 from mcnav.store.manifest import ModelRecord, UnsettledRecord

@@ -28,7 +28,7 @@ from mcnav.linear.polynomial_engine import exact_part, prepare_engine
 from mcnav.report.columns.requirements import NamedRequirement, stated
 from mcnav.report.names import humanize
 from mcnav.report.pages.replay import Outcome, Replay, files
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from mcnav.runner.identity import chunk_digest, identity_of
 from mcnav.runner.processes import IsolatedEngine
 from mcnav.runner.soundness import isolated

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from mcnav.config.read import read_campaign
 from mcnav.linear.polynomial_engine import prepare_engine
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from tests.benchmarks import machine
 from tests.benchmarks.inertial.whole_runs import command
 from tests.benchmarks.markdown import number, table

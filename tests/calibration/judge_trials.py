@@ -31,7 +31,7 @@ from mcnav.contract.scenario import can_be_recorded
 from mcnav.judgement.assessment import LEVEL, Assessment, assess
 from mcnav.judgement.likelihood import estimate_factor
 from mcnav.judgement.simulation import recorded
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 
 SIMULATED: Final = 1000
 

@@ -21,7 +21,7 @@ from mcnav.report.pages.lincov import requirement_rows
 from mcnav.report.pages.sweep import frame
 from mcnav.report.pages.sweep_page import point_table
 from mcnav.report.results.model import RunAnalysis
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep

@@ -18,7 +18,7 @@ from mcnav.analysis.summary import Summary
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.errors import RunFolderError
 from mcnav.report.statements import details, verdicts
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.store.filters import MARK
 from mcnav.store.run_folder import RunFolder

@@ -20,7 +20,7 @@ from mcnav.report.document.html import page_html
 from mcnav.report.pages.lincov import statements
 from mcnav.report.pages.lincov_page import page
 from mcnav.report.statements.sweep import remarks
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from mcnav.studies.allocate import allocate
 from mcnav.studies.lincov import lincov_table, linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep

@@ -16,7 +16,7 @@ from mcnav.errors import CampaignError
 from mcnav.report.columns.tables_over_time import tables_over_time
 from mcnav.report.pages.lincov import statements
 from mcnav.report.pages.lincov_page import reading_table
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from mcnav.statistics.order_statistics import RankedSizes
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import answer_linearly, lincov_table

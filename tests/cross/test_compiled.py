@@ -52,7 +52,7 @@ from pathlib import Path
 from mcnav.config.read import read_campaign
 from mcnav.contract.engine import has_histories, without_noise
 from mcnav.contract.samples import Batch
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from mcnav.numerics.power_sums import sum_powers_about_zero
 
 def final(name, engine, samples):

@@ -18,7 +18,8 @@ from mcnav.config.read import Campaign
 from mcnav.linear.block_sums import Normalization
 from mcnav.linear.polynomial_engine import prepare_engine
 from mcnav.progress import Silent
-from mcnav.runner.chunks import ChunkJob, DrawPlan
+from mcnav.runner.chunks import ChunkJob
+from mcnav.runner.draws import DrawPlan
 from mcnav.sampler.designs import block_length
 from mcnav.store.chunk_files import SampleSchema
 from mcnav.store.run_folder import RunFolder

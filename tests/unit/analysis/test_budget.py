@@ -17,7 +17,7 @@ from mcnav.linear.corrections import Uncomputed
 from mcnav.linear.partials import FAST, QUICK, REDUCTION, SimulationFailed
 from mcnav.linear.simulated_budget import simulate_each_source_alone, simulated_budgets
 from mcnav.linear.sobol import estimate_sobol_indices
-from mcnav.runner.chunks import PROBES
+from mcnav.runner.draws import PROBES
 from mcnav.sampler.distributions import Fixed, Normal, Uniform
 from mcnav.sampler.error_model import Correlation, ErrorModel
 

@@ -13,7 +13,7 @@ from mcnav.contract.recorded import FilteredRecord, RecordedMeasurements, Record
 from mcnav.contract.scenario import RecordingScenario, ScenarioError, can_be_recorded
 from mcnav.judgement.likelihood import whiten
 from mcnav.judgement.simulation import recorded
-from mcnav.runner.chunks import DrawPlan
+from mcnav.runner.draws import DrawPlan
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.recorded.causes import key_of
