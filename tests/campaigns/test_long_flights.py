@@ -64,9 +64,9 @@ def _altitude_sigma(minutes: float) -> float:
 
 @pytest.mark.parametrize("minutes", [96.0, 100.0, 120.0])
 def test_a_hover_beyond_the_model_has_a_report(tmp_path: Path, minutes: float) -> None:
-    """The first of 61 readings at which the closed form is beyond half the radius is named before and after."""
+    """The first of 60 readings at which the closed form is beyond half the radius is named before and after."""
     campaign = _written(tmp_path, HOVER.replace("DURATION", f"{minutes:g} min"))
-    readings = np.linspace(0.0, minutes, 61)
+    readings = np.linspace(0.0, minutes, 60)
     begin = next(time for time in readings if _altitude_sigma(time) > 0.5 * RADIUS)
     said = in_process("run", str(campaign), "--out", str(tmp_path / "run"))
     assert said.stderr.startswith(f"note: errors are beyond the range of linear analysis from {begin:.3g} min on")

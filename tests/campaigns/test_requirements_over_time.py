@@ -120,3 +120,33 @@ def test_samples_without_the_epoch_of_a_new_requirement_are_not_mixed(tmp_path: 
     accept["quantile"][0]["at"] = "151.5 s"
     with pytest.raises(RunFolderError, match=r"further_epochs was absent, is \[151.5\]"):
         run_campaign(parse_campaign(described(40, accept=accept), "test.toml", "test"), tmp_path / "run", None, 1)
+
+
+OTHERS = {
+    "reentry": ({"type": "reentry", "trajectory": 4}, {"altitude": "1 km"}, "altitude", -30.5),
+    "guided": ({"type": "reentry", "trajectory": 4, "guidance": {}}, {"altitude": "10 m"}, "altitude", -30.5),
+    "cruise": ({"type": "cruise", "speed": "250 m/s", "duration": "1 h"}, {"bias_x": "50 ug"}, "range", 1_000.5),
+}
+"""Systems without noise, their errors, an output, and a time that is none of the usual epochs, s."""
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_systems_without_noise_have_requirements_over_time(kind: str, tmp_path: Path) -> None:
+    """Counted at the time itself: with one error the quantile is 1.645 sigma of the linear system there."""
+    scenario, errors, output, time = OTHERS[kind]
+    entry = {"output": output, "probability": 0.9, "below": "1000 km"}
+    accept = {"quantile": [entry | {"at": f"{time} s"}, entry | {"after": f"{time} s"}]}
+    content = {"samples": 400, "seed": 1, "scenario": scenario, "errors": errors, "accept": accept}
+    campaign = parse_campaign(content, "test.toml", "test")
+    place = [each.name for each in campaign.scenario.outputs].index(output)
+    partials = campaign.scenario.linear(np.array([time])).partials[0, place]
+    sigma = float(np.sqrt(partials @ campaign.errors.covariance @ partials))
+    summary = run_campaign(campaign, tmp_path / "run", None, 1).summary
+    at, later = summary["requirements"]
+    assert at["linear"] == pytest.approx(stats.norm.ppf(0.95) * sigma, rel=1e-4)  # histories' by differences
+    assert at["estimate"] == pytest.approx(at["linear"], rel=0.15)  # 400 samples: 4 % a sigma
+    assert (at["finding"], at["samples"]) == ("met", 400)
+    assert later["linear"] >= at["linear"] * (1.0 - 1e-9)
+    judged = linear_covariance(campaign).requirements
+    assert judged[0].value == pytest.approx(stats.norm.ppf(0.95) * sigma, rel=1e-9)
+    assert [each.met for each in judged] == [True, True]

@@ -115,8 +115,7 @@ def test_errors_over_time_end_as_the_samples_do() -> None:
 def test_linear_analysis_over_time_is_that_of_small_errors() -> None:
     scenario = _guided(2, start="-10 min")
     engine = _engine(scenario)
-    count = len(engine.epochs.times)
-    known = scenario.linear_over_time(count)
+    known = scenario.linear_over_time()
     assert known.times == pytest.approx(engine.epochs.times, abs=1e-9)
     steps = 1e-4 * ALL_SIZES
     up, down = np.split(engine.histories(np.concatenate([np.diag(steps), -np.diag(steps)])), 2)

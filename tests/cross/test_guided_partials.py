@@ -136,8 +136,8 @@ def test_it_is_read_at_any_time(fed: str) -> None:
     """
     scenario = _scenario(4, {"input": fed})
     assert isinstance(scenario, GuidedReentry)
-    over_time = scenario.linear_over_time(30)
-    chosen = [0, 5, 20, 28, 29]
+    over_time = scenario.linear_over_time()
+    chosen = [0, 5, 40, 58, 59]
     asked = np.sort(np.append(over_time.times[chosen] * 60.0, [-100.0, 500.0]))
     read = scenario.linear(asked)
     places = np.searchsorted(asked, over_time.times[chosen] * 60.0)

@@ -88,13 +88,13 @@ def test_axes_do_not_matter_without_accelerometer_errors() -> None:
 
 def test_partials_over_time(scenario: Reentry) -> None:
     """From the start errors themselves to the final partials; in between against the histories of single runs."""
-    trajectory, known = scenario.trajectory, scenario.linear_over_time(21)
+    trajectory, known = scenario.trajectory, scenario.linear_over_time()
     np.testing.assert_allclose(known.partials[-1], scenario.linear().end.partials, rtol=1e-8, atol=1e-6)
     at_start = np.diag([1.0, EARTH_RADIUS / trajectory.state(0.0)[0]] * 2)
     np.testing.assert_allclose(known.partials[0], np.hstack([at_start, np.zeros((4, len(SIZES) - 4))]), atol=1e-12)
     assert known.label == "time from reentry [min]"
     assert known.times[0] == pytest.approx(-trajectory.reentry_time / 60.0)
-    assert known.times[10] == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(known.times).min() == pytest.approx(0.0, abs=1e-9)
     steps = np.vstack([np.diag(SIZES), -np.diag(SIZES)]) * 1e-3
     flown = scenario.error_histories(steps, known.times[1:] * 60.0)[2]
     found = (flown[:, : len(SIZES)] - flown[:, len(SIZES) :]).swapaxes(1, 2) / (2e-3 * SIZES)
@@ -143,7 +143,7 @@ def test_a_start_at_the_end_is_the_identity(scenario: Reentry) -> None:
 
 def test_a_reentry_is_read_at_any_time(scenario: Reentry) -> None:
     """At an epoch as over time, whatever other times are asked for; outside of the flight it says so."""
-    over_time = scenario.linear_over_time(9)
+    over_time = scenario.linear_over_time()
     asked = np.sort(np.append(over_time.times[3:5] * 60.0, 17.3))
     read = scenario.linear(asked)
     places = np.searchsorted(asked, over_time.times[3:5] * 60.0)

@@ -247,20 +247,15 @@ class EnsembleEngine:
         return sum_powers(histories[np.isfinite(histories).all(axis=(1, 2))], pivot)
 
 
-def epoch_times(navigation: Navigation, count: int = EPOCHS) -> Array:
-    """Space epochs evenly before reentry, and evenly after it, to the end; s from the first point of the truth."""
-    start, reentry, end = navigation.start, navigation.trajectory.reentry_time, navigation.trajectory.final_time
-    if start >= reentry:
-        return np.linspace(start, end, count)
-    fewest = round(FEWEST_AFTER_REENTRY * count / EPOCHS)
-    after = min(max(fewest, round(count * (end - reentry) / (end - start))), count - 2)
-    before = np.linspace(start, reentry, count - after, endpoint=False)
-    return np.concatenate([before, np.linspace(reentry, end, after)])
-
-
 def reading_times(navigation: Navigation) -> Array:
-    """Return all epochs, s from reentry."""
-    return np.union1d(epoch_times(navigation) - navigation.trajectory.reentry_time, navigation.further_epochs)
+    """Space epochs evenly before reentry and evenly after it, and add further ones; s from reentry."""
+    start, reentry, end = navigation.start, navigation.trajectory.reentry_time, navigation.trajectory.final_time
+    times = np.linspace(start, end, EPOCHS)
+    if start < reentry:
+        after = min(max(FEWEST_AFTER_REENTRY, round(EPOCHS * (end - reentry) / (end - start))), EPOCHS - 2)
+        before = np.linspace(start, reentry, EPOCHS - after, endpoint=False)
+        times = np.concatenate([before, np.linspace(reentry, end, after)])
+    return np.union1d(times - reentry, navigation.further_epochs)
 
 
 def events(navigation: Navigation) -> dict[str, float]:
@@ -354,19 +349,8 @@ class Reentry(PlainScenario):
         return other
 
     def linear_over_time(self, count: int | None = None) -> LinearSystem:
-        """Compute partials at the epochs, or at a count of times, half of which are after reentry."""
-        if count is None:
-            return self.linear(self.reading_times)
-        start, reentry, final = self.navigation.start, self.trajectory.reentry_time, self.trajectory.final_time
-        before = count // 2 if start < reentry else 0
-        times = np.concatenate(
-            [
-                np.linspace(start, reentry, before, endpoint=False),
-                np.linspace(max(reentry, start), final, count - before),
-            ]
-        )
-        partials, _ = self._navigator.read(times)
-        return LinearSystem((times - reentry) / 60.0, partials, label=HISTORY_TIME)
+        """Compute the partial derivatives at the epochs, whatever the count."""
+        return self.linear(self.reading_times)
 
     def _since(self, times: Array) -> Array:
         """Convert times from reentry to times from the first point of the truth, s.

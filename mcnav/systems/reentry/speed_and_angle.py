@@ -151,11 +151,6 @@ class SpeedAndAngleReentry(Reentry):
         """Compute partial derivatives at the end."""
         return self._with_columns(super().linear(times))
 
-    def linear_over_time(self, count: int | None = None) -> LinearSystem:
-        """Compute partial derivatives over the flight."""
-        system = super().linear_over_time(count)
-        return system if count is None else self._with_columns(system)
-
     def partials_at(self, times: Array, axes: str = "start") -> Array:
         """Compute the partial derivatives for navigation started at each time, shape (n, outputs, sources)."""
         since = np.clip(times + self.trajectory.reentry_time, 0.0, self.trajectory.final_time)

@@ -331,11 +331,8 @@ class Cruise(PlainScenario):
         return self._partials(self.flight.duration - times[::-1])[::-1]
 
     def linear_over_time(self, count: int | None = None) -> LinearSystem:
-        """Compute the partial derivatives at the epochs, or at evenly spaced times of the flight."""
-        if count is None:
-            return self.linear(self.reading_times)
-        times = np.linspace(0.0, self.flight.duration, count)
-        return LinearSystem(times / 60.0, self._partials(times), label=HISTORY_TIME)
+        """Compute the partial derivatives at the epochs, whatever the count."""
+        return self.linear(self.reading_times)
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are refined until the probes, (n, sources), agree."""

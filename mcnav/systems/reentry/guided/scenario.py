@@ -31,7 +31,7 @@ from mcnav.systems.reentry.guided.reference import GuidedReferenceEngine
 from mcnav.systems.reentry.guided.remarks import departures_of, doubtful_end, draw_flights, limited_lift, rival_maxima
 from mcnav.systems.reentry.guided.timeline import fly_timeline, partials_before_reentry
 from mcnav.systems.reentry.outputs import FurtherOutput
-from mcnav.systems.reentry.scenario import HISTORY_TIME, Flight, Reentry, epoch_times
+from mcnav.systems.reentry.scenario import HISTORY_TIME, Flight, Reentry
 from mcnav.systems.reentry.scenario import SOURCES as OF_NAVIGATION
 from mcnav.systems.variations import ROUNDING, check_span
 
@@ -176,14 +176,8 @@ class GuidedReentry(PlainScenario):
         return other
 
     def linear_over_time(self, count: int | None = None) -> LinearSystem:
-        """Compute partial derivatives at the epochs, or at a count of times; the last are of each sample's own end."""
-        if count is None:
-            return self.linear(self.reading_times)
-        times, final = (
-            epoch_times(self._unguided.navigation, count)[:-1] - self.navigation.start,
-            self._flight.final_time,
-        )
-        return self._readings(np.append(times[times < final], final))
+        """Compute the partial derivatives at the epochs, whatever the count."""
+        return self.linear(self.reading_times)
 
     def _readings(self, times: Array) -> LinearSystem:
         """Read the linear system at times, s from the start of navigation; the end is that of each sample."""
