@@ -156,7 +156,11 @@ class CodeFiles:
         except FileNotFoundError:
             return None
         with file:
-            return pickle.load(file) if pickle.load(file) == (self._stamp, key) else None
+            try:
+                stored = pickle.load(file)
+            except (ImportError, AttributeError):  # of a type that has moved since, hence of other sources
+                return None
+            return pickle.load(file) if stored == (self._stamp, key) else None
 
     def _path(self, key: Any) -> Path:
         return self.folder / f"{self._name}.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"

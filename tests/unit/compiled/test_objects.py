@@ -186,3 +186,11 @@ def test_code_is_whole_and_says_what_it_is_whoever_writes_it(tmp_path: Path) -> 
     first._path("int64").replace(first._path("float64"))
     assert first.load("float64") is None
     assert first.load("int64") is None
+
+
+def test_code_for_a_type_that_has_moved_is_not_stored(tmp_path: Path) -> None:
+    files = objects.CodeFiles(tmp_path, "kernel", "sources")
+    files.save("int64", pickle.dumps("code"))
+    for gone in (b"cmcnav.gone\nTables\n.", b"cmcnav.compiled.objects\nGone\n."):
+        next(tmp_path.glob("*.nbc")).write_bytes(gone)
+        assert files.load("int64") is None
