@@ -157,9 +157,10 @@ class CodeFiles:
             return None
         with file:
             try:
-                return pickle.load(file) if pickle.load(file) == (self._stamp, key) else None
-            except (ImportError, AttributeError):
-                return None  # of a version whose types of arguments were elsewhere
+                stored = pickle.load(file)
+            except (ImportError, AttributeError):  # of a type that has moved since, hence of other sources
+                return None
+            return pickle.load(file) if stored == (self._stamp, key) else None
 
     def _path(self, key: Any) -> Path:
         return self.folder / f"{self._name}.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
