@@ -82,8 +82,12 @@ def _correlated(one: str, other: str, coefficient: float) -> str:
 
 
 CASES = {
-    "a source of zero sigma": ("Toy", 2000, SIGMAS.replace('b = "1 m"', 'b = "0 m"'), ACCEPT, 0, "Every sigma is right"),
-    "perfectly correlated": ("Toy", 2000, SIGMAS, _correlated("a", "b", 1) + _correlated("c", "d", -1), 0, "Every sigma is right"),
+    "a source of zero sigma": (
+        "Toy", 2000, SIGMAS.replace('b = "1 m"', 'b = "0 m"'), ACCEPT, 0, "Every sigma is right",
+    ),
+    "perfectly correlated": (
+        "Toy", 2000, SIGMAS, _correlated("a", "b", 1) + _correlated("c", "d", -1), 0, "Every sigma is right",
+    ),
     "errors that cancel": ("Toy", 2000, SIGMAS, _correlated("a", "b", -1), 0, "Every sigma is right"),
     "no errors": ("Toy", 100, "", ACCEPT, 0, "no error source varies"),
     "nothing depends": ("Single slope=0", 100, 'a = "1 m"', "", 0, "no output depends on an error source"),
@@ -103,7 +107,9 @@ CASES = {
         _correlated("altitude", "range", 1) + _correlated("altitude", "altitude_rate", -1)
         + _correlated("range", "altitude_rate", -1), 0, "",
     ),
-    "a reentry far beyond linear": ("reentry", 100, 'altitude = "6000 km"\naltitude_rate = "9 km/s"', "", 0, "The linear sigmas are wrong for"),
+    "a reentry far beyond linear": (
+        "reentry", 100, 'altitude = "6000 km"\naltitude_rate = "9 km/s"', "", 0, "The linear sigmas are wrong for",
+    ),
     "a reentry of two samples": ("reentry", 2, REENTRY, "", 0, "too few independent samples"),
 }  # fmt: skip
 

@@ -119,8 +119,8 @@ def test_every_sigma_is_right(tmp_path: Path) -> None:
     """10,000 samples know each to ±1.4 %, and below the green banner every mark of the filter is green."""
     summary = run(tmp_path, [RIGHT] * 6, 10_000)
     assert summary["filter_verdict"] == (
-        "The filter is consistent: every output and every group is within ±5 % of the filter sigma at every epoch (95 % "
-        "confidence)."
+        "The filter is consistent: every output and every group is within ±5 % of the filter sigma at every epoch "
+        "(95 % confidence)."
     )
     assert banner(tmp_path)[0] == "agrees"
     page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
@@ -155,7 +155,7 @@ def test_a_filter_that_states_no_variance_of_an_error_is_optimistic(tmp_path: Pa
 @pytest.mark.parametrize("last", [RIGHT, 1.0 / 1.2])
 def test_what_is_not_good_comes_first(tmp_path: Path, last: float) -> None:
     """In the terminal and on the page: the filter's verdict before a good one on linear analysis, and only then."""
-    summary = run(tmp_path, [RIGHT] * 5 + [last], 10_000)
+    run(tmp_path, [RIGHT] * 5 + [last], 10_000)
     printed = invoke("show", tmp_path / "run", cwd=tmp_path).stdout
     order = [
         printed.index(words[:38])

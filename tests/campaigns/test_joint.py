@@ -155,8 +155,8 @@ def test_a_narrow_direction_is_explained(tmp_path: Path) -> None:
     found = run("Narrow", tmp_path)
     told = next(line for line in found.printed if line.startswith("The full covariance matrix"))
     words = re.search(
-        r"differs most in the thinnest direction of (\w+) and (\w+)\. There the simulated sigma is (\S+) cm, the linear "
-        r"one (\S+) cm \((\S+) times as large\)",
+        r"differs most in the thinnest direction of (\w+) and (\w+)\. There the simulated sigma is (\S+) cm, the "
+        r"linear one (\S+) cm \((\S+) times as large\)",
         told,
     )
     assert words is not None

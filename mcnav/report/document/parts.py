@@ -237,6 +237,8 @@ class Page:
         Parts above and below the sections.
     folds : sequence of Fold
         Sections that are folded, below the others.
+    short : bool
+        Whether the folds may stand on the first screen as well, because it says little.
     status, tone : str
         The foremost answer in words, which the title of the window begins with, and its tone, which colours the
         window's icon; empty: none.
@@ -251,6 +253,7 @@ class Page:
     status: str = ""
     tone: str = ""
     folds: Sequence[Fold] = ()
+    short: bool = False
 
     @property
     def measured(self) -> bool:

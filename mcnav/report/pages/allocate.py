@@ -18,6 +18,7 @@ from mcnav.report.figures import allocate as drawn
 from mcnav.report.figures.lincov import short_name
 from mcnav.report.format import number
 from mcnav.report.pages.lincov import headline, requirement_rows, shown_limit, shown_value, units_shown
+from mcnav.report.pages.screen import answered
 from mcnav.report.statements.lincov import large_mean_words
 
 EXPLANATION: Final = (
@@ -412,11 +413,11 @@ def page(allocation: Allocation) -> Page:
         table = grade_table(allocation, allocation.grades)
         parts: list[Part] = [Sentence(grade_words(allocation.grades)), *([table] if table.rows else [])]
         sections.append(Section("grades", "By one grade of the catalogue", parts))
-    return Page(
+    return answered(Page(
         f"{name}: allocation", "Allocation of errors", name,
         [*_mean_errors(allocation), Verdict(words, tone, [EXPLANATION, basis_words(allocation)]), asked], sections,
         [Note(f"{allocation.computed:,} linear answers were computed.")],
-    )  # fmt: skip
+    ), rest="Requirements")  # fmt: skip
 
 
 def _goal_section(allocation: Allocation, goal: Goal, place: int) -> Section:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -14,7 +15,7 @@ from mcnav.analysis.run_comparison import Change
 from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import EndWords, end_words
 from mcnav.errors import shortened
-from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Sentence, joined
+from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Sentence, Verdict, joined
 from mcnav.report.document.table import CODE, Cell, Column, Table, counted, five_digits
 from mcnav.report.drawing.figure import HALF, Figure
 from mcnav.report.drawing.marks import Axis, Mark, Panel, Rule, Series
@@ -23,6 +24,7 @@ from mcnav.report.figures import comparisons
 from mcnav.report.figures.agreement import forest
 from mcnav.report.format import interval, number, with_error
 from mcnav.report.names import humanize, labels_in
+from mcnav.report.pages.screen import RESULTS, answered
 from mcnav.report.statements import details, verdicts
 from mcnav.report.statements.words import TONES
 from mcnav.statistics.estimates import Estimate
@@ -220,7 +222,23 @@ def page(
     budgets = [*_waterfalls(titles, summaries), *_budgets(titles, manifests, summaries)]
     sections.append(Section("budget", "Error budget", budgets))
     heading = ", ".join(titles)
-    return Page(heading, "Comparison of runs", heading, sections=sections)
+    verdict = _changed(titles, rows)
+    return answered(Page(heading, "Comparison of runs", heading, [verdict], sections=sections), rest=RESULTS)
+
+
+def _changed(titles: Sequence[str], rows: Sequence[Row]) -> Verdict:
+    """Say how many outputs changed, and which of them the most."""
+    known = [row for row in rows if row.words in ("larger", "smaller") and row.known.ratio]
+    if not known:
+        return Verdict(f"No output is seen to differ from {titles[0]}.", "agrees")
+    most = max(known, key=lambda row: abs(math.log(row.known.ratio)))
+    counts = [(word, sum(row.words == word for row in known)) for word in ("larger", "smaller")]
+    said = " and ".join(f"{count} {word}" for word, count in counts if count)
+    size = f"{number(most.known.ratio, 3)} times"
+    return Verdict(
+        f"Of {len(rows)} sigmas {said} than in {titles[0]}.", "undecided",
+        [f"Most: {most.title} in {titles[most.run]}, {size}."],
+    )  # fmt: skip
 
 
 def terminal(

@@ -16,6 +16,7 @@ from mcnav.report.drawing.figure import Figure
 from mcnav.report.drawing.marks import Axis, Line, Panel, Rule, Series, numbered
 from mcnav.report.format import number
 from mcnav.report.names import humanize
+from mcnav.report.pages.screen import answered
 from mcnav.report.statements.means import mean_sentence
 from mcnav.report.statements.sweep import shown
 from mcnav.report.statements.words import TONES, WORST
@@ -48,7 +49,9 @@ def page(comparison: KindComparison) -> Page:
     if comparison.variable is not None and not comparison.variable.words:
         sections.append(Section("values", f"Over {comparison.variable.path}", [figure(comparison)]))
     head: list[Part] = [*_mean_errors(comparison), Verdicts([_verdict(comparison)]), facts]
-    return Page(f"{comparison.campaign}: filters", "Kinds of filters", comparison.campaign, head, sections)
+    return answered(
+        Page(f"{comparison.campaign}: filters", "Kinds of filters", comparison.campaign, head, sections), rest="Filter"
+    )
 
 
 def _mean_errors(comparison: KindComparison) -> list[Part]:

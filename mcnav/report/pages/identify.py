@@ -15,6 +15,7 @@ from mcnav.report.document.table import Cell, Column, Table
 from mcnav.report.figures import identify as drawn
 from mcnav.report.format import number, probability
 from mcnav.report.names import humanize
+from mcnav.report.pages.screen import RESULTS, answered
 from mcnav.report.results.identified import (
     AxisReport,
     CampaignSigmas,
@@ -107,7 +108,9 @@ def page(report: IdentificationReport) -> Page:
         sections.append(Section(instrument, f"Noise of the {instrument}", figures))
     sections.append(Section("imu", "To paste into a campaign", [Lines(report.imu, "Table [imu]")]))
     names = ", ".join(log.name.rpartition("/")[2] for log in report.logs)
-    return Page(f"{names}: noise", "Identification from logs at rest", names, _head(report), sections)
+    return answered(
+        Page(f"{names}: noise", "Identification from logs at rest", names, _head(report), sections), rest=RESULTS
+    )
 
 
 def terminal(report: IdentificationReport) -> list[Part]:

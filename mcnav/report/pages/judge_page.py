@@ -7,6 +7,7 @@ from mcnav.judgement.verdict import Judgement
 from mcnav.report.document.parts import Lines, Listing, Note, Page, Section, joined
 from mcnav.report.figures.judge import innovations, reference_errors, whiteness
 from mcnav.report.pages.judged import basis, cause_table, nees_table, offset_table, sensor_table, to_paste, verdict
+from mcnav.report.pages.screen import RESULTS, answered
 
 METHOD = (
     "The verdict is on the largest of all statistics, each over its 95 % point in simulated records: mean NIS and "
@@ -28,7 +29,7 @@ def page(title: str, record: FilteredRecord, judgement: Judgement) -> Page:
         sections.append(Section("reference", "Errors against the reference", compared))
     sections.append(Section("numbers", "Numbers", joined(cause_table(judgement), offset_table(judgement))))
     notes = Listing(judgement.notes) if judgement.notes else None
-    return Page(
+    return answered(Page(
         title, "A recorded flight judged", title, joined(verdict(judgement), basis(judgement), notes), sections,
         [Note(METHOD)],
-    )  # fmt: skip
+    ), rest=RESULTS)  # fmt: skip

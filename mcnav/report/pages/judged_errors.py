@@ -16,6 +16,7 @@ from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Series
 from mcnav.report.drawing.palette import FILTER, POINT
 from mcnav.report.format import number
 from mcnav.report.names import humanize
+from mcnav.report.pages.screen import RESULTS, answered
 
 LEVEL: Final = 0.05
 """Probability of a false alarm of all tests together, shared equally (Bonferroni)."""
@@ -112,7 +113,9 @@ def page(title: str, table: ErrorTable, verdicts: Sequence[ErrorVerdict]) -> Pag
     """Return the page."""
     parts: list[Part] = [error_table(verdicts), figure(table)]
     section = Section("errors", "Errors and innovations", parts)
-    return Page(title, "A table of errors judged", title, [verdict(verdicts)], [section], [Note(ASSUMED)])
+    return answered(
+        Page(title, "A table of errors judged", title, [verdict(verdicts)], [section], [Note(ASSUMED)]), rest=RESULTS
+    )
 
 
 def figure(table: ErrorTable) -> Figure:

@@ -18,7 +18,19 @@ from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report.columns.gates import gate_table
 from mcnav.report.columns.share_table import ShareRow, each_cause, share_tables, together
 from mcnav.report.document.html import card_html
-from mcnav.report.document.parts import Answers, Folded, Note, Page, Part, Section, Sentence, Verdict, headed, joined
+from mcnav.report.document.parts import (
+    Answers,
+    Findings,
+    Folded,
+    Note,
+    Page,
+    Part,
+    Section,
+    Sentence,
+    Verdict,
+    headed,
+    joined,
+)
 from mcnav.report.document.table import STRONG, Cell, Column, Table, five_digits
 from mcnav.report.drawing.figure import Figure, bare
 from mcnav.report.figures import lincov as drawn
@@ -35,6 +47,7 @@ from mcnav.report.pages.lincov import (
 )
 from mcnav.report.pages.run.sections.improvements import failing_linearly, improvements_section
 from mcnav.report.pages.run.sections.what_if import what_if_section
+from mcnav.report.pages.screen import answered
 from mcnav.report.results.left_out import not_modelled
 from mcnav.report.statements.details import BEYOND, remarks_in
 from mcnav.report.statements.words import listed
@@ -93,8 +106,19 @@ def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = 
         sections.append(changeable)
     if meaningful and answer.sigma.any() and (correlations := drawn.correlations(answer)) is not None:
         sections.append(Section("correlations", "Covariance and correlation", [correlations]))
-    head = joined(verdict, answers, Note(left_out) if left_out else None)
-    return Page(f"{answer.campaign}: linear covariance", "Linear covariance", answer.campaign, head, sections)
+    asked = Findings([(row.finding, row.tone, f"{row.requirement}: {row.shown}") for row in requirement_rows(answer)])
+    head = joined(verdict, asked if asked.entries else None, answers, Note(left_out) if left_out else None)
+    shown = worst_panel(answer, moving if isinstance(moving, Figure) else None)
+    title = f"{answer.campaign}: linear covariance"
+    return answered(Page(title, "Linear covariance", answer.campaign, head, sections), shown)
+
+
+def worst_panel(answer: LinearAnswer, figure: Figure | None) -> Figure | None:
+    """Return the panel of a figure over time that shows what a filter is most wrong about; the first one elsewhere."""
+    worst = None if answer.filter is None else humanize(answer.filter.output)
+    if figure is None or worst is None:
+        return figure
+    return replace(figure, panels=sorted(figure.panels, key=lambda panel: panel.title != worst))
 
 
 def terminal(answer: LinearAnswer) -> list[Part]:

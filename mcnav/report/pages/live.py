@@ -9,7 +9,7 @@ from typing import Final
 
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.summary import Summary
-from mcnav.report.document.parts import LivePart, Note, Page, Section
+from mcnav.report.document.parts import Beside, LivePart, Note, Page, Section
 from mcnav.report.format import number, signed
 from mcnav.report.names import humanize
 from mcnav.report.pages.lincov import SizeRow, final_rows, requirement_rows, statements
@@ -130,6 +130,11 @@ def live_page(page: Page, state: Mapping[str, object]) -> Page:
     """Return the page on linear covariance as a live one, which begins with a state."""
     text = json.dumps(state, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
     tried = Section("settings", "Settings tried", [Note(EXPLANATION), LivePart(text)])
-    first = [each for each in page.sections if each.name == WHAT_IF]
-    others = [each for each in page.sections if each.name != WHAT_IF]
-    return replace(page, title=f"{page.heading}: live", kind="Live", sections=[*first, tried, *others])
+    sliders = [section for section in page.all_sections if section.name == WHAT_IF]
+    folds = [
+        replace(fold, sections=[section for section in fold.sections if section.name != WHAT_IF]) for fold in page.folds
+    ]
+    folds = [fold for fold in folds if fold.parts or fold.sections]
+    head = [part for part in page.head if not isinstance(part, Beside)]  # sliders take the place of the figure
+    title = f"{page.heading}: live"
+    return replace(page, title=title, kind="Live", head=head, sections=[*sliders, tried], folds=folds)

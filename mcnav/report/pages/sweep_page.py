@@ -20,6 +20,7 @@ from mcnav.report.document.table import STRONG, Cell, Column, Table, label
 from mcnav.report.figures import sweep as drawn
 from mcnav.report.format import interval, number
 from mcnav.report.names import humanize
+from mcnav.report.pages.screen import answered
 from mcnav.report.pages.sweep import frame
 from mcnav.report.statements import verdicts
 from mcnav.report.statements.sweep import (
@@ -78,7 +79,7 @@ def page(sweep: Sweep) -> Page:
     if sweep.confirmations:
         sections.append(Section("monte-carlo", "Monte Carlo", _checks(sweep)))
     head = [*_mean_errors(sweep), stated, *others, *map(Note, remarks(sweep)), facts]
-    return Page(f"{sweep.campaign}: sweep", "Sweep by linear analysis", sweep.campaign, head, sections)
+    return answered(Page(f"{sweep.campaign}: sweep", "Sweep by linear analysis", sweep.campaign, head, sections))
 
 
 def _mean_errors(sweep: Sweep) -> list[Part]:

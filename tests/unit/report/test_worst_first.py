@@ -17,7 +17,7 @@ from tests import summaries
 from tests.filters import consistency
 
 BEGINNINGS = {
-    ("linear", "agrees"): "Linear covariance predicts every sigma", ("linear", "differs"): "The linear sigmas are wrong",
+    ("linear", "agrees"): "Linear covariance predicts every", ("linear", "differs"): "The linear sigmas are wrong",
     ("requirements", "agrees"): "Requirements: 1 of 1 met.", ("requirements", "differs"): "Requirements: 0 of 1 met",
     ("filter", "agrees"): "The covariance that the filter computes", ("filter", "differs"): "Do not trust this filter",
 }  # fmt: skip

@@ -16,6 +16,7 @@ from mcnav.report.names import shown_units
 from mcnav.report.pages.run.sections.improvements import failing_in_run, remedy
 from mcnav.report.pages.run.tiles import NAMES
 from mcnav.report.pages.run.worst_case import worst_case
+from mcnav.report.pages.screen import foremost as as_foremost
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements.joint import direction_words
 from mcnav.report.statements.requirements import requirement_in_brief, worst_first
@@ -84,7 +85,7 @@ def _figure(content: RunAnalysis, drawn: Mapping[str, Figure], tile: Tile, said:
     if figure.name == WHOLE:
         return replace(drawn[WHOLE], caption="", shows=_along(content))
     shows = "" if said else figure.shows
-    return replace(figure, name=f"first-{figure.name}", caption="", columns={}, file="", shows=shows)
+    return as_foremost(figure, shows)
 
 
 def _along(content: RunAnalysis) -> str:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import count
 from typing import Final
 
 from mcnav.analysis.heading import heading_remark
 from mcnav.report.columns import filter_tables
 from mcnav.report.document.html import page_html
-from mcnav.report.document.parts import Beside, Fold, Folded, Note, Page, Part, Section, Tile, Tiles, joined
+from mcnav.report.document.parts import Note, Page, Part, Section, Tile, Tiles, joined
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios, truth
 from mcnav.report.figures.captions import words_on
@@ -34,6 +33,7 @@ from mcnav.report.pages.run.sections.smoother import smoother_section
 from mcnav.report.pages.run.sections.truth import truth_section
 from mcnav.report.pages.run.sections.what_if import linear_fails, what_if_section
 from mcnav.report.pages.run.tiles import NAMES, headline, tiles
+from mcnav.report.pages.screen import folds_of, numbered_page
 from mcnav.report.results.left_out import not_modelled
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements import verdicts
@@ -51,22 +51,6 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "deck": deck, "dispersion_over_time": truth.dispersion_over_time, "landing_ellipses": truth.ellipses_at_end,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
-
-FOLDS: Final = {
-    "Filter": ("filter", "estimation", "smoother"),
-    "Linear analysis": ("combination", "linear", "causes", "joint", "dispersion", "truth"),
-    "Requirements": ("requirements",),
-    "Budget": ("budget", "improve"),
-    "Explore": ("what-if", "deck", "throughout", "flight"),
-    "Provenance": ("provenance",),
-}
-"""Folds below the first screen, and the sections in each."""
-
-LINES: Final = {
-    "Requirements": "Each requirement with its estimate and bounds",
-    "Provenance": "Samples, what is left out, campaign file, versions, checksums",
-}
-"""What is inside of folds whose one section has their own name; of others the titles of the sections say it."""
 
 FIRST: Final = (
     "Sigmas, ratios, biases, mean NEES, correlations, skewness, kurtosis and their intervals are computed from all "
@@ -102,47 +86,29 @@ def page(content: RunAnalysis) -> Page:
         sections.pop(WHOLE, None)
         moved = replace(drawn[WHOLE], number=1)
         made = [replace(tile, link="linear") if tile.link == WHOLE else tile for tile in made]
-    numbers = count(1)
-    head = _numbered(first.parts, numbers)
-    folds = [
-        replace(fold, sections=[replace(section, parts=_numbered(section.parts, numbers)) for section in fold.sections])
-        for fold in _folds(content, sections, made, moved)
-    ]
-    kind, foremost = "Run", made[0]
-    return Page(name, kind, name, head, status=headline(foremost), tone=foremost.tone, folds=folds)
+    kind, answer = "Run", made[0]
+    folds = folds_of([*sections.values()], _above(content, made, moved))
+    return numbered_page(Page(name, kind, name, first.parts, status=headline(answer), tone=answer.tone, folds=folds))
 
 
-def _folds(
-    content: RunAnalysis, sections: Mapping[str, Section], made: Sequence[Tile], moved: Figure | None
-) -> list[Fold]:
-    """Put sections in folds, each with its verdicts first; folds that would be empty are left out.
+def _above(content: RunAnalysis, made: Sequence[Tile], moved: Figure | None) -> dict[str, Sequence[Part]]:
+    """Return what stands above the sections of each fold: its verdicts first.
 
     A figure that has moved to the first screen leaves its words in the fold that it comes from.
     """
-    verdicts = {tile.subject: tile for tile in made}
+    by_subject = {tile.subject: tile for tile in made}
     table = answers(content)
     of_filter = table is not None and table.style == FILTERED
-    parts: dict[str, Sequence[Part]] = {
-        "Filter": joined(_tiles(verdicts, "filter", "smoother"), table if of_filter else None),
+    return {
+        "Filter": joined(_tiles(by_subject, "filter", "smoother"), table if of_filter else None),
         "Linear analysis": joined(
-            _tiles(verdicts, "means", "linear"), None if of_filter else table, None if moved is None else _words(moved)
+            _tiles(by_subject, "means", "linear"),
+            None if of_filter else table,
+            None if moved is None else _words(moved),
         ),
-        "Requirements": joined(_tiles(verdicts, "requirements")),
+        "Requirements": joined(_tiles(by_subject, "requirements")),
         "Provenance": [*map(Note, _notes(content))],
     }
-    folds = []
-    for title, names in FOLDS.items():
-        own = [sections[name] for name in names if name in sections]
-        above = parts.get(title, [])
-        if own or above:
-            line = LINES.get(title) or _listed([section.title for section in own])
-            folds.append(Fold(f"fold-{title.lower().replace(' ', '-')}", title, line, above, own))
-    return folds
-
-
-def _listed(titles: list[str]) -> str:
-    """List titles of sections in one line."""
-    return ", ".join(titles[:1] + [title[:1].lower() + title[1:] for title in titles[1:]]) or "The verdict"
 
 
 def _words(figure: Figure) -> Note:
@@ -154,25 +120,6 @@ def _tiles(verdicts: Mapping[str, Tile], *subjects: Subject) -> Tiles | None:
     """Return the tiles on some subjects; none where there is no such verdict."""
     chosen = [verdicts[NAMES[subject]] for subject in subjects if NAMES[subject] in verdicts]
     return Tiles(chosen) if chosen else None
-
-
-def _numbered(parts: Sequence[Part], numbers: Iterator[int]) -> list[Part]:
-    """Give figures their numbers, in the order of the page; one that says nothing, a panel of another, has none."""
-
-    def counted(figure: Figure) -> Figure:
-        return replace(figure, number=next(numbers)) if figure.shows else figure
-
-    def with_numbers(part: Part) -> Part:
-        match part:
-            case Figure():
-                return counted(part)
-            case Beside():
-                return replace(part, figures=[counted(figure) for figure in part.figures])
-            case Folded():
-                return replace(part, parts=_numbered(part.parts, numbers))
-        return part
-
-    return [with_numbers(part) for part in parts]
 
 
 def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section]:
