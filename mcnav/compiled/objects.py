@@ -40,8 +40,8 @@ OBJECTS: Final = Path(__file__).with_name("objects")
 ROOMS: Final = ("compiled", "numerics", "systems/reentry", "systems/steady", "systems/ins")
 """Folders of the package whose constants and functions compiled code may contain."""
 
-FILES: Final = ("constants.py", "products.py")
-"""Files besides whose constants it may contain."""
+FILES: Final = ("constants.py", "products.py", "sampler/normals.py")
+"""Files besides whose constants and functions it may contain."""
 
 UNCOMPILED: Final = {"tables", "recorded"}
 """Folders in them of which it contains nothing: campaign files, recordings."""
