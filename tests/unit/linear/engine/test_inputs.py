@@ -51,7 +51,7 @@ def test_a_filter_without_measurements_keeps_its_own_propagation(updates):
     timeline = replace(UNMEASURED, updates=updates)
     end, own = timeline.end, timeline.filter.covariance
     for steps in [timeline.filter.steps(0, end)]:
-        for transition, noise in zip(steps.transitions, steps.noise, strict=True):
+        for transition, noise in zip(steps.transitions, steps.noise["all"].covariances, strict=True):
             own = transition @ own @ transition.T + noise
     designed = design(timeline, [0, end])
     np.testing.assert_allclose(designed.covariances[1], own, rtol=1e-12, atol=1e-12 * np.abs(own).max())
