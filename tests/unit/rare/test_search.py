@@ -130,11 +130,14 @@ def test_a_small_ball_s_outside_is_added_to_a_half_space():
 
 @pytest.mark.parametrize("seed", [70_067, 70_092])
 def test_a_half_space_beside_a_ball_in_many_dimensions_is_not_left_out(seed):
-    """Widened errors alone lack it, 18 % of the event, and their scatter does not show that: 0.64 to 0.93 of it."""
+    """Widened errors alone lack it, 18 % of the event, and their scatter does not show that: 0.64 to 0.93 of it.
+
+    Of some 330 independent failures, 5.5 % each, the ends are 2 * 1.96 * 1.2 of that apart, 26 %.
+    """
     event = bowl(41, 92.0)
     rare = event.estimate(seed)
     assert rare.low <= event.exact <= rare.high
-    assert rare.high < 1.25 * rare.low
+    assert rare.high < 1.35 * rare.low
 
 
 def test_a_way_of_the_linear_model_that_does_not_exist_hides_no_other():
