@@ -312,7 +312,7 @@ def test_the_page_has_curves_limits_and_contours(aided: Path) -> None:
     assert "Limits along imu.gyro.bias" in one.stdout
     page = (out / "sweep.html").read_text(encoding="utf-8")
     assert "Where limits are just met" in page
-    assert page.count("<svg") == 1
+    assert page.count("<svg") == 2  # the second one on the first screen
     two = invoke(
         "sweep", aided, "--vary", "imu.gyro.bias=0.1..10 deg/h", "--vary", "aiding.gnss.position=1..50 m",
         "--points", 4, "--against", "position_horizontal", "--against", "heading", "--out", out, cwd=aided.parent,
@@ -320,7 +320,7 @@ def test_the_page_has_curves_limits_and_contours(aided: Path) -> None:
     assert two.returncode == 0, two.stderr
     page = (out / "sweep.html").read_text(encoding="utf-8")
     assert "Lines of equal accuracy" in page
-    assert page.count("<svg") == 3
+    assert page.count("<svg") == 4
     assert len(pd.read_csv(out / "sweep.csv")) == 16
 
 
