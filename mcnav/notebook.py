@@ -12,12 +12,11 @@ matrix, as ``{"index": {key: unit}, "columns": {key: unit}}``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Final
-from warnings import warn
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
@@ -55,17 +54,6 @@ from mcnav.workflow.what_if import what_if_of_run
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure as MplFigure
-
-
-class _FormerMethod(pd.DataFrame):  # type: ignore[misc]
-    """A frame that was a method: for one release more it may be called."""
-
-    _metadata: ClassVar[list[str]] = ["former"]
-    former: Callable[..., pd.DataFrame]
-
-    def __call__(self, *values: str, **named: str) -> pd.DataFrame:
-        warn("run.covariance() is now run.covariance, or run.covariance_of(kind, units)", DeprecationWarning, 2)
-        return self.former(*values, **named)
 
 
 class RunResult:
@@ -190,16 +178,8 @@ class RunResult:
         table.attrs["units"] = {"index": self._units("outputs", "unit"), "columns": self._units("sources", "unit")}
         return table
 
-    @property
-    def covariance(self) -> pd.DataFrame:
-        """Final paired covariance of the outputs, SI: the unit of a row times that of a column."""
-        paired = self.covariance_of()
-        table = _FormerMethod(paired)
-        table.attrs, table.former = paired.attrs, self.covariance_of
-        return table
-
-    def covariance_of(self, kind: str = "paired", units: str = "SI") -> pd.DataFrame:
-        """Return a final covariance of another kind or in other units; `covariance` is the paired one, SI.
+    def covariance(self, kind: str = "paired", units: str = "SI") -> pd.DataFrame:
+        """Return the final covariance: the unit of a row times that of a column.
 
         Parameters
         ----------

@@ -104,13 +104,9 @@ def test_files_of_a_dictionary_are_found_from_the_current_folder(
 
 def test_one_label_for_one_thing(run: RunResult) -> None:
     """Keys, in every table; units in the column ``unit``, in names of columns, or in ``attrs`` of a matrix."""
-    matrices = (run.partials, run.covariance)
+    matrices = (run.partials, run.covariance())
     assert [list(table.index) for table in (run.outputs, *matrices)] == [OUTPUTS] * 3
-    assert list(run.budget.columns) == list(run.covariance.columns) == OUTPUTS
-    with pytest.warns(DeprecationWarning, match=r"run\.covariance\(\) is now run\.covariance"):
-        former = run.covariance()
-    assert former.equals(pd.DataFrame(run.covariance))
-    assert former.attrs == run.covariance.attrs
+    assert list(run.budget.columns) == list(run.covariance().columns) == OUTPUTS
     assert list(run.budget.index) == list(run.partials.columns)
     assert set(SOURCES) <= set(run.budget.index)
     assert run.outputs.loc["altitude_rate", "unit"] == "m/s"
@@ -121,18 +117,18 @@ def test_one_label_for_one_thing(run: RunResult) -> None:
         run.samples.filter(like="error")
     )
     effect = run.partials.loc["range_rate", "gyro_drift"] * np.deg2rad(0.1) / 3600.0
-    share = effect**2 / run.covariance_of("linear").loc["range_rate", "range_rate"]
+    share = effect**2 / run.covariance("linear").loc["range_rate", "range_rate"]
     assert share == pytest.approx(run.budget.loc["gyro_drift", "range_rate"], rel=1e-9)
 
 
 def test_covariance_in_either_units(run: RunResult) -> None:
-    si, shown = run.covariance_of("paired"), run.covariance_of("paired", units="shown")
+    si, shown = run.covariance("paired"), run.covariance("paired", units="shown")
     assert si.attrs["units"]["index"] == dict(zip(OUTPUTS, ["m", "m", "m/s", "m/s"], strict=True))
     assert shown.attrs["units"]["columns"] == dict(run.outputs["unit"])
     np.testing.assert_allclose(np.sqrt(np.diag(shown)), run.outputs["sigma_paired"], rtol=1e-12)
     np.testing.assert_allclose(np.sqrt(np.diag(si)), run.summary["sigma_paired"], rtol=1e-12)
     with pytest.raises(ValueError, match="units must be one of SI, shown; got 'km'"):
-        run.covariance_of(units="km")
+        run.covariance(units="km")
 
 
 def test_where_there_is_no_run(tmp_path: Path, run: RunResult) -> None:
