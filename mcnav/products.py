@@ -75,7 +75,8 @@ def sum_of_transforms(matrices: Array, covariances: Array | None, factors: Array
 
     Parameters
     ----------
-    matrices : ndarray, shape (k, o, r)
+    matrices : ndarray, shape (o, k, r)
+        Z, beside each other.
     covariances, factors : ndarray, shapes (k, r, r), (k, r, c)
         Q, or G with ``Q = G G'``: one of both.
 
@@ -83,17 +84,15 @@ def sum_of_transforms(matrices: Array, covariances: Array | None, factors: Array
     -------
     ndarray, shape (o, o)
     """
+    right = covariances if factors is None else factors
+    assert right is not None
+    beside = np.empty((*matrices.shape[:2], right.shape[2]))
+    np.matmul(matrices.transpose(1, 0, 2), right, out=beside.transpose(1, 0, 2))
+    halves = beside.reshape(len(matrices), -1)
     if factors is not None:
-        halves = _side_by_side(matrices @ factors)
         return np.asarray(halves @ halves.T)
-    assert covariances is not None
-    total = _side_by_side(matrices @ covariances) @ _side_by_side(matrices).T
+    total = halves @ matrices.reshape(len(matrices), -1).T
     return np.asarray(0.5 * (total + total.T))
-
-
-def _side_by_side(matrices: Array) -> Array:
-    """Return matrices, shape (k, o, r), beside each other, shape (o, k r)."""
-    return matrices.transpose(1, 0, 2).reshape(matrices.shape[1], -1)
 
 
 def map_covariances(maps: Array, covariances: Array) -> Array:

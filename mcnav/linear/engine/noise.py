@@ -45,4 +45,5 @@ class Noise:
 
     def through(self, weights: Array) -> Array:
         """Compute ``sum_k Z_k Q_k Z_k'``, shape (o, o), with weights Z by transition, shape (transitions, o, n)."""
-        return self.size * sum_of_transforms(weights[self.places][:, :, self.rows], self.covariance, self.factor)
+        chosen = weights.transpose(1, 0, 2)[:, self.places[:, None], self.rows]
+        return self.size * sum_of_transforms(chosen, self.covariance, self.factor)

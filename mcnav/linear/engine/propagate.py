@@ -139,14 +139,15 @@ class _State:
     def advance(self, block: Block, first: int, last: int) -> None:
         """Advance over transitions of a block, by their numbers in it."""
         transitions = block.transitions[first:last]
-        later = np.empty_like(transitions)  # Psi
-        later[-1] = np.eye(len(self.partials))
+        states = len(self.partials)
+        beside = np.empty((states, len(transitions), states))  # Psi, beside each other
+        later = beside.transpose(1, 0, 2)
+        later[-1] = np.eye(states)
         for k in range(len(later) - 1, 0, -1):
             np.matmul(later[k], transitions[k], out=later[k - 1])
         whole = later[0] @ transitions[0]
-        self.partials = whole @ self.partials + np.tensordot(
-            later[:, :, block.driven], block.inputs[first:last, block.driven], axes=([0, 2], [0, 1])
-        )
+        inputs = block.inputs[first:last]
+        self.partials = whole @ self.partials + beside.reshape(states, -1) @ inputs.reshape(-1, inputs.shape[2])
         if not len(self.names):
             return
         padded = np.pad(whole, ((0, 1), (0, 1)))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -39,11 +38,6 @@ class Block:
     transitions: Array
     inputs: Array
     noise: Mapping[str, tuple[Noise, ...]]
-
-    @cached_property
-    def driven(self) -> IndexArray:
-        """States that B drives."""
-        return np.flatnonzero(self.inputs.any(axis=(0, 2)))
 
 
 def bounds(first: int, last: int) -> list[tuple[int, int]]:

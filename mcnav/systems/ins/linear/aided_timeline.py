@@ -190,7 +190,8 @@ class AidedSystem:
         imu = of_unit_sizes(self.model.beliefs.imu)
         for name, (_, added, _) in process_systems(responses_between(self.filter.believed, first, last), imu).items():
             if name in self._believed_processes:
-                rows, used = np.arange(NAVIGATION + 1), np.asarray(added.any(axis=(0, 1)))
+                rows = np.arange(NAVIGATION + 1)
+                used = np.asarray(np.diagonal(added, axis1=1, axis2=2).any(axis=0))
                 rows[NAVIGATION] = place_of.get(name, NAVIGATION)
                 used[NAVIGATION] &= name in place_of
                 noise[name] = StepNoise(rows[used], added[:, used][:, :, used])

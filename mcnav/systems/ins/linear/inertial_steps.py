@@ -77,7 +77,7 @@ class InertialSteps:
         inputs[:, :NAVIGATION, NAVIGATION : len(CONSTANTS)] = constant_inputs(responses)
         noise = {}
         for name, (response, covariance, _) in process_systems(responses, self._unit).items():
-            rows, used = np.arange(NAVIGATION + 1), covariance.any(axis=(0, 1))
+            rows, used = np.arange(NAVIGATION + 1), np.diagonal(covariance, axis1=1, axis2=2).any(axis=0)
             if name in self.biases:
                 rows[NAVIGATION] = bias = int(self.biases[name][0])
                 over[:, :NAVIGATION, bias], over[:, bias, bias] = response[:, :NAVIGATION], response[:, NAVIGATION]
