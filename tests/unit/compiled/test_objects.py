@@ -148,11 +148,8 @@ def test_objects_are_used_without_a_folder_to_write_to_and_not_after_a_change(tm
     """
     package = tmp_path / "installed" / "mcnav"
     package.mkdir(parents=True)
-    for name in ("__init__.py", "constants.py", "files.py", "progress.py", "_types.py"):
+    for name in ("__init__.py", "constants.py", "files.py", "products.py", "progress.py", "_types.py"):
         shutil.copy(ROOT / "mcnav" / name, package / name)
-    for folder in ("linear", "linear/engine"):
-        (package / folder).mkdir()
-    shutil.copy(ROOT / "mcnav" / "linear" / "engine" / "products.py", package / "linear" / "engine" / "products.py")
     shutil.copytree(ROOT / "mcnav" / "compiled", package / "compiled", ignore=shutil.ignore_patterns("__pycache__"))
     (package.parent / "__pycache__").touch()
     nowhere = tmp_path / "no_folder"
