@@ -148,12 +148,9 @@ def test_objects_are_used_without_a_folder_to_write_to_and_not_after_a_change(tm
     """
     package = tmp_path / "installed" / "mcnav"
     package.mkdir(parents=True)
-<<<<<<< HEAD
     (package / "sampler").mkdir()
-    for name in ("__init__.py", "files.py", "progress.py", "_types.py", *objects.FILES):
-=======
-    for name in ("__init__.py", "constants.py", "files.py", "products.py", "progress.py", "_types.py"):
->>>>>>> w-design
+    others = ("__init__.py", "constants.py", "files.py", "products.py", "progress.py", "_types.py")
+    for name in {*others, *objects.FILES}:
         shutil.copy(ROOT / "mcnav" / name, package / name)
     shutil.copytree(ROOT / "mcnav" / "compiled", package / "compiled", ignore=shutil.ignore_patterns("__pycache__"))
     (package.parent / "__pycache__").touch()
