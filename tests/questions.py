@@ -29,7 +29,6 @@ from mcnav.contract.scenario import has_gates
 from mcnav.errors import CampaignError
 from mcnav.report.pages.brief import Links
 from mcnav.report.pages.brief import page as brief_page
-from mcnav.runner.draws import DrawPlan
 from mcnav.store.manifest import ExceedanceRecord
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.allocate import allocate
@@ -40,7 +39,7 @@ from mcnav.studies.live import LiveCampaign
 from mcnav.studies.start_times import start_time_study
 from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.workflow import exceedance
-from mcnav.workflow.analyse import analyse, linear_model
+from mcnav.workflow.analyse import analyse
 from mcnav.workflow.prepare import prepare_system
 from mcnav.workflow.replay import replay
 from mcnav.workflow.run import Run
@@ -193,12 +192,11 @@ def _rare(subject: Subject, quiet: bool, over_time: bool) -> str:
     sigma = answer.sigma if answer.history is None or not over_time else answer.history.sigma.max(axis=0)
     limit = subject.limit(4.5 * sigma[subject.output] / subject.answer.sigma[subject.output])
     campaign = subject.campaign(quiet, accept={"quantile": [limit | when]}, samples=2_000)
-    draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-    system = prepare_system(campaign.scenario, draws, campaign.scenario.engines[0], 0.05, None, campaign.file, True)
-    outputs = [{"name": output.name} for output in campaign.scenario.outputs]
-    required = requirements_from([record.model_dump() for record in campaign.requirements], outputs)
+    system = prepare_system(campaign, campaign.scenario.engines[0], force=True)
+    outputs = [output.name for output in campaign.scenario.outputs]
+    required = requirements_from(campaign.requirements, outputs)
     with patch.object(exceedance, "_estimate", fly):
-        records = exceedance.estimate_exceedances(system, linear_model(system.model), required, 0.95)
+        records = exceedance.estimate_exceedances(system, required, 0.95)
     if not flown:
         return str(records[0].refusal) if records else "is left to counting"
     return _shown(bool(np.isfinite(flown[0]).all()))
