@@ -320,7 +320,7 @@ def test_nothing_to_compare_is_said_so(tmp_path: Path) -> None:
         summary = run_campaign(campaign(1, errors=errors), tmp_path / str(len(errors)), "ensemble", 1).summary
         assert summary["verdict"] == "undecided"
         page = (tmp_path / str(len(errors)) / "report.html").read_text()
-        assert "Nothing to compare: no error has a dispersion." in page
+        assert "Nothing to compare: no error source varies." in page
         assert page.count("<svg") == 4  # the plots of the flight
 
 

@@ -71,7 +71,8 @@ def sentence_on(large: Sequence[LargeMean], named: Sequence[tuple[str, Of, float
     if not others:
         return f"{shown}. The sigma alone understates the error."
     listed = several([humanize(named[other.output][0]) for other in others])
-    return f"{shown}. So {'does' if len(others) == 1 else 'do'} {listed}. Sigmas alone understate these errors."
+    also = "That of {} exceeds" if len(others) == 1 else "Those of {} exceed"
+    return f"{shown}. {also.format(listed)} one sigma too. Sigmas alone understate these errors."
 
 
 def against(large: LargeMean, scale: float, unit: str) -> str:

@@ -49,7 +49,8 @@ def test_sentences_name_the_largest_in_sigmas_first() -> None:
     named = [("x", "navigation", 1e-3, "km"), ("true_x", "truth", 1e-3, "km")]
     large = large_means(np.array([4e3, -9e3]), np.array([2e3, 3e3]), np.zeros(2))
     assert sentence_on(large, named).startswith(
-        "The mean of true x off the nominal is −9.00 km, 3.00 times its sigma of 3.00 km. So does x."
+        "The mean of true x off the nominal is −9.00 km, 3.00 times its sigma of 3.00 km. That of x exceeds one sigma "
+        "too."
     )
     (alone,) = large_means(np.array([5.0]), np.zeros(1), np.zeros(1))
     assert "its sigma is zero" in sentence_on([alone], named)
