@@ -110,9 +110,9 @@ TABLE: Final[Mapping[Subject, Sequence[Row]]] = {
         Row(lambda summary: summary.filter is not None, "Linear covariance predicts every sigma within {bound}."),
         Row(lambda summary: summary.verdict_matrix == "agrees",
             "Every sigma is right, and so is the full covariance matrix.",
-            next_step="Linear covariance does here without a simulation."),
+            next_step="Linear covariance is enough here, without a simulation."),
         Row(lambda summary: True, "Every sigma is right.",
-            next_step="Linear covariance does here without a simulation."),
+            next_step="Linear covariance is enough here, without a simulation."),
     ),
 }  # fmt: skip
 """All that is said of a run first. Subjects of which no row holds are left out."""

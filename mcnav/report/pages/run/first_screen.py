@@ -40,10 +40,14 @@ LINK: Final = Markup('<a href="#{}">{}</a>').format
 
 @dataclass(frozen=True)
 class FirstScreen:
-    """Parts above the folds, and the figure that stands there and nowhere else; none where it is a panel of another."""
+    """Parts above the folds, and the figure that stands there and nowhere else; none where it is a panel of another.
+
+    ``short``: whether there is but a verdict and its figure, so that the folds stand on the same screen.
+    """
 
     parts: Sequence[Part]
     moved: Figure | None = None
+    short: bool = False
 
 
 def first_screen(content: RunAnalysis, drawn: Mapping[str, Figure], tiles: Sequence[Tile]) -> FirstScreen:
@@ -60,7 +64,8 @@ def first_screen(content: RunAnalysis, drawn: Mapping[str, Figure], tiles: Seque
     foremost, *others = statements(content.summary, None if epochs is None else epochs[0])
     by_subject = {tile.subject: tile for tile in tiles}
     tile = by_subject[NAMES[foremost.subject]]
-    figure = _figure(content, drawn, tile, bool(foremost.consequences))
+    said = bool(foremost.consequences) or foremost.tone == "agrees"
+    figure = _figure(content, drawn, tile, said)
     beside = joined(
         _facts(content, foremost),
         _others(others, by_subject),
@@ -71,13 +76,13 @@ def first_screen(content: RunAnalysis, drawn: Mapping[str, Figure], tiles: Seque
         return FirstScreen([verdict, *beside])
     if figure.name == WHOLE:
         return FirstScreen([verdict, figure, *beside], figure)
-    return FirstScreen([verdict, Beside([figure], beside)])
+    return FirstScreen([verdict, Beside([figure], beside)], short=not beside)
 
 
 def _figure(content: RunAnalysis, drawn: Mapping[str, Figure], tile: Tile, said: bool) -> Figure | None:
     """Return the figure that shows a verdict, of several panels the worst; none where no figure does.
 
-    ``said``: whether the sentences say already what is the worst.
+    ``said``: whether the sentences say already what is the worst, or nothing is at odds.
     """
     figure = worst_case(content, drawn, tile)
     if figure is None:

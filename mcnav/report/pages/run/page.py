@@ -88,7 +88,10 @@ def page(content: RunAnalysis) -> Page:
         made = [replace(tile, link="linear") if tile.link == WHOLE else tile for tile in made]
     kind, answer = "Run", made[0]
     folds = folds_of([*sections.values()], _above(content, made, moved))
-    return numbered_page(Page(name, kind, name, first.parts, status=headline(answer), tone=answer.tone, folds=folds))
+    whole = Page(
+        name, kind, name, first.parts, status=headline(answer), tone=answer.tone, folds=folds, short=first.short
+    )
+    return numbered_page(whole)
 
 
 def _above(content: RunAnalysis, made: Sequence[Tile], moved: Figure | None) -> dict[str, Sequence[Part]]:
