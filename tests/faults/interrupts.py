@@ -64,7 +64,7 @@ CASES: Final = {
     "summary": Case(RUN, "aided, summary", "mcnav.workflow.run.analyse"),
     "report": Case(RUN, "aided", "mcnav.report.pages.run.page.render"),
     "lincov": Case(("lincov", "navigation.toml", "--out", "linear"), "aided", "mcnav.studies.lincov._linearize"),
-    "sweep": Case(SWEEP, "free", "mcnav.studies.sweep_points.LinearPoints._answer", 2),
+    "sweep": Case(SWEEP, "free", "mcnav.studies.sweep_points.LinearPoints._answers", 2),
     "confirming": Case((*SWEEP, "--confirm", "2"), "free", "mcnav.runner.chunks.simulate_batch"),
 }
 
