@@ -30,7 +30,9 @@ def test_verdicts_stand_in_their_folds(browser: Browser, report: Path) -> None:
     with browser.opened(report, height=HEIGHT) as page:
         assert set(re.findall(r"\*([^*]+)\*", asked)) <= set(page.locator("nav.contents a").all_text_contents())
         headlines = page.locator(".tile .headline").all_inner_texts()
-        assert headlines[2] == "0 of 1 met, 1 not met: |heading| below 3 mrad in 95 % of samples."
+        assert headlines[2] == (
+            "Requirements: 0 of 1 met, 1 not met. Least margin: heading, 95 %: 4.59 mrad, limit 3 mrad."
+        )
         assert page.locator(".tile .tag").all_inner_texts() == ["optimistic", "undecided", "not met"]
         assert page.title().startswith("Requirements not met – ")
         for number, target in enumerate(("filter", "linear", "requirements")):
@@ -40,9 +42,10 @@ def test_verdicts_stand_in_their_folds(browser: Browser, report: Path) -> None:
             page.wait_for_function(f"Math.abs(document.getElementById('{target}').getBoundingClientRect().top) < 40 "
                                    "|| innerHeight + scrollY > document.body.scrollHeight - 2")  # fmt: skip
             page.evaluate("scrollTo(0, 0)")
-        assert headlines[1].startswith("Undecided: ")
+        assert headlines[1] == "120 samples do not decide whether every linear sigma is right."
         assert headlines[0].startswith("Do not trust this filter's covariance: ")
-        assert "the largest error that it neglects is gyro scale factor" in headlines[0]
+        more = page.locator(".tile").first.locator("details").text_content() or ""
+        assert "Largest unmodelled error: gyro scale factor x (" in more
         rows = page.locator(".answers tbody tr")
         assert rows.count() == 9
         assert page.locator(".answers tbody .strip").count() == 9

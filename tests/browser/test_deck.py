@@ -91,4 +91,6 @@ def test_a_figure_of_the_worst_instant_without_script(page_of: Callable[[str], P
     assert lengths[worst] == max(lengths[1:])
     assert figure[0].count("series-now") == 3
     assert f'<span class="shows">{content["words"][worst]}</span>' in figure[0]
-    assert content["words"][worst].startswith(f"At {content['instants'][worst]}, ")
+    assert content["words"][worst].startswith(
+        f"95 % ellipse of the navigation error at {content['instants'][worst]}: ±"
+    )

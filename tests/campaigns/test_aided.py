@@ -169,7 +169,7 @@ def test_the_mean_of_a_fixed_error_is_named(tmp_path: Path) -> None:
     assert known["neglected"][0]["share"] > 0.99
     assert not any("gyro_bias_x" in cause["name"] for cause in known["neglected"])
     assert known["neglected_output"].startswith("position_")
-    assert "the largest error that it neglects is mean of gnss lever arm x" in summary["filter_verdict"]
+    assert "Largest unmodelled error: mean of gnss lever arm x (100 %)." in summary["filter_verdict"]
 
 
 def test_the_largest_errors_that_are_neglected() -> None:

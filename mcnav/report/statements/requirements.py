@@ -53,8 +53,6 @@ def requirement_in_brief(row: RequirementRow) -> str:
     names = _together(entry.outputs) if entry.outputs else ""
     limit = f"at least {100.0 * (entry.probability or 0.0):g} %" if entry.kind == "box" else limit_words(row)
     value = "–" if entry.estimate is None else three_digits(row, entry.estimate)
-    if row.unit and limit.endswith(f" {row.unit}"):
-        value = value.removesuffix(f" {row.unit}")
     measure = f"{100.0 * (entry.probability or 0.0):g} %" if entry.kind == "quantile" else measure_words(row)
     what = f"{names}, {measure}" if entry.kind == "quantile" else f"{measure} of {names}" if names else measure
     when = f", {entry.when}" if entry.when else ""
