@@ -21,6 +21,9 @@ ROUNDING: Final = 1e-9
 UNDISTURBED: Final = 1e-6
 """Share of the largest error of its unit below which the mean of an output without sigma is rounding."""
 
+LEAST_SPREAD: Final = 1e-6
+"""Share of a mean below which its sigma may be rounding, so that no ratio of them is told."""
+
 
 class Quantity(Protocol):
     """A source or an output."""
@@ -115,8 +118,16 @@ class LargeMean:
 
     @property
     def ratio(self) -> float:
-        """Mean error over sigma; infinite where the sigma is zero."""
-        return abs(self.mean) / self.sigma if self.sigma > 0.0 else float("inf")
+        """Mean error over sigma; infinite where it is more than a million."""
+        return float(in_sigmas(abs(self.mean), self.sigma))
+
+
+def in_sigmas(sizes: Array | float, sigmas: Array | float) -> Array:
+    """Divide sizes of means by sigmas: infinite beyond a million; zero over zero is zero."""
+    sizes, sigmas = np.broadcast_arrays(np.asarray(sizes, dtype=float), np.asarray(sigmas, dtype=float))
+    scattered = sigmas > LEAST_SPREAD * sizes
+    ratios = np.divide(sizes, sigmas, out=np.full(sizes.shape, np.inf), where=scattered)
+    return np.where(sizes > 0.0, ratios, 0.0)
 
 
 def large_means(mean: Array, sigma: Array, floor: Array, least: Array | None = None) -> tuple[LargeMean, ...]:

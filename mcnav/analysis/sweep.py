@@ -10,7 +10,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure
-from mcnav.analysis.mean_errors import UNDISTURBED
+from mcnav.analysis.mean_errors import UNDISTURBED, in_sigmas
 from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import Output
 
@@ -187,8 +187,7 @@ class Sweep:
             largest = np.max(values, where=np.isfinite(values), initial=0.0)
             means[..., index] *= means[..., index] > UNDISTURBED * largest
         sigmas = np.sqrt(np.maximum(np.nan_to_num(self.values, posinf=0.0) ** 2 - means**2, 0.0))
-        ratios = np.divide(means, sigmas, out=np.zeros_like(means), where=sigmas > 0.0)
-        return np.where((sigmas == 0.0) & (means > 0.0), np.inf, ratios)
+        return in_sigmas(means, sigmas)
 
     def has_mean(self, measure: int) -> bool:
         """Return whether the mean error of a measure exceeds one sigma at some point."""

@@ -15,6 +15,9 @@ LONGEST: Final = 6
 SMALLEST: Final = 1e-4
 """Smallest p-value that is written out."""
 
+LARGE_RATIO: Final = 3.0
+"""Ratio above which a difference is given as a multiple, not in per cent."""
+
 ROUNDING: Final = 1e-24
 """Share of a variance below which it is rounding: the square of what some thousand steps leave of a sigma."""
 
@@ -114,6 +117,15 @@ def percent(share: float) -> str:
     size = abs(value)
     decimals = 1 if size >= 10.0 else 2 if size >= 0.1 or size == 0.0 else 1 - math.floor(math.log10(size))
     return f"{value:+.{decimals}f} %".replace("-", "−")
+
+
+def departure(ratio: float) -> str:
+    """Format by how much a ratio departs from one: a large one as a multiple.
+
+    >>> departure(1.0312), departure(147.67)
+    ('+3.12 %', '148 times as large')
+    """
+    return f"{number(ratio, 3)} times as large" if ratio > LARGE_RATIO else percent(ratio - 1.0)
 
 
 def probability(value: float) -> str:

@@ -229,6 +229,23 @@ def test_a_gate_that_may_lose_the_fixes_withholds_the_verdicts() -> None:
     np.testing.assert_array_equal(answer.sigma, ungated.sigma)
 
 
+def test_samples_show_the_lockout_that_linear_analysis_cannot(tmp_path: Path) -> None:
+    """Of 40,000 flights of another simulation a filter rejects 12.3 % of good measurements, and errs by 50.6 m (rms).
+
+    One flight in 140 ends without fixes, which multiplies the share it rejects: the share has a standard deviation of
+    0.065 from one flight to another.
+    """
+    campaign = parse_campaign({**at_rest(0.9), "samples": 2_000}, "mine.toml", "mine")
+    summary = run_campaign(campaign, tmp_path, "ensemble", 1).summary
+    rejected = summary["filter"]["sensors"]["gnss"]["rejected"] / 509
+    assert abs(rejected - 0.123) < stats.norm.isf(0.5 * FALSE_ALARM) * 0.065 / np.sqrt(campaign.samples)
+    low, high = summary["sigma_ratio_paired_interval"][0]
+    assert low < 50.6 / 0.36566 < high
+    assert summary["verdict"] != "agrees"
+    written = (tmp_path / "report.html").read_text("utf-8")
+    assert "linear analysis accepts all" in written
+
+
 def test_one_measurement_at_a_gate_is_judged_exactly(tmp_path: Path) -> None:
     """Check values of a mixture, and 20,000 samples at a false alarm of 1e-4."""
     answer, table = answered(once_measured("6 m"))

@@ -26,11 +26,13 @@ TOTAL, PART = Series("total", "all causes", LINEAR, "area"), Series("part", "one
 def limit_to_causes(row: RequirementRow) -> Figure | None:
     """Draw what each cause adds to the mean square of the errors that a requirement limits, and what the limit allows.
 
-    Where errors are normal, their quantiles are in proportion to the root of their mean square. None where the causes
-    or the estimate are not known, or the requirement is on no size of errors.
+    Where errors are normal, their quantiles are in proportion to the root of their mean square. What is measured is the
+    upper bound of the samples where they have one: linear analysis may be wrong. None where the causes or the estimate
+    are not known, or the requirement is on no size of errors.
     """
     entry = row.entry
-    value = entry.linear if entry.linear else entry.estimate
+    measured = entry.interval[1]
+    value = measured or entry.linear or entry.estimate
     if not entry.causes or value is None or entry.kind in ("box", "sigma_ratio") or not entry.limits:
         return None
     allowed = 100.0 * (entry.limits[0] / value) ** 2
@@ -61,7 +63,8 @@ def limit_to_causes(row: RequirementRow) -> Figure | None:
     enough = 0
     while allowed < 100.0 and enough < len(shares) and ends[enough] > allowed:
         enough += 1
-    words = f"Of errors in the same proportions, the limit allows {allowed:.3g} % of the present mean square"
+    by = f"By the upper bound of the samples ({row.shown(value)})," if measured else "By linear analysis,"
+    words = f"{by} the limit allows {allowed:.3g} % of the present mean square to errors in the same proportions"
     if enough:
         names = [name for name, _ in shares[:enough]]
         last = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)

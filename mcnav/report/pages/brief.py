@@ -153,9 +153,9 @@ def _numbers(allocation: Allocation) -> list[Part]:
     rows = [change_row(allocation, goal, change) for change in goal.changes if change.simulated is not None]
     title, notes = goal_title(allocation, goal), [Note(words) for words in unconfirmed_words(goal)]
     if not rows:
-        nothing = "simulation confirms no change that linear analysis proposes" if goal.unconfirmed else (
-            "no number of the data sheet does it alone")  # fmt: skip
-        return [Sentence(f"{title}: {nothing}."), *notes, Note(basis_words(allocation))]
+        nothing = "Simulation confirms no change that linear analysis proposes." if goal.unconfirmed else (
+            f"{title}: no number of the data sheet does it alone.")  # fmt: skip
+        return [Sentence(nothing), *notes, Note(basis_words(allocation))]
     return [*headed(title, change_table(goal, "", rows)), *notes, Note(basis_words(allocation))]
 
 

@@ -11,7 +11,7 @@ from mcnav.analysis.filter_remarks import three_digits
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, NUMERICAL
 from mcnav.contract.failure import message_of
 from mcnav.report.columns.vector_sizes import size_sentences
-from mcnav.report.format import number, percent
+from mcnav.report.format import departure, number, percent
 from mcnav.report.names import humanize, labels_in, shown_units
 from mcnav.report.statements import joint
 from mcnav.report.statements.fields import LEAST, NAMED, no_dispersion, samples_for_sigmas
@@ -116,7 +116,7 @@ def explanation(summary: Summary) -> str:
         )
     if others or not (wrong or undecided):
         farthest = max(others or ratios, key=lambda name: abs(ratios[name] - 1.0))
-        largest = f"Largest difference: {percent(ratios[farthest] - 1.0)}, in {farthest}."
+        largest = f"Largest difference: {departure(ratios[farthest])}, in {farthest}."
         parts += [largest] if wrong else [*_agreement(summary, limit, confidence), largest]
     elif not wrong and undecided != too_few(summary):
         settled = [name for name, word in zip(names, words, strict=True) if word == "agrees"]

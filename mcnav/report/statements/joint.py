@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mcnav.report.format import number, percent
+from mcnav.report.format import departure, number
 from mcnav.report.names import humanize, shown_units
 from mcnav.report.statements.words import joined, more_samples, several
 
@@ -21,9 +21,6 @@ LEAST: Final = 0.01
 
 ROUNDING: Final = 1e-9
 """Share below which a term is rounding."""
-
-LARGE_RATIO: Final = 3.0
-"""Sigma ratio above which a difference is given as a multiple, not in per cent."""
 
 CANCELLING: Final = 0.1
 """Linear sigma of a combination over that of its lead output below which the outputs' errors nearly cancel."""
@@ -233,10 +230,9 @@ def _of_dispersion(summary: Summary, joint: Joint, start: str) -> list[str]:
         return result
     linear, simulated, own = _sigmas(dispersion, summary)
     lead = humanize(dispersion.lead)
-    size = f"{number(ratio, 3)} times as large" if ratio > LARGE_RATIO else percent(ratio - 1.0)
     alone = sum(abs(share) > ROUNDING for share in dispersion.shares) == 1
     result.append(f"It differs most in {direction_of(dispersion, summary)}.")
-    result.append(f"There the simulated sigma is {simulated}, the linear one {linear} ({size}).")
+    result.append(f"There the simulated sigma is {simulated}, the linear one {linear} ({departure(ratio)}).")
     result += [] if alone else [f"The linear sigma of {lead} alone is {own}."]
     if joint.mean_error**2 > NOTABLE * abs(_mean_nees(summary) - summary.nees_dimension):
         same = combination_words(_known(joint.shifted), summary) == combination_words(dispersion, summary)

@@ -17,7 +17,15 @@ from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_filter import LinearVerdict
-from mcnav.analysis.mean_errors import departures, large_means, mean_errors, nominal_values, rounding_of_means
+from mcnav.analysis.mean_errors import (
+    LargeMean,
+    departures,
+    in_sigmas,
+    large_means,
+    mean_errors,
+    nominal_values,
+    rounding_of_means,
+)
 from mcnav.analysis.vector_sizes import linear_sizes
 from mcnav.report.columns.requirements import NAMED
 from mcnav.report.columns.vector_sizes import size_sentence
@@ -25,7 +33,7 @@ from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.format import number, signed
 from mcnav.report.names import humanize, scale_of
 from mcnav.report.statements.fields import LEAST
-from mcnav.report.statements.means import sentence_on
+from mcnav.report.statements.means import against, sentence_on
 from mcnav.report.statements.words import TONES as FILTER_TONES
 from mcnav.report.statements.words import listed
 
@@ -219,7 +227,7 @@ def large_mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
         (output.name, output.of, float(factor), output.shown_in)
         for output, factor in zip(answer.outputs, scale, strict=True)
     ]
-    largest = _ratios(np.abs(known.errors), known.sigmas).max(axis=1)
+    largest = in_sigmas(np.abs(known.errors), known.sigmas).max(axis=1)
     last, worst = len(largest) - 1, int(np.argmax(largest))
     for at in (last, worst) if largest[worst] > largest[last] / NEARLY else (last,):
         if large := large_means(known.errors[at], known.sigmas[at], floor):
@@ -233,18 +241,17 @@ def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     known = _mean_errors(answer)
     if known is None or not known.errors.any():
         return
-    ratios = _ratios(np.abs(known.errors), known.sigmas)
+    ratios = in_sigmas(np.abs(known.errors), known.sigmas)
     largest = ratios.max(axis=1)
     at = int(np.flatnonzero(largest >= NEARLY * largest.max())[-1])
     output = int(np.argmax(ratios[at]))
     described, scale = answer.outputs[output], scale_of(answer.outputs)[output]
-    mean, ratio = float(known.errors[at, output]), float(ratios[at, output])
+    large = LargeMean(output, float(known.errors[at, output]), float(known.sigmas[at, output]))
     when, causes = known.when(at, answer), _causes_of_mean(answer, known, at, output)
     filtered = ". The filter computes no mean" if answer.filter is not None else ""
-    against = "where its sigma is zero" if math.isinf(ratio) else f"{ratio:.3g} times its sigma"
     yield (
-        f"Mean errors are not zero: {humanize(described.name)} {when} has {signed(mean * scale)} {described.shown_in}, "
-        f"{against}. Causes: {causes}{filtered}",
+        f"Mean errors are not zero: {humanize(described.name)} {when} has {signed(large.mean * scale)} "
+        f"{described.shown_in}, {against(large, scale, described.shown_in)}. Causes: {causes}{filtered}",
         "",
     )
 
@@ -276,9 +283,3 @@ def _rounding(answer: LinearAnswer) -> Array:
 def _reading(time: float, answer: LinearAnswer) -> str:
     assert answer.history is not None
     return instant(float(time), answer.history.readings.label)
-
-
-def _ratios(sizes: Array, sigmas: Array) -> Array:
-    """Divide means by sigmas: zero over zero is zero."""
-    ratios = np.divide(sizes, sigmas, out=np.zeros_like(sizes), where=sigmas > 0.0)
-    return np.where((sigmas <= 0.0) & (sizes > 0.0), np.inf, ratios)

@@ -71,12 +71,12 @@ def sentence_on(large: Sequence[LargeMean], named: Sequence[tuple[str, Of, float
     if not others:
         return f"{shown}. The sigma alone understates the error."
     listed = several([humanize(named[other.output][0]) for other in others])
-    also = "That of {} exceeds" if len(others) == 1 else "Those of {} exceed"
-    return f"{shown}. {also.format(listed)} one sigma too. Sigmas alone understate these errors."
+    too = "The mean of {} exceeds its sigma too" if len(others) == 1 else "The means of {} exceed their sigmas too"
+    return f"{shown}. {too.format(listed)}. Sigmas alone understate these errors."
 
 
 def against(large: LargeMean, scale: float, unit: str) -> str:
     """Compare a mean error with its sigma."""
-    if large.sigma == 0.0:
-        return "and its sigma is zero"
+    if math.isinf(large.ratio):
+        return "and its sigma is zero" if large.sigma == 0.0 else "more than a million times its sigma"
     return f"{number(large.ratio, DIGITS)} times its sigma of {number(large.sigma * scale, DIGITS)} {unit}"

@@ -77,9 +77,8 @@ def _of_means(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
     large_mean = LargeMean(int(index), float(means[place, index]), float(sigma[place, index]))
     return (
         f"At {int(large.any(axis=1).sum())} of {len(large)} start times a mean error exceeds its sigma. Worst: the "
-        f"mean error of {humanize(output.name)} for a start at {minutes(study.times[place])} {study.clock.label}. It "
-        "is "
-        f"{signed(large_mean.mean * scale, DIGITS)} {output.shown_in}, "
+        f"mean error of {humanize(output.name)} for a start at {minutes(study.times[place])} {study.clock.label}. "
+        f"It is {signed(large_mean.mean * scale, DIGITS)} {output.shown_in}, "
         f"{against(large_mean, scale, output.shown_in)}. Start times rank by root mean square."
     )
 

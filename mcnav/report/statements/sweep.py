@@ -159,7 +159,7 @@ def mean_words(sweep: Sweep) -> str:
     at = ", ".join(f"{v.path} = {shown(v, value)}" for v, value in zip(sweep.variables, values, strict=True))
     mean, ratio = float(sweep.means[(*place, index)]) * scale, float(ratios[(*place, index)])
     points = int((ratios > 1.0).any(axis=-1).sum())
-    against = "its sigma is zero" if math.isinf(ratio) else f"{number(ratio, 3)} times its sigma"
+    against = "more than a million times its sigma" if math.isinf(ratio) else f"{number(ratio, 3)} times its sigma"
     name = humanize(sweep.outputs[measure.outputs[0]].name)
     return (
         f"At {points} of {ratios[..., 0].size} points a mean error exceeds its sigma: that of {name} is "

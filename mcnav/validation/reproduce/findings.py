@@ -17,7 +17,8 @@ TONES: Final = {"holds": "agrees", "in part": "undecided", "does not hold": "dif
 class Finding:
     """A statement of a publication, what was found, and the verdict.
 
-    It is ``holds``, ``in part``, ``does not hold`` or ``settled`` (for what had to be decided to reproduce anything).
+    It is ``holds``, ``in part``, ``does not hold``, ``not tested`` or ``settled`` (for what had to be decided to
+    reproduce anything).
     """
 
     said: str

@@ -49,8 +49,12 @@ def test_sentences_name_the_largest_in_sigmas_first() -> None:
     named = [("x", "navigation", 1e-3, "km"), ("true_x", "truth", 1e-3, "km")]
     large = large_means(np.array([4e3, -9e3]), np.array([2e3, 3e3]), np.zeros(2))
     assert sentence_on(large, named).startswith(
-        "The mean of true x off the nominal is −9.00 km, 3.00 times its sigma of 3.00 km. That of x exceeds one sigma "
-        "too."
+        "The mean of true x off the nominal is −9.00 km, 3.00 times its sigma of 3.00 km. "
+        "The mean of x exceeds its sigma too."
     )
     (alone,) = large_means(np.array([5.0]), np.zeros(1), np.zeros(1))
     assert "its sigma is zero" in sentence_on([alone], named)
+    # 1e-8 mrad beside 10 mrad may be rounding: no ratio of twenty digits, and it does not stand before what spreads
+    rounded = large_means(np.array([9e3, 10.0]), np.array([3e3, 1e-8]), np.zeros(2))
+    assert rounded[0].output == 1
+    assert "more than a million times its sigma." in sentence_on(rounded, named)

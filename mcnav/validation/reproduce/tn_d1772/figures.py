@@ -29,7 +29,7 @@ EVEN: Final = Series("even", "variable L/D (even numbers)", FLOWN, "dashed")
 ONE: Final = Series("one", "", LINEAR)
 INERTIAL: Final = Series("inertial", "inertial", LINEAR)
 AIR: Final = Series("air", "relative to the air", FLOWN, "dashed")
-FLOWN_ERROR: Final = Series("flown", "flown", FLOWN)
+FLOWN_ERROR: Final = Series("flown", "simulated", FLOWN)
 LINEAR_ERROR: Final = Series("linear", "linear", LINEAR, "dashed")
 LEAST: Final = Series("least", "least", INK, "triangle")
 
@@ -215,7 +215,7 @@ def figure_10(frame: pd.DataFrame) -> Figure:
     """Draw perigee partials in (r, r', theta'): closed form, flown without atmosphere, and trajectory 4."""
     ways = {
         "closed form": Series("closed", "perigee, eq. (27)", LINEAR),
-        "flown without atmosphere": Series("flown", "perigee, flown without atmosphere", INK, "dot"),
+        "flown without atmosphere": Series("flown", "perigee, simulated without atmosphere", INK, "dot"),
         "trajectory 4": Series("final", "final altitude, trajectory 4", FLOWN, "dashed"),
     }
 

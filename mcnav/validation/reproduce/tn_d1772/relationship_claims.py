@@ -202,10 +202,11 @@ def radio_tracking() -> Finding:
     best, words = _scaled(lambda computed: np.full((len(computed.minutes), INITIAL), TRACKED))
     return Finding(
         "Errors of radio tracking are roughly an order of magnitude smaller than the initial errors assumed.",
-        "Not tested: it is a statement about tracking. Its consequence is: with a tenth of the initial errors the best "
-        f"starts of trajectories 1 to 7 are {_ahead(best)}. The sum of altitude errors of trajectory {EXAMPLE} is "
-        f"{words[EXAMPLE - 1]}; in brackets, with a start at −22 min. The advice to start early rests on the 5 km.",
-        "settled",
+        "This is a statement about tracking, which cannot be recomputed. Its consequence can: with a tenth of the "
+        f"initial errors the best starts of trajectories 1 to 7 are {_ahead(best)}. The sum of altitude errors of "
+        f"trajectory {EXAMPLE} is {words[EXAMPLE - 1]}; in brackets, with a start at −22 min. The advice to start "
+        "early rests on the 5 km.",
+        "not tested",
     )
 
 
