@@ -1,5 +1,14 @@
 """Monte Carlo covariance analysis for inertial navigation: where is linear covariance analysis valid?
 
+The four pieces, on labelled frames (the notebook ``mcnav/docs/tutorials/trajectory_4.ipynb`` uses them in turn)
+    the sampler   ``Errors(…).draw(samples, seed)``     statistical initial-condition and equipment errors
+    the runner    ``simulate(system, draws, jobs)``     nonlinear truth and indicated trajectories, in parallel: joblib
+    linear        ``partials(system, errors)``,         the partial-derivative matrix P,
+                  ``propagate_covariance(P, S)``        and P S P'
+    the analysis  ``compare(covariance, outputs, …)``   the sample covariance against P S P', with confidence intervals
+
+    ``run(campaign, folder)`` does all of it, stores every sample and writes a report.
+
 Frames and signs of the reentry (for cruise and hover see `mcnav.systems.steady.truth`)
     Motion is planar, eastward in the equatorial plane of a spherical, rotating earth, with the geocentric polar state
     ``(r, theta, r_dot, theta_dot)``. Specific forces are ``f_x``, horizontal and positive east, and ``f_z``, vertical

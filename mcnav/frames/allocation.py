@@ -100,8 +100,17 @@ class AllocationResult:
 
     @cached_property
     def requirements(self) -> pd.DataFrame:
-        """The requirements of the campaign as it is, as `LinearResult.requirements`."""
-        return requirements_frame(self.answer, self.answer.requirements)
+        """The requirements of the campaign as it is, as `LinearResult.requirements`.
+
+        With a simulation, ``finding`` is that of its samples, ``at_most`` the linear value times what they bound it
+        by, as all advice here is scaled, and ``margin`` the limit over it.
+        """
+        table = requirements_frame(self.answer, self.answer.requirements)
+        if self.basis is None:
+            return table
+        scales = np.array(self.basis.scales)
+        finding = [entry.finding for entry in self.basis.entries]
+        return table.assign(finding=finding, at_most=table["linear"] * scales, margin=table["margin"] / scales)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the factors of the last goal's numbers, on a logarithmic axis; returns matplotlib's axes."""

@@ -15,6 +15,7 @@ from mcnav.analysis.simulated_requirements import Basis
 from mcnav.analysis.summary import Summary
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.errors import CampaignError
+from mcnav.frames.allocation import AllocationResult
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.allocate import allocate
 from mcnav.studies.brief import advise
@@ -160,6 +161,10 @@ def test_reentry_to_a_landing_site_that_bends() -> None:
     content = campaign_26() | {"samples": SAMPLES}
     basis = Basis.of(simulated(parse_campaign(content, "here.toml", "here"), SAMPLES, 1))
     allocation = allocate(content, confirm=1, basis=basis, jobs=1)
+    (as_it_is,) = AllocationResult(allocation).requirements.itertuples()
+    assert as_it_is.finding == basis.entries[0].finding
+    assert 9.6 < as_it_is.at_most < 10.0  # by chosen flights; 8.8 km by linear analysis
+    assert as_it_is.margin == pytest.approx(10.0 / as_it_is.at_most, rel=1e-6)
     (goal,) = allocation.goals
     factors = {change.label: change.factor for change in goal.changes if change.reached}
     assert factors["all numbers"] < 1.04  # 10 km over 9.65 km

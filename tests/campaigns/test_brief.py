@@ -83,7 +83,7 @@ def test_the_waterfall_goes_from_all_causes_to_nothing(place: Path) -> None:
     assert sum(drawn.values()) == pytest.approx(100.0, abs=1e-7)
     for name in drawn.keys() & expected.keys():
         assert drawn[name] == pytest.approx(expected[name], rel=1e-9)
-    share = 100.0 * (row.entry.limits[0] / (row.entry.interval[1] or np.nan)) ** 2  # linear analysis may be wrong
+    share = 100.0 * (row.entry.limits[0] / (row.entry.interval[1] or np.nan)) ** 2  # not the linear value
     assert f"the limit allows {share:.3g} %" in figure.shows
 
 

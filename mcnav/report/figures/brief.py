@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from mcnav.analysis.simulated_requirements import measured_scale
 from mcnav.report.columns.requirements import RequirementRow, cause_label
 from mcnav.report.drawing.figure import HALF, Figure
 from mcnav.report.drawing.marks import Axis, Bars, Mark, Panel, Rule, Series
@@ -26,13 +27,13 @@ TOTAL, PART = Series("total", "all causes", LINEAR, "area"), Series("part", "one
 def limit_to_causes(row: RequirementRow) -> Figure | None:
     """Draw what each cause adds to the mean square of the errors that a requirement limits, and what the limit allows.
 
-    Where errors are normal, their quantiles are in proportion to the root of their mean square. What is measured is the
-    upper bound of the samples where they have one: linear analysis may be wrong. None where the causes or the estimate
+    Where errors are normal, their quantiles are in proportion to the root of their mean square. The value is what the
+    samples bound it by, where they do: linear analysis may be wrong. None where the causes or the estimate
     are not known, or the requirement is on no size of errors.
     """
     entry = row.entry
-    measured = entry.interval[1]
-    value = measured or entry.linear or entry.estimate
+    measured = measured_scale(entry)
+    value = (entry.linear or 0.0) * measured if np.isfinite(measured) else entry.linear or entry.estimate
     if not entry.causes or value is None or entry.kind in ("box", "sigma_ratio") or not entry.limits:
         return None
     allowed = 100.0 * (entry.limits[0] / value) ** 2
@@ -63,7 +64,7 @@ def limit_to_causes(row: RequirementRow) -> Figure | None:
     enough = 0
     while allowed < 100.0 and enough < len(shares) and ends[enough] > allowed:
         enough += 1
-    by = f"By the upper bound of the samples ({row.shown(value)})," if measured else "By linear analysis,"
+    by = f"By simulation (at most {row.shown(value)})," if np.isfinite(measured) else "By linear analysis,"
     words = f"{by} the limit allows {allowed:.3g} % of the present mean square to errors in the same proportions"
     if enough:
         names = [name for name, _ in shares[:enough]]
