@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from mcnav.analysis.filter_consistency import MEAN, NeglectedError
-from mcnav.analysis.filter_evidence import LinearFilter
+
+if TYPE_CHECKING:
+    from mcnav.analysis.filter_evidence import LinearFilter
 
 
 def kind_of(cause: str) -> str:
