@@ -243,7 +243,7 @@ def test_linearity(workplace: Path) -> None:
     finished = invoke("sweep", DEMO, "--scale", "--samples", 500, "--largest", 12, "--out", folder, cwd=workplace)
     assert finished.returncode == 0, finished.stderr
     assert "joint distribution" in finished.stdout
-    (answer,) = (line for line in finished.stdout.splitlines() if line.startswith("The stated errors may grow by"))
+    (answer,) = (line for line in finished.stdout.splitlines() if line.startswith("All errors may grow by"))
     assert answer[:60] in (folder / "linearity.html").read_text()
     assert len(pd.read_csv(folder / "linearity.csv")) == 4 * (len(SOURCES) + 1)
     assert (folder / "linearity.html").read_text().count("<figure") == 2

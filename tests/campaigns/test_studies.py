@@ -155,7 +155,8 @@ def test_start_times_rank_by_root_mean_square_where_mean_errors_matter() -> None
     assert study.means[0, 0] == pytest.approx(387e3, abs=1e3)
     np.testing.assert_allclose(study.weights, 1.0 / np.hypot(study.sigma[0], study.means[0]))
     told = start_answer(study, {}, switched.scenario.outputs)
-    assert "a mean error exceeds its sigma: that of altitude is +387 km" in told
+    assert "a mean error exceeds its sigma. Worst: the mean error of altitude for a start at −34.4 min" in told
+    assert "It is +387 km, 21.7 times its sigma of 17.9 km." in told
     assert "Start times rank by root mean square." in told
     assert start_time_study(campaign(4), count=7).means is None
 

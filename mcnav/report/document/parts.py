@@ -155,10 +155,10 @@ class Listing:
 
 @dataclass(frozen=True)
 class Lines:
-    """Text in lines of its own, such as a traceback; one with a name can be reached by keyboard."""
+    """Text in lines of its own, such as a traceback, and its name for readers who do not see it."""
 
     text: str
-    name: str = ""
+    name: str
 
 
 @dataclass(frozen=True)

@@ -120,7 +120,7 @@ def terminal(report: IdentificationReport) -> list[Part]:
     parts += _grade_parts(report)
     if report.sigmas is not None:
         parts += _campaign_parts(report.sigmas)
-    return [*parts, Lines(report.imu)]
+    return [*parts, Lines(report.imu, "Table [imu]")]
 
 
 def _head(report: IdentificationReport) -> list[Part]:

@@ -20,7 +20,7 @@ METHOD = (
 def page(title: str, record: FilteredRecord, judgement: Judgement) -> Page:
     """Return the page."""
     pasted = to_paste(judgement)
-    sections = [Section("change", "What to change", [Lines(pasted)])] if pasted else []
+    sections = [Section("change", "What to change", [Lines(pasted, "Tables to paste")])] if pasted else []
     sections += [
         Section("innovations", "Innovations", [innovations(record), whiteness(record), sensor_table(judgement)])
     ]

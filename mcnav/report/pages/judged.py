@@ -280,7 +280,7 @@ def terminal(judgement: Judgement) -> list[Part]:
     """List what the terminal shows: the verdict, what to change, then all tables."""
     pasted = to_paste(judgement)
     notes = [Note(f"note: {each}") for each in judgement.notes]
-    changed: list[Part] = [Lines(pasted)] if pasted else []
+    changed: list[Part] = [Lines(pasted, "Tables to paste")] if pasted else []
     tables = joined(sensor_table(judgement), nees_table(judgement), cause_table(judgement), offset_table(judgement))
     return [verdict(judgement), *changed, *notes, *tables]
 

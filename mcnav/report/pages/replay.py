@@ -127,7 +127,7 @@ def table(replay: Replay) -> pd.DataFrame:
 def page(replay: Replay) -> Page:
     """Return the page."""
     heading, figure = f"{replay.campaign}: {replay.words}", flight(replay.history)
-    traceback = Lines(replay.traceback) if replay.traceback else None
+    traceback = Lines(replay.traceback, "Traceback") if replay.traceback else None
     sections = [Section("outcome", "Outcome", joined(_limit(replay), outcome_table(replay), traceback))]
     if figure is not None:
         until = Note("Simulated by the reference engine, up to the end or the failure.")
@@ -146,7 +146,7 @@ def _limit(replay: Replay) -> Note | None:
 def terminal(replay: Replay) -> list[Part]:
     """List what the terminal shows: errors, outcomes, and why a simulation failed."""
     status = [Note(f"{outcome.label}: {outcome.status}") for outcome in replay.outcomes]
-    trace = [Lines(replay.traceback)] if replay.traceback else []
+    trace = [Lines(replay.traceback, "Traceback")] if replay.traceback else []
     return [error_table(replay), *joined(_limit(replay)), outcome_table(replay), Note(""), *status, *trace]
 
 

@@ -138,7 +138,7 @@ def test_the_icon_of_the_window_has_the_colour_of_the_worst_answer(tone: str, co
 
 
 def test_the_terminal_leaves_out_what_it_cannot_show() -> None:
-    parts = joined(Verdict("No", "differs"), None, Heading("not shown"), Lines("a\n b\n"))
+    parts = joined(Verdict("No", "differs"), None, Heading("not shown"), Lines("a\n b\n", "Letters"))
     assert text(*parts).splitlines() == ["No", "", "a", " b"]
 
 

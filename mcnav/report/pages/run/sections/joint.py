@@ -92,7 +92,11 @@ def _nees(words: EllipsoidWords, tests: MultivariateTests | None) -> list[Part]:
     about = Markup(
         "About the sample mean, without the mean error, it is {}. Dispersion differs most in {}; its sigma ratio is {}."
     ).format(words.about_mean, words.farthest, STRONG(words.ratio))
-    return [Sentence(mean), Sentence(about), Folded("The combination", [Lines(words.combination)], explains=True)]
+    return [
+        Sentence(mean),
+        Sentence(about),
+        Folded("The combination", [Lines(words.combination, "The combination")], explains=True),
+    ]
 
 
 def _definition() -> Folded:

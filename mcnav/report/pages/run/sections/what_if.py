@@ -41,8 +41,8 @@ HELD: Final = (
 SAMPLED: Final = "Requirements: the bound of the samples, scaled as linear covariance changes"
 
 MEASURED: Final = (
-    "Values of requirements are linear ones times what the samples show of the campaign as it is ({}). They are not "
-    "simulated: mcnav brief simulates the changes that it proposes, and mcnav run a file of your own."
+    "The value of a requirement is its linear value, multiplied by what the samples show of the campaign as it is: {}. "
+    "It is not simulated: mcnav brief simulates the changes that it proposes, and mcnav run a file of your own."
 )
 FAILS: Final = (
     "Linear analysis does not hold in this run. What you change here follows linear analysis, and may miss by more "
@@ -99,11 +99,10 @@ def _words(what_if: WhatIf, loop: bool) -> list[Part]:
     campaign, covariance = what_if.campaign, what_if.covariance
     graded = {name: None for slider in campaign.sliders for name, _ in slider.grades}
     held = covariance.own is not None or bool(campaign.beliefs)
-    scaled = [f"× {number(scale, 3)}" for scale in what_if.known_scales] if what_if.scales else []
     letters = ", ".join(f"{name[0].upper()} {name}" for name in graded)
     said = [
         SUM,
-        MEASURED.format(", ".join(scaled)) if scaled else "",
+        MEASURED.format(_factors(what_if.known_scales)) if what_if.scales else "",
         HELD if held else "",
         SEVERAL if covariance.crossed else "",
         UNSIZED.format(", ".join(map(humanize, what_if.unsized))) if what_if.unsized else "",
@@ -112,6 +111,17 @@ def _words(what_if: WhatIf, loop: bool) -> list[Part]:
     ]
     above = " ".join(filter(None, (EXPLANATION, GRADES.format(letters) if graded else "")))
     return [Note(above), Folded("How it is computed", [Sentence(" ".join(filter(None, said)))], explains=True)]
+
+
+def _factors(scales: Sequence[float]) -> str:
+    """List the factors of requirements, of more than three the ends.
+
+    >>> _factors([1.0, 1.05]), _factors([1.02, 0.998, 1.12, 1.05])
+    ('× 1.00, × 1.05', '× 0.998 to × 1.12')
+    """
+    if len(scales) > 3:
+        return " to ".join(f"× {number(scale, 3)}" for scale in (min(scales), max(scales)))
+    return ", ".join(f"× {number(scale, 3)}" for scale in scales)
 
 
 def _json(what_if: WhatIf, outputs: Sequence[Output | Variable]) -> str:
