@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.linear import CovarianceReadings
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.filter.model import Beliefs, FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu
+from mcnav.systems.ins.scenario import Navigation
 from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
 from mcnav.systems.ins.sensors.registry import QUANTITIES
+from mcnav.systems.ins.tunings import Navigated, Tunings
 
 EMPTY_SPACE = Earth(6.4e6, 0.0, 1.0, 0.0)
 """A sphere at rest without gravity to speak of: 2e-14 m/s^2."""
@@ -48,6 +51,18 @@ def make_filter(
     names = (*CONSTANTS, *aiding_constants(sensors))
     beliefs = Beliefs(dict(zip(names, every, strict=True)), np.diag(every[:9] ** 2), imu, sensors)
     return FilterModel(estimates, considers, beliefs)
+
+
+def propagated_at_once(navigation: Navigation, time: float, sizes: Array) -> CovarianceReadings:
+    """Propagate the errors of all causes together to a time, as allocations and sweeps do."""
+    assert navigation.aided is not None
+    grid = navigation.aided.grid(1, np.array([navigation.start, time]))
+    navigated = Navigated(
+        navigation.truth, navigation.platform, grid, np.array([time]), navigation.imu, navigation.sensors,
+        navigation.filter, np.zeros(len(sizes)), np.diag(sizes**2),
+    )  # fmt: skip
+    (answer,) = Tunings().answer([navigated], [navigated])
+    return answer
 
 
 def sized(sensors: tuple[Sensor, ...], sigmas: dict[str, float]) -> Array:

@@ -25,7 +25,7 @@ from mcnav.systems.ins.linear.covariance import biased_processes, output_map
 from mcnav.systems.ins.reference.aided import AidedMechanization
 from mcnav.systems.ins.scenario import Ins, Navigation
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
-from tests.aided import make_filter, make_sensor, sized
+from tests.aided import make_filter, make_sensor, propagated_at_once, sized
 
 END = 24.0
 ARM = (10.0, -2.0, 1.0)
@@ -167,11 +167,12 @@ def assert_is_dense(of: Navigation, times: Array | None = None) -> None:
     """Compare true sigmas, the filter's own, and partial derivatives: by cause, and of all causes at once."""
     coarse, fine = (Dense(of, step, times).outputs() for step in (0.1, 0.05))
     assert of.aided is not None
-    linear, sources = of.aided.linear, np.diag(sized(of.sensors, SIGMAS) ** 2)
+    linear, sizes = of.aided.linear, sized(of.sensors, SIGMAS)
     partials = linear.partials[-1]
-    total = partials @ sources @ partials.T + sum(each[-1] for each in linear.processes.values())
-    at_once = of.aided.covariances(np.array([END]), np.zeros(len(sources)), sources, None)
-    for true, own in ((total, linear.own[-1]), (at_once.true[-1], at_once.own[-1])):
+    total = partials @ np.diag(sizes**2) @ partials.T + sum(each[-1] for each in linear.processes.values())
+    at_once = propagated_at_once(of, END, sizes)
+    assert at_once.own is not None
+    for true, own in ((total, linear.own[-1]), (at_once.covariance[-1], at_once.own[-1])):
         assert_near(np.sqrt(np.diag(true)), coarse[0], fine[0])
         assert_near(np.sqrt(np.diag(own)), coarse[1], fine[1])
     modelled = np.flatnonzero(sized((), SIGMAS))

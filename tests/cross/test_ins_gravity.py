@@ -20,7 +20,7 @@ from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
 from mcnav.systems.ins.linear.covariance import output_map
 from mcnav.systems.ins.scenario import Ins, Navigation
 from mcnav.systems.ins.truth.trajectory import Truth
-from tests.aided import make_filter, make_sensor, sized
+from tests.aided import make_filter, make_sensor, propagated_at_once, sized
 
 ARCSEC, MGAL = np.pi / 648_000.0, 1e-5
 GRAVITY = GravityDisturbance(5.0 * ARCSEC, 30e3, 30.0 * MGAL, 50e3)
@@ -213,8 +213,8 @@ def test_a_filter_that_knows_them_has_the_true_covariance(
     sizes = sized(of.navigation.sensors, SIGMAS)
     true = np.einsum("mqs,s->mq", closed.state_partials**2, sizes**2) + sum(closed.state_variances.values())
     np.testing.assert_allclose(true, closed.own_variances, rtol=1e-9)
-    at_once = of.navigation.aided.covariances(np.array([END]), np.zeros(len(sizes)), np.diag(sizes**2), None)
-    assert np.all(np.abs(at_once.true[-1] - total(of)[-1]) <= 1e-9 * np.outer(sigma[-1], sigma[-1]))
+    at_once = propagated_at_once(of.navigation, END, sizes)
+    assert np.all(np.abs(at_once.covariance[-1] - total(of)[-1]) <= 1e-9 * np.outer(sigma[-1], sigma[-1]))
     final = closed.own_variances[-1, -3:] / np.array([GRAVITY.deflection, GRAVITY.deflection, GRAVITY.anomaly]) ** 2
     if estimates == STATES:
         assert np.all(final < 0.8)  # it has learned something
