@@ -6,10 +6,10 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.linear import CovarianceReadings
+from mcnav.systems.ins.aided import AidedNavigation
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.filter.model import Beliefs, FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu
-from mcnav.systems.ins.scenario import Navigation
 from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 from mcnav.systems.ins.tunings import Navigated, Tunings
@@ -53,13 +53,12 @@ def make_filter(
     return FilterModel(estimates, considers, beliefs)
 
 
-def propagated_at_once(navigation: Navigation, time: float, sizes: Array) -> CovarianceReadings:
-    """Propagate the errors of all causes together to a time, as allocations and sweeps do."""
-    assert navigation.aided is not None
-    grid = navigation.aided.grid(1, np.array([navigation.start, time]))
+def propagated_at_once(aided: AidedNavigation, times: Array, sizes: Array) -> CovarianceReadings:
+    """Propagate the errors of all causes together to some times, as allocations and sweeps do."""
+    grid = aided.grid(1, np.concatenate([[aided.start], times]))
     navigated = Navigated(
-        navigation.truth, navigation.platform, grid, np.array([time]), navigation.imu, navigation.sensors,
-        navigation.filter, np.zeros(len(sizes)), np.diag(sizes**2),
+        aided.truth, aided.platform, grid, times, aided.imu, aided.sensors, aided.filter, np.zeros(len(sizes)),
+        np.diag(sizes**2),
     )  # fmt: skip
     (answer,) = Tunings().answer([navigated], [navigated])
     return answer

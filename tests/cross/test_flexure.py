@@ -25,7 +25,7 @@ from mcnav.systems.ins.scenario import Navigation
 from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.flexure import Flexure
 from mcnav.systems.ins.sensors.measurements import measure
-from tests.aided import make_filter, make_sensor, sized
+from tests.aided import make_filter, make_sensor, propagated_at_once, sized
 from tests.conftest import ROOT
 from tests.flights import flight
 
@@ -104,7 +104,7 @@ def test_a_matched_filter_knows_its_errors(considered: bool) -> None:
     true = linear.partials @ sources @ linear.partials.swapaxes(1, 2) + sum(linear.processes.values())
     own = np.diagonal(linear.own, axis1=1, axis2=2)
     np.testing.assert_allclose(np.diagonal(true, axis1=1, axis2=2), own, rtol=1e-9)
-    together = of.covariances(of.times[1:], np.zeros(len(sources)), sources, None).true
+    together = propagated_at_once(of, of.times[1:], np.sqrt(np.diagonal(sources))).covariance
     np.testing.assert_allclose(np.diagonal(together, axis1=1, axis2=2), own[1:], rtol=1e-9)
     of_states = np.einsum("mqs,st,mqt->mq", linear.state_partials, sources, linear.state_partials)
     np.testing.assert_allclose(of_states + sum(linear.state_variances.values()), linear.own_variances, rtol=1e-9)

@@ -170,7 +170,7 @@ def assert_is_dense(of: Navigation, times: Array | None = None) -> None:
     linear, sizes = of.aided.linear, sized(of.sensors, SIGMAS)
     partials = linear.partials[-1]
     total = partials @ np.diag(sizes**2) @ partials.T + sum(each[-1] for each in linear.processes.values())
-    at_once = propagated_at_once(of, END, sizes)
+    at_once = propagated_at_once(of.aided, np.array([END]), sizes)
     assert at_once.own is not None
     for true, own in ((total, linear.own[-1]), (at_once.covariance[-1], at_once.own[-1])):
         assert_near(np.sqrt(np.diag(true)), coarse[0], fine[0])

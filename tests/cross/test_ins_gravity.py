@@ -213,7 +213,7 @@ def test_a_filter_that_knows_them_has_the_true_covariance(
     sizes = sized(of.navigation.sensors, SIGMAS)
     true = np.einsum("mqs,s->mq", closed.state_partials**2, sizes**2) + sum(closed.state_variances.values())
     np.testing.assert_allclose(true, closed.own_variances, rtol=1e-9)
-    at_once = propagated_at_once(of.navigation, END, sizes)
+    at_once = propagated_at_once(of.navigation.aided, np.array([END]), sizes)
     assert np.all(np.abs(at_once.covariance[-1] - total(of)[-1]) <= 1e-9 * np.outer(sigma[-1], sigma[-1]))
     final = closed.own_variances[-1, -3:] / np.array([GRAVITY.deflection, GRAVITY.deflection, GRAVITY.anomaly]) ** 2
     if estimates == STATES:
