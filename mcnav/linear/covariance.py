@@ -9,6 +9,7 @@ from mcnav.products import transform
 def propagated_covariance(partials: Array, start_covariance: Array) -> Array:
     """Compute P S P^T, symmetric to the last bit, with P of shape (outputs, sources) and S (sources, sources).
 
+    >>> import numpy as np
     >>> propagated_covariance(np.array([[1.0, 2.0]]), np.diag([9.0, 4.0]))
     array([[25.]])
     """

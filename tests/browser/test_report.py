@@ -52,7 +52,7 @@ def test_tables_sort_series_toggle_and_data_is_copied(browser: Browser, report: 
         plain = figure.locator(".series-plain").first
         hidden = "each => getComputedStyle(each).display === 'none'"
         assert not plain.evaluate(hidden)
-        toggle = figure.get_by_role("button", name="Monte Carlo, plain sample")
+        toggle = figure.get_by_role("button", name="Monte Carlo (plain)")
         toggle.press("Space")
         assert plain.evaluate(hidden)
         assert toggle.get_attribute("aria-pressed") == "false"
@@ -99,7 +99,7 @@ def test_figures_say_the_values_under_the_pointer(browser: Browser, report: Path
             "nees": r"NEES against the linear covariance [\d.]+\nMonte Carlo, .* to .*\nchi-square, 4 degrees: [\d.]+",
             "histograms": r"altitude [−\d.,]+ km\nMonte Carlo, .* km to .* km: [\d.,]+\nlinear Gaussian: [\d.,]+",
             "scatter": r"(samples|linear, 1 and 3 sigma|Monte Carlo .*)\naltitude [−\d.,]+ km\nrange [−\d.,]+ km",
-            "convergence": r"samples [\d,.]+\n(.*\n)*Monte Carlo, paired estimate: [\d.]+",
+            "convergence": r"samples [\d,.]+\n(.*\n)*Monte Carlo \(paired\): [\d.]+",
         }.items():
             page.mouse.move(*_middle(page, page.locator(f"#figure-{key} svg").first))
             page.wait_for_function("!document.querySelector('.tip').hidden")

@@ -16,7 +16,7 @@ from mcnav.report.drawing.marks import Axis, Band, Interval, Line, Mark, Panel, 
 from mcnav.report.drawing.palette import AREA, BAND, FLOWN, LINEAR, MUTED
 from mcnav.report.results.model import RunAnalysis
 
-PAIRED, PLAIN = "Monte Carlo, paired estimate", "Monte Carlo, plain sample"
+PAIRED, PLAIN = "Monte Carlo (paired)", "Monte Carlo (plain)"
 RATIOS: Final = {"paired": Series("paired", PAIRED, FLOWN, "dot"), "plain": Series("plain", PLAIN, MUTED, "square")}
 RUNNING: Final = {"paired": Series("paired", PAIRED, FLOWN), "plain": Series("plain", PLAIN, MUTED, "dashed")}
 TOLERANCE: Final = Series("tolerance", "tolerance", BAND, "area")
@@ -71,7 +71,7 @@ def sigma_ratios(content: RunAnalysis) -> Figure:
         description="Difference between Monte Carlo and linear sigma of each output with its interval, and the "
         "tolerance around zero.",
         panels=[
-            Panel("Against the tolerance", whole, Axis(names=names), [span, even, *both]),
+            Panel("Both estimates", whole, Axis(names=names), [span, even, *both]),
             Panel("Paired estimate, magnified", across, Axis(names=names),
                   [*([span] if tolerance < np.abs(own).max(initial=0.0) else []), even, *alone]),
         ],
