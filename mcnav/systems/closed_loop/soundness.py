@@ -21,7 +21,8 @@ from mcnav.systems.closed_loop.simulation import simulate
 from mcnav.systems.closed_loop.sizes import LoopSizes
 from mcnav.systems.closed_loop.structure import Structure
 
-SAMPLES: Final = 3
+SAMPLES: Final = 6
+"""Samples that are followed beside the nominal: one of six lies beyond 1.4 sigma, on average, in any direction."""
 
 SMALL_SHARE: Final = 0.01
 """Share of all errors and noise with which samples must follow their twins."""
