@@ -188,7 +188,7 @@ def test_a_nominal_command_is_no_mean_error(tmp_path: Path) -> None:
     assert list(mean_words(linear_covariance(path))) == []
     bias = {"true_vx": {"distribution": "fixed", "value": "1 m/s"}}
     ((sentence, _),) = mean_words(linear_covariance(written(tmp_path / "case", "Kicked", errors=bias)))
-    assert "true x at 30 s has +30.0 m, and its sigma is zero" in sentence
+    assert "that of true x at 30 s is +30.0 m, and its sigma is zero" in sentence
 
 
 @pytest.mark.parametrize("name", ["Corrected", "Pendulum"])

@@ -250,7 +250,7 @@ def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     when, causes = known.when(at, answer), _causes_of_mean(answer, known, at, output)
     filtered = ". The filter computes no mean" if answer.filter is not None else ""
     yield (
-        f"Mean errors are not zero: {humanize(described.name)} {when} has {signed(large.mean * scale)} "
+        f"Mean errors are not zero: that of {humanize(described.name)} {when} is {signed(large.mean * scale)} "
         f"{described.shown_in}, {against(large, scale, described.shown_in)}. Causes: {causes}{filtered}",
         "",
     )

@@ -42,7 +42,7 @@ def answer(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: S
             "start."
         )
     gain = study.weighted[place] / study.weighted[0] if study.weighted[0] > 0.0 else 1.0
-    what = f"{_weighted(study, outputs)} is smallest there"
+    what = f"{_weighted(study, outputs)} is smallest there of the starts compared"
     words = [_of_means(study, outputs)] if study.means_matter else []
     if place == 0:
         words.append(
