@@ -365,7 +365,7 @@ def section() -> str:
 
 
 def with_section(page: str, written: str) -> str:
-    """Return the guide with the section in place of the one that it has."""
+    """Replace the section of the guide by a new one."""
     before, _, after = page.partition(HEADING)
     rest = after[after.index("\n## ") + 1 :]
     return before + written + rest

@@ -1,4 +1,4 @@
-"""What outputs state of themselves: which are sizes of others, and up to which size linear analysis has a meaning."""
+"""Properties that outputs declare: of which others they are the size, and up to where linear analysis holds."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import Final, Literal
 
 @dataclass(frozen=True)
 class TimelineParts:
-    """What the timeline of a system has; known before the timeline is computed.
+    """Parts of a system's timeline, known before the timeline is computed.
 
     Attributes
     ----------

@@ -44,7 +44,7 @@ class Capability(StrEnum):
 
 
 class PlainScenario(Protocol):
-    """What a scenario answers that states nothing else: it has no epochs, no noise, no filter and no further start.
+    """Defaults of a scenario: it has no epochs, no noise, no filter and no further start.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class PlainScenario(Protocol):
 
     @property
     def parts(self) -> TimelineParts:
-        """What its timeline has."""
+        """Parts of its timeline."""
         return TimelineParts()
 
     @property
@@ -185,7 +185,7 @@ class GatedScenario(Scenario, Protocol):
 
 @dataclass(frozen=True)
 class CovarianceQuestion:
-    """What is asked of a variation of a scenario, of the same class.
+    """Question about a variation of a scenario, of the same class.
 
     Attributes
     ----------

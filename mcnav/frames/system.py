@@ -1,4 +1,4 @@
-"""What is asked of a system that is simulated from Python."""
+"""Protocol of a system that is simulated from Python."""
 
 from __future__ import annotations
 

@@ -39,8 +39,8 @@ def filter_evidence(
         return None
     totals = _filter_totals(folder, manifest, record)
     linear = linear_filter(manifest.model, record, manifest.model.development, floor)
-    found = _evidence(manifest, record, totals.filter_sums, totals.power_sums, linear, failed, floor)
-    return replace(found, withheld=tailed_over_time(manifest.model, manifest.heavy_tailed, withheld))
+    evidence = _evidence(manifest, record, totals.filter_sums, totals.power_sums, linear, failed, floor)
+    return replace(evidence, withheld=tailed_over_time(manifest.model, manifest.heavy_tailed, withheld))
 
 
 def smoother_evidence(
@@ -52,9 +52,9 @@ def smoother_evidence(
         return None
     totals = _filter_totals(folder, manifest, filtered)
     linear = linear_filter(manifest.model, record.claims, record.errors, floor)
-    found = _evidence(manifest, record.claims, totals.smoother_sums, totals.smoothed_sums, linear, failed, floor)
+    evidence = _evidence(manifest, record.claims, totals.smoother_sums, totals.smoothed_sums, linear, failed, floor)
     tailed = tailed_over_time(manifest.model, manifest.heavy_tailed, withheld)
-    return replace(found, subject="smoother", withheld=tailed)
+    return replace(evidence, subject="smoother", withheld=tailed)
 
 
 def _filter_totals(folder: RunFolder, manifest: Manifest, record: FilterRecord) -> Totals:

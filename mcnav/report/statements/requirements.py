@@ -24,7 +24,7 @@ NAMED: Final = 2
 
 
 def worst_requirement(summary: Summary, time_unit: str = "") -> RequirementRow | None:
-    """Return the requirement with the worst finding, of several the one that uses most of its limit."""
+    """Return the requirement with the worst finding; among equals, the one closest to its limit."""
     return min(requirement_rows(summary, "shown", time_unit), key=worst_first, default=None)
 
 

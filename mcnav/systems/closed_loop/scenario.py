@@ -175,7 +175,7 @@ class ClosedLoopScenario(PlainScenario):
 
     @property
     def parts(self) -> TimelineParts:
-        """What its timeline has."""
+        """Parts of its timeline."""
         smoothed = self._lag is not None and self._begun is None
         measured, judged = bool(self.maps.sensors), self.judged is not None
         return TimelineParts("any time", self.noisy, updates=measured, filter=judged, smoother=smoothed)

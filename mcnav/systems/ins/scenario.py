@@ -454,7 +454,7 @@ class Ins(PlainScenario):
 
     @property
     def parts(self) -> TimelineParts:
-        """What its timeline has."""
+        """Parts of its timeline."""
         model = self.navigation.filter
         aided = model is not None
         smoothed = model is not None and model.smoothed

@@ -85,7 +85,9 @@ class Tables:
 
     def answer(self, tunings: Sequence[Navigated]) -> list[CovarianceReadings]:
         """Propagate the errors of tunings."""
-        return [self._without_filter(each) for each in tunings] if self._loop is None else self._with_filter(tunings)
+        return (
+            [self._without_filter(tuning) for tuning in tunings] if self._loop is None else self._with_filter(tunings)
+        )
 
     @cached_property
     def _loop(self) -> ClosedLoop | None:
@@ -155,8 +157,8 @@ class Tunings:
             if base.has(navigated):
                 tables = self._tables.get((base.grid.tobytes(), base.times.tobytes()), partial(Tables, base))
             else:
-                tables = next((each for each, _ in groups if _same(each.navigated, navigated)), Tables(navigated))
-            members = next((members for each, members in groups if each is tables), None)
+                tables = next((known for known, _ in groups if _same(known.navigated, navigated)), Tables(navigated))
+            members = next((members for known, members in groups if known is tables), None)
             if members is None:
                 groups.append((tables, members := []))
             members.append(number)
