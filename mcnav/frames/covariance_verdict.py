@@ -32,7 +32,7 @@ class CovarianceVerdict:
 
     Attributes
     ----------
-    frame : DataFrame
+    frame : DataFrame, shape (outputs, columns)
         A row an output, SI, with the columns of `RunResult.outputs`: ``unit``, ``sigma_linear``, ``sigma_plain`` of
         the samples and, where draws and P were given, ``sigma_paired``; ``ratio_paired``, else ``ratio_plain``, the
         simulated over the linear sigma, with ``_from`` and ``_to`` at the confidence of all verdicts together;
@@ -43,9 +43,9 @@ class CovarianceVerdict:
         Verdict on the whole matrix, by mean NEES; empty for a matrix of zeros.
     nees, nees_expected : float
         Mean normalised estimation error squared, paired where it can be, and its expectation.
-    sample_covariance : DataFrame
+    sample_covariance : DataFrame, shape (outputs, outputs)
         Covariance of the successful samples, SI, as `pandas.DataFrame.cov` has it.
-    worst_direction : Series
+    worst_direction : Series, shape (outputs,)
         Weights, in units of the outputs' sigmas, of the combination with the worst sigma ratio.
     worst_ratio : float
         Its sigma ratio. The worst of all directions was chosen, so it has no interval.
@@ -54,7 +54,7 @@ class CovarianceVerdict:
         Whether the sampling noise that samples and linear analysis share was taken out.
     without : tuple of str
         Processes of noise that the system has and P S P' has not.
-    fixed : Series or None
+    fixed : Series, shape (outputs,), or None
         Weights, in units of the outputs' sigmas, of the combination that linear analysis treats as exact and that
         varies most all the same; none where there is none.
     fixed_sigma : float
