@@ -167,26 +167,35 @@ class CovarianceVerdict:
 
         Returns matplotlib's axes.
         """
-        import matplotlib.pyplot as plt
-
-        ax = ax or plt.subplots(figsize=(7.0, 1.4 + 0.4 * len(self.frame)), layout="constrained")[1]
-        rows = np.arange(len(self.frame))[::-1] + 1
-        ratio, ends = self.frame[f"ratio_{self._kind}"].to_numpy(float), self._ends
-        known = np.isfinite(ends).all(axis=1)
-        ax.axvspan(1.0 - self.tolerance, 1.0 + self.tolerance, color="0.9", label=f"within {self.tolerance:.0%}")
-        ax.errorbar(
-            ratio[known], rows[known], xerr=np.abs(ends[known].T - ratio[known]), fmt="o", capsize=3,
-            label=f"simulated over linear sigma, {self.confidence:.0%}",
-        )  # fmt: skip
-        ax.plot(ratio[~known], rows[~known], "o", fillstyle="none")
-        names = list(self.frame.index)
+        ax = draw_ratios(self.frame, self._kind, self.tolerance, self.confidence, ax)
         if self.joint:
             ax.plot([self.worst_ratio], [0], "D", color="C1", label="worst direction of the full matrix")
-            rows, names = np.append(rows, 0), [*names, "worst direction"]
-        ax.set_yticks(rows, names)
-        ax.set_xlabel("simulated sigma / linear sigma")
-        ax.legend(loc="best", fontsize="small")
+            ax.set_yticks([*ax.get_yticks(), 0], [*self.frame.index, "worst direction"])
+            ax.legend(loc="best", fontsize="small")
         return ax
+
+
+def draw_ratios(table: pd.DataFrame, kind: str, tolerance: float, confidence: float, ax: Any = None) -> Any:
+    """Draw the sigma ratios of a table, a row an output, with their intervals and the tolerance as a band.
+
+    Returns matplotlib's axes; rows are at len(table), …, 1.
+    """
+    import matplotlib.pyplot as plt
+
+    ax = ax or plt.subplots(figsize=(7.0, 1.4 + 0.4 * len(table)), layout="constrained")[1]
+    rows = np.arange(len(table), 0, -1)
+    ratio, low, high = (table[f"ratio_{kind}{end}"].to_numpy(float) for end in ("", "_from", "_to"))
+    known = np.isfinite(low) & np.isfinite(high)
+    ax.axvspan(1.0 - tolerance, 1.0 + tolerance, color="0.9", label=f"within {tolerance:.0%}")
+    ax.errorbar(
+        ratio[known], rows[known], xerr=np.abs(np.array([low, high])[:, known] - ratio[known]), fmt="o", capsize=3,
+        label=f"simulated over linear sigma, {confidence:.0%}",
+    )  # fmt: skip
+    ax.plot(ratio[~known], rows[~known], "o", fillstyle="none")
+    ax.set_yticks(rows, list(table.index))
+    ax.set_xlabel("simulated sigma / linear sigma")
+    ax.legend(loc="best", fontsize="small")
+    return ax
 
 
 def verdicts_of(verdict: str) -> str:

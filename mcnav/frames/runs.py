@@ -27,6 +27,7 @@ from mcnav.config.read import campaign_from
 from mcnav.config.sweep_values import POINTS
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, suggestion
 from mcnav.execution.threads import one_thread
+from mcnav.frames.covariance_verdict import draw_ratios
 from mcnav.report.columns.output_columns import outputs_frame
 from mcnav.report.columns.result_table import Units
 from mcnav.report.columns.tables_over_time import epochs
@@ -229,6 +230,14 @@ class RunResult:
         if name not in self.drawings:
             raise ValueError(f"the report has no figure {name!r:.60}{suggestion(name, list(self.drawings))}")
         return self.drawings[name].figure()
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the paired sigma ratio of each output with its interval; returns matplotlib's axes.
+
+        `figure` draws all figures of the report.
+        """
+        summary = self.content.summary
+        return draw_ratios(self.outputs, "paired", summary.tolerance, summary.confidence, ax)
 
     @property
     def what_if(self) -> FramedPage | None:
