@@ -37,6 +37,9 @@ LONGEST_LEVER_ARM: Final = 1e5
 LARGEST_FLEXURE: Final = 0.3
 """rad."""
 
+LONGEST_DELAY: Final = 60.0
+"""Sigma of a delay, s."""
+
 MOST_SENSORS: Final = 100
 
 NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
@@ -170,7 +173,16 @@ def _errors(kind: SensorType, believed: bool = False) -> Fields:
         fields[f"{offset}_error"] = _sizes(unit, axes, fault, f"Sigma of the error of the {offset}.")
     if kind.flexure:
         fields["flexure"] = _flexure()
+    if kind.delays:
+        fields["delay"] = _delay("Sigma of a constant delay: how much later than it was measured a value is stamped.")
+        fields["jitter"] = _delay("Sigma of a delay of its own of each measurement, common to all that it measures.")
     return fields
+
+
+def _delay(description: str) -> tuple[Any, Any]:
+    size = Annotated[float, QuantityIn("s")]
+    described = Field(ge=0.0, le=LONGEST_DELAY, description=description, examples=["20 ms"])
+    return Annotated[size | None, described], None
 
 
 def _lever_arm() -> tuple[Any, Any]:
