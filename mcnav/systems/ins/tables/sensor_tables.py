@@ -37,6 +37,8 @@ LONGEST_LEVER_ARM: Final = 1e5
 LARGEST_FLEXURE: Final = 0.3
 """rad."""
 
+NEVER_LATE: Final = "the vehicle is at rest, and nothing that it measures changes: it cannot be late; leave it out"
+
 LONGEST_DELAY: Final = 60.0
 """Sigma of a delay, s."""
 
@@ -239,15 +241,21 @@ def _sensor_table(kind: SensorType) -> type[SensorTable]:
         base=SensorTable,
         rules=(ClassVar[Any], (InstantRule(), MeasuresOne(tuple(kind.quantities)))),
         called=(ClassVar[str], f"type {kind.name}"),
+        refused=_refused(kind),
         type=(Annotated[Literal[kind.name], Field(description=kind.words)], ...),
         **_errors(kind),
         **{key: _further(each) for key, each in kind.further.items()},
     )
 
 
+def _refused(kind: SensorType) -> tuple[Any, Any]:
+    """Return the keys that a type of sensor refuses with a reason."""
+    return ClassVar[Mapping[str, str]], {} if kind.delays else dict.fromkeys(("delay", "jitter"), NEVER_LATE)
+
+
 def _believed_table(kind: SensorType) -> type[Table]:
     fields = {key: field for key, field in _errors(kind, believed=True).items() if key != "lever_arm"}
-    return _model(f"believed {kind.name} sensor", base=Table, **fields)
+    return _model(f"believed {kind.name} sensor", base=Table, refused=_refused(kind), **fields)
 
 
 class Tables(Mapping[str, type[Table]]):
