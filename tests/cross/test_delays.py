@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84, local_axes
 from mcnav.systems.ins.sensors.beams import beam_range, ground_scales
 from mcnav.systems.ins.sensors.magnetometer import POLE, dipole_field

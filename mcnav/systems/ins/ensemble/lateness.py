@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_loop, allocation_free_part
 from mcnav.compiled.vectors import LANES, load, room, store
 from mcnav.systems.ins.earth import Earth, local_axes

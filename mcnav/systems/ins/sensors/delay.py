@@ -23,7 +23,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY
 from mcnav.systems.ins.sensors.comparison import Comparison, Reference
 from mcnav.systems.ins.sensors.quantity import Geometry, QuantityDefinition
