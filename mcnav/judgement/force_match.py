@@ -18,10 +18,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import RecordedMeasurements, Recording
 from mcnav.judgement.local_track import local_metres
+from mcnav.physics.constants import STANDARD_GRAVITY
 
 WINDOW: Final = 30.0
 """Time for which one rotation stands, s: drifting gyros turn by little in it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import RecordedMeasurements
 
 AXIS, SQUARED = 6_378_137.0, 6.69437999014e-3

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.scan import NOTHING, Scan, Sums
 

@@ -12,12 +12,12 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import RecordedMeasurements, Recording
 from mcnav.judgement.column_match import velocity_fault
 from mcnav.judgement.force_match import ForceMatch, clock_fault, heading_fault, mirror_fault
 from mcnav.judgement.local_track import local_metres, speeds
+from mcnav.physics.constants import STANDARD_GRAVITY
 
 IMU: Final = "imu"
 START: Final = "start"

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord, Part
 
 
