@@ -296,6 +296,8 @@ def key_of(kind: str, sensors: tuple[Sensor, ...]) -> str:
     for sensor in sensors:
         if kind == f"{sensor.name}_lever_arm":
             return f"[[aiding]] {sensor.name}: lever_arm"
+        if kind in (sensor.delay_name, sensor.jitter_name):
+            return f"[[aiding]] {sensor.name}: {kind.removeprefix(f'{sensor.name}_')}"
         if kind in (f"{sensor.name}_{offset}" for offset in sensor.offsets):
             return f"[[aiding]] {sensor.name}: {kind.removeprefix(f'{sensor.name}_')}_error"
         sort = SENSOR_TYPES[sensor.kind]

@@ -41,6 +41,7 @@ from mcnav.systems.ins.reference.filtered_navigator import FilteredNavigator, Pa
 from mcnav.systems.ins.reference.mechanization import LONGEST_STEP, SAME_INSTANT, Diverged, divide, with_stops
 from mcnav.systems.ins.reference.normal_field import field_constants
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
+from mcnav.systems.ins.sensors.delay import WITHOUT_MEMORY
 
 Motion: TypeAlias = tuple[Array | None, Array, Array, tuple[Part, ...]]
 """F, B, D and the noise of the processes, as a `Stage` has them."""
@@ -153,7 +154,8 @@ class _Passing:
         self.to_outputs = self.navigator.frame().to_outputs(flight.state[4:7])
         self.readings = gauss_readings(flight.recording, flight.step_times)
         rates = [*flight.own.decay_rates, *self.everything.decay_rates]
-        self.longest = min([LONGEST_FILTER_STEP, *(SHARE_OF_CORRELATION / rate for rate in rates if rate > 0.0)])
+        remembered = [rate for rate in rates if 0.0 < rate < 1.0 / WITHOUT_MEMORY]
+        self.longest = min([LONGEST_FILTER_STEP, *(SHARE_OF_CORRELATION / rate for rate in remembered)])
         self.supports = [self._support(number) for number in range(len(self.causes.driving))]
         self.reference = ReferenceStates.of(flight.earth, flight.recording.reference)
         self.rates: list[Array] = []
