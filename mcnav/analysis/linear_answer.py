@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -317,7 +316,7 @@ def judge_linearly(
     requirements: Sequence[Requirement], mean: Array, covariance: Array, history: Moments | None,
     sizes: Mapping[int, tuple[int, ...]] | None = None, nominal: Array | None = None, origin: Array | None = None,
 ) -> tuple[LinearRequirement, ...]:  # fmt: skip
-    """Judge requirements for normal errors.
+    """Judge requirements for normal errors; not those judged by a number that its check refuses.
 
     Parameters
     ----------
@@ -334,23 +333,12 @@ def judge_linearly(
     """
     fixed = np.zeros_like(mean) if nominal is None else nominal
     return tuple(
-        _judge_or_withhold(
-            each, counted(each, mean, origin), covariance, history, sizes or {}, counted(each, fixed, origin)
+        or_withheld(
+            _judge, each, counted(each, mean, origin), covariance, history, sizes or {}, counted(each, fixed, origin),
+            instead=LinearRequirement(each, math.nan, math.nan),
         )
         for each in requirements
-    )
-
-
-def _judge_or_withhold(requirement: Requirement, *moments: Any) -> LinearRequirement:
-    """Judge a requirement; not at all where a check refuses the number that it is judged by."""
-    judged: list[LinearRequirement] = []
-
-    def judge() -> float:
-        judged.append(_judge(requirement, *moments))
-        return judged[0].value
-
-    value = or_withheld(judge)
-    return judged[0] if judged else LinearRequirement(requirement, value, value)
+    )  # fmt: skip
 
 
 def _judge(
