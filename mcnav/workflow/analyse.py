@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 def report_run(path: str | Path) -> dict[str, Any]:
-    """Analyse a finished run folder again and write its summary and report.
+    """Analyse a finished run folder, ``path``, again; write its report and summary, and return the summary.
 
     Raises `RunFolderError` when the folder holds no finished run, or a part of it is damaged.
 
@@ -60,7 +60,7 @@ def report_run(path: str | Path) -> dict[str, Any]:
 
 
 def samples_of(path: str | Path) -> pd.DataFrame:
-    """Read the samples of a finished run folder as a table, their checksums verified.
+    """Read the samples of a finished run folder, ``path``: a row a sample, their checksums verified.
 
     Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]`` and, of samples with noise,
     ``linear NAME [unit]``, with a filter ``filter NAME [unit]`` and ``nees``; SI units.
