@@ -279,9 +279,8 @@ def within_range(
             return True
         return bool((times[list(epochs)] >= beyond.time).any())
 
-    nan = math.nan
-    return tuple(replace(judgement, value=nan, margin=nan, time=None, beyond=nan) if meaningless(judgement) else judgement
-                 for judgement in judged)  # fmt: skip
+    withdrawn = {"value": math.nan, "margin": math.nan, "time": None, "beyond": math.nan}
+    return tuple(replace(judgement, **withdrawn) if meaningless(judgement) else judgement for judgement in judged)
 
 
 def judge_within_range(
@@ -334,7 +333,8 @@ def judge_linearly(
     fixed = np.zeros_like(mean) if nominal is None else nominal
     return tuple(
         or_withheld(
-            _judge, requirement, counted(requirement, mean, origin), covariance, history, sizes or {}, counted(requirement, fixed, origin),
+            _judge, requirement, counted(requirement, mean, origin), covariance, history, sizes or {},
+            counted(requirement, fixed, origin),
             instead=LinearRequirement(requirement, math.nan, math.nan),
         )
         for requirement in requirements

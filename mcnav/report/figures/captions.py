@@ -312,7 +312,8 @@ def _dispersion(content: RunAnalysis) -> str:
             continue
         scale, unit = content.output_scale[quantity.true], content.output_units[quantity.true]
         shown = [f"{rounded(value * scale)} {unit}".strip() for value in (true, error)]
-        words = f"At the end the true dispersion of {humanize(quantity.name)} is {shown[0]}, its navigation error {shown[1]}."
+        name = humanize(quantity.name)
+        words = f"At the end the true dispersion of {name} is {shown[0]}, its navigation error {shown[1]}."
         off = abs(float(np.log(true / error)))
         best = max(filter(None, (best, (off, words))), key=lambda pair: pair[0])
     return "" if best is None else best[1]

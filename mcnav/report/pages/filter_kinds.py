@@ -40,9 +40,10 @@ def terminal(comparison: KindComparison) -> list[Part]:
 
 def page(comparison: KindComparison) -> Page:
     """Return the page."""
+    variable = comparison.variable
     facts = Facts([("kinds", ", ".join(comparison.kinds)), *(
-        [] if comparison.variable is None else
-        [(comparison.variable.path, ", ".join(shown(comparison.variable, value) for value in comparison.variable.values))]
+        [] if variable is None else
+        [(variable.path, ", ".join(shown(variable, value) for value in variable.values))]
     ), ("samples", ", ".join(sorted({f"{result.summary.samples:,}" for result in comparison.results})))])  # fmt: skip
     parts: list[Part] = [kind_table(comparison), Note(NOTE)]
     sections = [Section("kinds", "Kinds of filters", parts)]

@@ -123,9 +123,9 @@ class RunAnalysis:
         curvature = Curvature.of_record(self.manifest.model.second_order)
         blocks = self.manifest.sampling_design.blocks(self.samples.index)
         return tuple(
-            tail_curve(requirement.requirement, self.model, curvature, self.outputs, blocks, self.criterion.confidence)
-            if requirement.exceedance is not None and not requirement.requirement.epochs and self.beyond is None else None
-            for requirement in self.requirements
+            tail_curve(result.requirement, self.model, curvature, self.outputs, blocks, self.criterion.confidence)
+            if result.exceedance is not None and not result.requirement.epochs and self.beyond is None else None
+            for result in self.requirements
         )  # fmt: skip
 
     @property
