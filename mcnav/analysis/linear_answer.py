@@ -279,8 +279,11 @@ def within_range(
             return True
         return bool((times[list(epochs)] >= beyond.time).any())
 
-    withdrawn = {"value": math.nan, "margin": math.nan, "time": None, "beyond": math.nan}
-    return tuple(replace(judgement, **withdrawn) if meaningless(judgement) else judgement for judgement in judged)
+    nan = math.nan
+    return tuple(
+        replace(judgement, value=nan, margin=nan, time=None, beyond=nan) if meaningless(judgement) else judgement
+        for judgement in judged
+    )
 
 
 def judge_within_range(
