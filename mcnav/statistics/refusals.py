@@ -24,8 +24,17 @@ def or_withheld(compute: Callable[..., float], *values: Any, instead: float = ma
     try:
         return compute(*values)
     except NumericalError as refusal:
-        words = str(refusal)
-        if words not in _said and len(_said) < MOST_SAID:
-            _said.append(words)
-            note(words)
-        return instead
+        return withhold(refusal, instead)
+
+
+def withhold(number: float | NumericalError, instead: float | None = math.nan) -> float:
+    """Return a number. Of one that is refused note why, and return what stands ``instead``; raise it without that."""
+    if not isinstance(number, NumericalError):
+        return number
+    if instead is None:
+        raise number
+    words = str(number)
+    if words not in _said and len(_said) < MOST_SAID:
+        _said.append(words)
+        note(words)
+    return instead
