@@ -20,7 +20,6 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.requirements import (
     Requirement,
     is_rare,
@@ -28,14 +27,15 @@ from mcnav.analysis.requirements import (
     size_probability,
 )
 from mcnav.analysis.sized_outputs import components_of
+from mcnav.arrays.types import Array
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Of, Output
 from mcnav.errors import suggestion
+from mcnav.physics.units import UnitError, conversion, quantity
 from mcnav.statistics.largest_quantiles import largest_quantiles
 from mcnav.statistics.normal_box import normal_box_probability, probability_beyond_box
 from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.refusals import or_withheld
-from mcnav.units import UnitError, conversion, quantity
 
 SIGMA, DRMS, BOX = "sigma", "drms", "box"
 

@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.changeable_campaign import Slider
 from mcnav.analysis.requirements import size_probability
 from mcnav.analysis.what_if import LimitedErrors, ScaledCovariance, WhatIf
+from mcnav.arrays.types import Array
 from mcnav.statistics.largest_quantiles import largest_quantiles
 
 HALF: Final = 0.5

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics.normal_size import size_quantiles
 from mcnav.statistics.size_tails import agree, principal_axes, size_tails
 

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.statistics.refusals import withhold
 from mcnav.statistics.size_search import SizeSearch
 from mcnav.statistics.size_tails import NONE, agree, principal_axes, refuse, size_tails

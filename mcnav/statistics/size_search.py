@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.errors import NumericalError
 from mcnav.statistics.bisection import roots_between
 from mcnav.statistics.generalized_chi_square import LEAST

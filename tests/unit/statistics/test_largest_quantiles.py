@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.statistics.largest_quantiles import largest_quantiles
 from mcnav.statistics.normal_size import size_quantile, size_quantiles
 
