@@ -15,7 +15,8 @@ from typing import Final
 import numpy as np
 
 from mcnav.arrays.types import Array
-from mcnav.statistics.refusals import withhold
+from mcnav.errors import NumericalError
+from mcnav.statistics.refusals import note_refusal
 from mcnav.statistics.size_search import SizeSearch
 from mcnav.statistics.size_tails import NONE, agree, principal_axes, refuse, size_tails
 
@@ -116,7 +117,10 @@ class NormalSize:
         if not len(self.variances):
             return self.fixed
         search = SizeSearch(self.variances[None], self.centres[None], np.array([self.fixed]), np.array([probability]))
-        return withhold(search.quantiles()[0], None)
+        (quantile,) = search.quantiles()
+        if isinstance(quantile, NumericalError):
+            raise quantile
+        return quantile
 
     def _checked_tails(self, size: float) -> tuple[float, float]:
         """Return the probabilities of sizes up to this one, and beyond.
@@ -177,7 +181,14 @@ def size_quantiles(
     for rows, variances, centres, fixed in principal_axes(means, covariances):
         search = SizeSearch(variances, centres, fixed, wanted[rows])
         sizes = search.quantiles() if variances.shape[1] else fixed
-        quantiles[rows] = [withhold(size, instead) for size in sizes]
+        for row, size in zip(rows, sizes, strict=True):
+            if not isinstance(size, NumericalError):
+                quantiles[row] = size
+            elif instead is None:
+                raise size
+            else:
+                note_refusal(size)
+                quantiles[row] = instead
     return quantiles
 
 
