@@ -51,6 +51,11 @@ AT_REST: Final = """\
 instants = [INSTANTS]  # times at rest, in the trajectory's time, s
 """
 
+LATE: Final = """\
+# delay = "20 ms"  # sigma of a constant delay: how late its measurements are stamped, s
+# jitter = "2 ms"  # sigma of a further delay of each measurement, s
+"""
+
 GATE: Final = """\
 # gate = 0.999  # probability with which an expected measurement is accepted
 """
@@ -317,7 +322,8 @@ def _sensor(kind: SensorType, flight: Flight, times: Mapping[str, str]) -> str:
     """Write the table of a sensor."""
     words = kind.words[0].lower() + kind.words[1:].rstrip(".")
     instants = AT_REST if kind.interval is None else AT_INTERVAL
-    text = f'\n[[aiding]]\ntype = "{kind.name}"  # {words}\n{instants}{kind.template}{GATE}'
+    late = LATE if kind.delays else ""
+    text = f'\n[[aiding]]\ntype = "{kind.name}"  # {words}\n{instants}{kind.template}{late}{GATE}'
     for before, after in {**_instants(kind, flight), **times}.items():
         text = text.replace(before, after)
     return text
