@@ -98,7 +98,7 @@ def improvements(what_if: WhatIf, departing: Departing | None = None) -> Improve
     pairs = zip(what_if.requirements, what_if.known_scales, strict=True)
     sizes = [(errors, scale) for errors, scale in pairs if errors.requirement.kind != "box"]
     limited, known = [errors for errors, _ in sizes], [scale for _, scale in sizes]
-    at = None if departing is None else (_reading(covariance, departing.time), departing.output)
+    at = None if departing is None else (reading_at(covariance, departing.time), departing.output)
     before, ones = covariance.sigma([1.0] * len(sliders)), [1.0] * len(sliders)
     used_now = largest_share(covariance, limited, ones, known)
 
@@ -128,7 +128,7 @@ def _rank(improvement: Improvement) -> tuple[float, float, float]:
     return departing, used, float(improvement.sigmas.min())
 
 
-def _reading(covariance: ScaledCovariance, time: float) -> int:
+def reading_at(covariance: ScaledCovariance, time: float) -> int:
     """Return the reading at a time, the last one where no time is known."""
     if np.isnan(covariance.times).all():
         return len(covariance.times) - 1

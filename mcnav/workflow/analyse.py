@@ -15,6 +15,7 @@ from mcnav.analysis.budget import error_budget
 from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored, reduce_summary
 from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.filter_assessment import assess_filter
+from mcnav.analysis.remedies import Remedies
 from mcnav.analysis.requirements import (
     requirements_from,
     smallest_limits,
@@ -34,7 +35,7 @@ from mcnav.sampler.designs import SamplingDesign
 from mcnav.store.chunk_files import Samples
 from mcnav.store.histories import STORED, origin_in
 from mcnav.store.manifest import Manifest
-from mcnav.store.run_files import HISTORIES, MANIFEST, REPORT, SMOOTHED
+from mcnav.store.run_files import HISTORIES, MANIFEST, REMEDIES, REPORT, SMOOTHED, ManifestError, read_json, validate
 from mcnav.store.run_files import SUMMARY as SUMMARY_FILE
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import collect_summary
@@ -208,7 +209,7 @@ def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True)
         from mcnav.report.pages.run.page import render
 
         page = render(
-            replace(analysis, what_if=what_if_of_run(analysis))
+            replace(analysis, what_if=analysis.what_if or what_if_of_run(analysis), remedies=stored_remedies(folder))
         ).encode()  # refuses a folder without history or campaign before anything is written
     else:
         (folder.path / REPORT).unlink(missing_ok=True)
@@ -217,3 +218,23 @@ def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True)
     if report:
         folder.write(REPORT, page)
     return summary
+
+
+def stored_remedies(folder: RunFolder) -> Remedies | None:
+    """Read what would help a run; none where nothing fails, or nothing was computed."""
+    remedy = "run mcnav report --remedies on the folder"
+    read = read_json(folder.path, REMEDIES, remedy)
+    if read is None:
+        return None
+    try:
+        return validate(Remedies, *read)
+    except ManifestError as fault:
+        raise RunFolderError(f"{folder.path / REMEDIES}: is damaged ({fault}); {remedy}") from None
+
+
+def keep_remedies(folder: RunFolder, remedies: Remedies | None) -> None:
+    """Write what would help a run, or delete it where nothing fails."""
+    if remedies is None:
+        (folder.path / REMEDIES).unlink(missing_ok=True)
+    else:
+        folder.write_json(REMEDIES, remedies.to_json())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from mcnav._stopping import stopped_by
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
+from mcnav.analysis.remedies import Remedies, something_fails
 from mcnav.analysis.summary import Summary
 from mcnav.compiled.target import target
 from mcnav.config.read import Campaign
@@ -32,7 +33,7 @@ from mcnav.store.provenance import commit
 from mcnav.store.run_files import CAMPAIGN, FORMAT
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY
-from mcnav.workflow.analyse import analyse, write_results
+from mcnav.workflow.analyse import analyse, keep_remedies, write_results
 from mcnav.workflow.corrections import compute_corrections
 from mcnav.workflow.exceedance import estimate_exceedances
 from mcnav.workflow.linear_extremes import range_note
@@ -40,11 +41,14 @@ from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from mcnav.workflow.recorded_model import summary_frame
 from mcnav.workflow.stopping import Execution
 from mcnav.workflow.stored_samples import doubt_samples, tables_over_time
+from mcnav.workflow.what_if import what_if_of_run
 
 if TYPE_CHECKING:
+    from mcnav.report.results.model import RunAnalysis
     from mcnav.systems.user.conformance import Check
 
 Result = TypeVar("Result")
+Advise = Callable[[Campaign, "RunAnalysis"], Remedies | None]
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,7 @@ def run_campaign(
     executor: ChunkExecutor | None = None,
     force: bool = False,
     report: bool = True,
+    advise: Advise | None = None,
 ) -> Run:
     """Run a campaign into a run folder, analyse it and write its report.
 
@@ -104,6 +109,8 @@ def run_campaign(
         Continue when partial derivatives do not converge; the summary and the report state it.
     report : bool
         Write the report; without it only the summary, and an earlier report is deleted.
+    advise : callable, optional
+        What would help a campaign in which something fails: it is kept in the folder, for reports.
 
     Raises
     ------
@@ -132,6 +139,9 @@ def run_campaign(
         analysis = analyse(folder)
         if report:
             progress.phase(Phase.REPORTING)
+            analysis = replace(analysis, what_if=what_if_of_run(analysis))
+            failing = advise is not None and something_fails(analysis.summary)
+            keep_remedies(folder, advise(campaign, analysis) if advise is not None and failing else None)
         return Run(write_results(folder, analysis, report), record.samples, tuple(begun.notices))
 
 
