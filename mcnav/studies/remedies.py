@@ -8,6 +8,7 @@ covariance is computed; a run computes the one that promises most, and ``mcnav r
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -28,7 +29,8 @@ from mcnav.analysis.remedies import (
 )
 from mcnav.analysis.requirements import Finding
 from mcnav.analysis.simulated_requirements import least_margin
-from mcnav.config.read import Campaign, parse_campaign, read_campaign
+from mcnav.config.documents import Document
+from mcnav.config.read import Campaign, parse_campaign
 from mcnav.errors import CampaignError, reading_file
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report.results.model import RunAnalysis
@@ -64,6 +66,7 @@ NO_LINEAR: Final = "by samples the filter is {}; linear analysis finds it consis
 NO_NUMBER: Final = "no number of the campaign file sizes these errors"
 NOTHING: Final = "nothing that was computed makes it better"
 CODE: Final = "the run folder's code is not executed: --campaign FILE simulates what would help"
+IN_FOLDER: Final = "in the folder of this report"
 UNCONFIRMED: Final = "samples confirm nothing that linear analysis proposes"
 NO_MODEL: Final = "there is no linear model of this run"
 
@@ -221,22 +224,22 @@ def _simulated(
 
 
 def remedies_of_run(
-    content: RunAnalysis, campaign: Campaign, thorough: bool = False, jobs: int = JOBS, progress: Progress = SILENT,
-    simulate: bool = True,
+    content: RunAnalysis, described: tuple[Document, str], thorough: bool = False, jobs: int = JOBS,
+    progress: Progress = SILENT, simulate: bool = True,
 ) -> Remedies | None:  # fmt: skip
     """Return what would help a run; none where nothing fails.
 
     Parameters
     ----------
-    campaign : Campaign
-        Of the run.
+    described : tuple of Document and str
+        The campaign, and where a changed file is to be saved.
     thorough : bool
         Whether all remedies are computed, and the best simulated.
     simulate : bool
         Whether the best is simulated then: not where that would execute code of a run folder.
     """
     with one_thread():
-        case = case_of_run(content, *document_and_place(campaign))
+        case = case_of_run(content, *described)
         if case is None:
             return None
         remedies = find_remedies(case, thorough, progress)
@@ -261,7 +264,7 @@ def remedies_of_answer(
 
 def advise_run(campaign: Campaign, content: RunAnalysis) -> Remedies | None:
     """Return what a run says of remedies: those that it need not wait for."""
-    return remedies_of_run(content, campaign)
+    return remedies_of_run(content, document_and_place(campaign))
 
 
 def all_remedies(
@@ -284,9 +287,10 @@ def all_remedies(
         return None
     folder, manifest = content.folder, content.manifest
     if manifest.identity.code is not None and campaign_file is None:
-        campaign = read_campaign(folder.path / CAMPAIGN, execute=False)
-        return remedies_of_run(content, campaign, True, jobs, progress, simulate=False)
-    return remedies_of_run(content, campaign_of(folder, manifest, campaign_file)[0], True, jobs, progress)
+        stored = Document(tomllib.loads(content.campaign), str(folder.path / CAMPAIGN), content.summary.campaign)
+        return remedies_of_run(content, (stored, IN_FOLDER), True, jobs, progress, simulate=False)
+    described = document_and_place(campaign_of(folder, manifest, campaign_file)[0])
+    return remedies_of_run(content, described, True, jobs, progress)
 
 
 def add_remedies(path: Path, campaign_file: Path | None, jobs: int = JOBS, progress: Progress = SILENT) -> None:
