@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, Literal
 
 from mcnav.analysis.filter_consistency import Honesty
-from mcnav.records import Number, Record
+from mcnav.files.records import Number, Record
 
 if TYPE_CHECKING:
     from mcnav.analysis.summary import Summary

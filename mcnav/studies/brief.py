@@ -6,10 +6,10 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from mcnav._threads import one_thread
 from mcnav.errors import reading_file
-from mcnav.files import write_texts
-from mcnav.progress import SILENT, Progress
+from mcnav.execution.progress import SILENT, Progress
+from mcnav.execution.threads import one_thread
+from mcnav.files.whole import write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.pages.brief import Links, page
 from mcnav.runner.executors import JOBS

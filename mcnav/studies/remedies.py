@@ -15,7 +15,6 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._threads import one_thread
 from mcnav.analysis.improvements import Improvement, improvements
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.remedies import (
@@ -32,7 +31,9 @@ from mcnav.analysis.simulated_requirements import least_margin
 from mcnav.config.documents import Document
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.errors import CampaignError, reading_file
-from mcnav.progress import SILENT, Phase, Progress
+from mcnav.execution.progress import SILENT, Phase, Progress
+from mcnav.execution.threads import one_thread
+from mcnav.physics.units import conversion
 from mcnav.report.results.model import RunAnalysis
 from mcnav.runner.executors import JOBS
 from mcnav.statistics.demonstration import runs_to_show
@@ -42,7 +43,6 @@ from mcnav.studies.failing_campaign import Case, case_of_answer, case_of_run, do
 from mcnav.studies.lincov import answer_linearly
 from mcnav.studies.remedy_changes import Change, changes_of_filter, changes_of_numbers, changes_of_sensors
 from mcnav.studies.simulated_campaigns import MOST_SAMPLES, simulated
-from mcnav.units import conversion
 from mcnav.workflow.analyse import analyse, keep_remedies, write_results
 from mcnav.workflow.replay import campaign_of
 

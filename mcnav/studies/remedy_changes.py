@@ -16,7 +16,7 @@ from mcnav.config.overrides import override
 from mcnav.config.toml import Content
 from mcnav.contract.quantities import Source
 from mcnav.errors import CampaignError
-from mcnav.units import UnitError, quantity
+from mcnav.physics.units import UnitError, quantity
 
 MOST_KINDS: Final = 4
 """Kinds of errors that are given to a filter one by one, the largest first."""

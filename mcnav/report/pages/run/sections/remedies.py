@@ -10,13 +10,13 @@ from markupsafe import Markup, escape
 
 from mcnav.analysis.remedies import CONFIRMING, REFUTING, Remedies, Remedy
 from mcnav.contract.quantities import Output
+from mcnav.physics.units import conversion
 from mcnav.report.document.parts import Note, Part, Section, Sentence, joined
 from mcnav.report.document.table import CODE, Cell, Column, Table
 from mcnav.report.format import rounded
 from mcnav.report.names import humanize
 from mcnav.report.statements.words import several
 from mcnav.store.manifest import Variable
-from mcnav.units import conversion
 
 TITLE: Final = "What would help"
 ALL_REMEDIES: Final = "mcnav report RUN --remedies"
