@@ -43,8 +43,9 @@ from mcnav.studies.failing_campaign import Case, case_of_answer, case_of_run, do
 from mcnav.studies.lincov import answer_linearly
 from mcnav.studies.remedy_changes import Change, changes_of_filter, changes_of_numbers, changes_of_sensors
 from mcnav.studies.simulated_campaigns import MOST_SAMPLES, simulated
-from mcnav.workflow.analyse import analyse, keep_remedies, write_results
+from mcnav.workflow.analyse import analyse, write_results
 from mcnav.workflow.replay import campaign_of
+from mcnav.workflow.stored_remedies import keep_remedies
 
 RETUNED: Final = 3
 """Numbers of which the filter is re-tuned, those that help most with its gains held."""

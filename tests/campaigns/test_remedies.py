@@ -18,8 +18,9 @@ from mcnav.report.statements.verdicts import statements
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import answer_linearly
 from mcnav.studies.remedies import advise_run, all_remedies
-from mcnav.workflow.analyse import analyse, stored_remedies
+from mcnav.workflow.analyse import analyse
 from mcnav.workflow.run import run_campaign
+from mcnav.workflow.stored_remedies import stored_remedies
 from tests.campaigns.test_advice import BENT, CAMPAIGN, exact_quantile
 from tests.closed_loops import campaign as loop
 from tests.commands import invoke

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -48,6 +49,8 @@ TITLE, HEADING, TEXT, SMALL = 13.0, 10.0, 7.5, 6.5
 
 LEADING: Final = 1.35
 """Distance of lines, in sizes of their text."""
+
+BUTTON: Final = re.compile("<button.*?</button>", re.DOTALL)
 
 TONES: Final = {"agrees": "#0a7a55", "differs": "#c2350a", "partly": "#a87400", "undecided": "#a87400"}
 """Colours of verdicts."""
@@ -99,7 +102,8 @@ def wrapped(text: str, width: float, size: float) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    return Markup(text).striptags() if isinstance(text, Markup) else text
+    """Return text without markup, and without buttons, which paper does not have."""
+    return Markup(BUTTON.sub("", text)).striptags() if isinstance(text, Markup) else text
 
 
 class _Sheets:
@@ -221,7 +225,9 @@ class _Sheets:
 
     def table(self, table: Table[Any]) -> None:
         """Write a table; columns are as wide as their text asks for, those of words share what is left."""
-        columns, rows = table.columns_in("page"), table.cells_in("page")
+        kept = [k for k, column in enumerate(table.columns_in("page")) if column.heading]
+        columns = [table.columns_in("page")[k] for k in kept]
+        rows = [[row[k] for k in kept] for row in table.cells_in("page")]
         heads = [f"{column.heading} [{column.unit}]" if column.unit else column.heading for column in columns]
         texts = [[[_plain(f"{cell.text} {cell.unit}").strip(), _plain(cell.below)] for cell in row] for row in rows]
         asked = [
