@@ -21,6 +21,7 @@ from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_t
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
 from mcnav.analysis.rejections import RejectionAnswer
+from mcnav.analysis.remedies import Remedies
 from mcnav.analysis.requirements import requirements_from, smallest_limits
 from mcnav.analysis.vector_sizes import linear_sizes
 from mcnav.analysis.what_if import WhatIf
@@ -251,17 +252,24 @@ def read_times(written: str) -> Array:
         raise CampaignError([Problem("--at", "", str(wrong))]) from None
 
 
-def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> tuple[LinearAnswer, list[Path]]:
-    """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`."""
+def write_lincov(
+    campaign: Campaign, path: Path, times: Array | None = None, all_remedies: bool = False
+) -> tuple[LinearAnswer, list[Path]]:
+    """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`.
+
+    ``all_remedies``: whether all that would help is computed where something fails, and not the first alone.
+    """
+    from mcnav.studies.remedies import remedies_of_answer  # which asks for linear answers
+
     covariance = linear_covariance(campaign, times)
-    written = page_html(lincov_page(campaign, covariance))
+    written = page_html(lincov_page(campaign, covariance, remedies_of_answer(campaign, covariance, all_remedies)))
     files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
 
 
-def lincov_page(campaign: Campaign, answer: LinearAnswer) -> Page:
+def lincov_page(campaign: Campaign, answer: LinearAnswer, remedies: Remedies | None = None) -> Page:
     """Return the page on a campaign's linear covariance, with what its reader can change."""
-    return page(answer, _outages(campaign), _what_if(campaign, answer))
+    return page(answer, _outages(campaign), _what_if(campaign, answer), remedies)
 
 
 def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:

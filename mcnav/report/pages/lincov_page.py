@@ -12,6 +12,7 @@ from mcnav.analysis.answer_times import as_read, read_axis
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
+from mcnav.analysis.remedies import Remedies
 from mcnav.analysis.what_if import WhatIf
 from mcnav.arrays.types import Array
 from mcnav.contract.quantities import KINDS, end_words, kinds_of
@@ -20,6 +21,7 @@ from mcnav.report.columns.share_table import ShareRow, each_cause, share_tables,
 from mcnav.report.document.html import card_html
 from mcnav.report.document.parts import (
     Answers,
+    Facts,
     Findings,
     Folded,
     Note,
@@ -45,7 +47,7 @@ from mcnav.report.pages.lincov import (
     smoothed_rows,
     statements,
 )
-from mcnav.report.pages.run.sections.improvements import failing_linearly, improvements_section
+from mcnav.report.pages.run.sections.remedies import fix, remedies_section
 from mcnav.report.pages.run.sections.what_if import what_if_section
 from mcnav.report.pages.screen import answered
 from mcnav.report.results.left_out import not_modelled
@@ -63,6 +65,8 @@ REQUIREMENTS: Final = (
 )
 """Caption of the table of requirements."""
 
+ALL_REMEDIES: Final = "mcnav lincov FILE --remedies"
+
 POLAR: Final = ("reentry", "cruise", "hover")
 """Types of scenarios whose outputs are errors of a polar state."""
 
@@ -76,7 +80,9 @@ CAUSES: Final = "largest causes, share of the variance"
 """Heading in the terminal of the column that lists them."""
 
 
-def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = None) -> Page:
+def page(
+    answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = None, remedies: Remedies | None = None
+) -> Page:
     """Return the page; outages are those of the aiding sensors."""
     answer, outages = _as_read(answer, outages)
     (words, tone), *others = statements(answer)
@@ -100,14 +106,16 @@ def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = 
     if (gates := gate_table(answer)) is not None:
         sections.append(Section("gates", "What the gates stop", [gates]))
     looped = ".py:" in answer.kind and any(output.of == "truth" for output in answer.outputs)
-    if meaningful and (better := improvements_section(what_if, answer.outputs, failing_linearly(answer))) is not None:
-        sections.append(better)
+    if (helpful := remedies_section(remedies, answer.outputs, ALL_REMEDIES)) is not None:
+        sections.append(helpful)
     if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped)) is not None:
         sections.append(changeable)
     if meaningful and answer.sigma.any() and (correlations := drawn.correlations(answer)) is not None:
         sections.append(Section("correlations", "Covariance and correlation", [correlations]))
     asked = Findings([(row.finding, row.tone, f"{row.requirement}: {row.shown}") for row in requirement_rows(answer)])
-    head = joined(verdict, asked if asked.entries else None, answers, Note(left_out) if left_out else None)
+    helps = fix(remedies, answer.outputs)
+    facts = Facts([("Fix", helps)], below=True) if helps else None
+    head = joined(verdict, facts, asked if asked.entries else None, answers, Note(left_out) if left_out else None)
     shown = worst_panel(answer, moving if isinstance(moving, Figure) else None)
     title = f"{answer.campaign}: linear covariance"
     return answered(Page(title, "Linear covariance", answer.campaign, head, sections), shown)
