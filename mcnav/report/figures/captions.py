@@ -25,7 +25,7 @@ from mcnav.report.format import number, rounded, signed
 from mcnav.report.names import humanize, shown_units
 from mcnav.report.results.kinds import planes, quantities
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements.joint import BRIEFLY, combination_words
+from mcnav.report.statements.joint import direction_words
 from mcnav.report.statements.words import joined, several
 
 TAIL: Final = 0.05
@@ -231,13 +231,13 @@ def _combination(content: RunAnalysis) -> str:
     foremost = None if joint is None else joint.foremost
     if joint is None or foremost is None:
         return ""
-    name = combination_words(foremost, content.summary, BRIEFLY)
+    name = direction_words(foremost, content.summary)
     scale, unit = shown_units(content.summary)[foremost.lead]
     if joint.cause == "mean":
-        return f"The mean of {name} is off by {rounded(joint.mean_error)} linear sigmas."
+        return f"The mean along the {name} is off by {rounded(joint.mean_error)} linear sigmas."
     simulated, linear = (f"{rounded(each * scale)} {unit}".strip() for each in (foremost.sigma_paired,
                                                                               foremost.sigma_linear))  # fmt: skip
-    return f"1σ of {name} is {simulated} by Monte Carlo, {linear} by linear analysis."
+    return f"1σ along the {name} is {simulated} by Monte Carlo, {linear} by linear analysis."
 
 
 def _requirements(content: RunAnalysis) -> str:

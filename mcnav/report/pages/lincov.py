@@ -17,8 +17,9 @@ from mcnav.contract.quantities import KINDS, Output, end_words, kinds_of
 from mcnav.physics.units import conversion
 from mcnav.report.columns.gates import rejection_words
 from mcnav.report.columns.requirements import TONES, NamedRequirement, stated
+from mcnav.report.document.parts import Findings
 from mcnav.report.drawing.axis_groups import stem
-from mcnav.report.figures.lincov import cause_labels
+from mcnav.report.figures.lincov import cause_labels, short_name
 from mcnav.report.format import number
 from mcnav.report.names import scale_of
 from mcnav.report.statements.lincov import (
@@ -185,6 +186,16 @@ def requirement_rows(answer: LinearAnswer) -> list[RequirementRow]:
             at="" if requirement.time is None else instant(requirement.time, label),
         ))  # fmt: skip
     return rows
+
+
+def requirements_in_brief(answer: LinearAnswer) -> Findings:
+    """List the requirements in one short row each: what is limited, the linear value, and the limit."""
+    units = units_shown(answer.outputs)
+    entries = []
+    for row, each in zip(requirement_rows(answer), answer.requirements, strict=True):
+        limit = shown_limit(each, *units[answer.outputs[each.requirement.outputs[0]].name])
+        entries.append((row.finding, row.tone, f"{short_name(each, answer)}: {row.shown}, limit {limit}"))
+    return Findings(entries)
 
 
 def shown_value(row: LinearRequirement, scale: float, unit: str) -> str:

@@ -22,7 +22,6 @@ from mcnav.report.document.html import card_html
 from mcnav.report.document.parts import (
     Answers,
     Facts,
-    Findings,
     Folded,
     Note,
     Page,
@@ -44,6 +43,7 @@ from mcnav.report.pages.lincov import (
     final_rows,
     largest_rows,
     requirement_rows,
+    requirements_in_brief,
     smoothed_rows,
     statements,
 )
@@ -112,21 +112,31 @@ def page(
         sections.append(changeable)
     if meaningful and answer.sigma.any() and (correlations := drawn.correlations(answer)) is not None:
         sections.append(Section("correlations", "Covariance and correlation", [correlations]))
-    asked = Findings([(row.finding, row.tone, f"{row.requirement}: {row.shown}") for row in requirement_rows(answer)])
+    asked = requirements_in_brief(answer)
     helps = fix(remedies, answer.outputs)
     facts = Facts([("Fix", helps)], below=True) if helps else None
     head = joined(verdict, facts, asked if asked.entries else None, answers, Note(left_out) if left_out else None)
-    shown = worst_panel(answer, moving if isinstance(moving, Figure) else None)
+    shown = _foremost(answer, moving, drawn.requirements(answer, outages))
     title = f"{answer.campaign}: linear covariance"
     return answered(Page(title, "Linear covariance", answer.campaign, head, sections), shown)
 
 
-def worst_panel(answer: LinearAnswer, figure: Figure | None) -> Figure | None:
-    """Return the panel of a figure over time that shows what a filter is most wrong about; the first one elsewhere."""
-    worst = None if answer.filter is None else humanize(answer.filter.output)
-    if figure is None or worst is None:
-        return figure
-    return replace(figure, panels=sorted(figure.panels, key=lambda panel: panel.title != worst))
+def _foremost(answer: LinearAnswer, over_time: Figure | None, asked: Figure | None) -> Figure | None:
+    """Return the figure that shows the answer, its first panel the worst.
+
+    Requirements over time come first, the tightest; else the output that a filter is most wrong about, or that the
+    tightest requirement at the end limits.
+    """
+    tightest = sorted((each for each in answer.requirements if each.judged), key=lambda each: each.margin)
+    if asked is not None and (answer.filter is None or answer.filter.verdict == "consistent"):
+        names = [drawn.short_name(each, answer) for each in tightest]
+        return replace(asked, panels=sorted(asked.panels, key=lambda panel: names.index(panel.title.split(": ", 1)[1])))
+    output = "" if answer.filter is None else humanize(answer.filter.output)
+    if tightest and not output:
+        output = humanize(answer.outputs[tightest[0].requirement.outputs[0]].name)
+    if over_time is None:
+        return None
+    return replace(over_time, panels=sorted(over_time.panels, key=lambda panel: panel.title != output))
 
 
 def terminal(answer: LinearAnswer) -> list[Part]:
