@@ -32,7 +32,8 @@ AIDED = {
     "correlations": [{"between": ["position_north", "velocity_north"], "coefficient": -0.6}],
     "aiding": [
         {"type": "gnss", "interval": "5 s", "position": "3 m", "lever_arm": ["1 m", "0 m", "-1 m"],
-         "lever_arm_error": "5 cm", "position_correlated": {"sigma": "2 m", "correlation_time": "60 s"}},
+         "lever_arm_error": "5 cm", "position_correlated": {"sigma": "2 m", "correlation_time": "60 s"},
+         "delay": "20 ms", "jitter": "5 ms"},
         {"type": "altimeter", "name": "radio", "interval": "30 s", "altitude": "5 m", "bias": "10 m"},
     ],
     "filter": {
@@ -81,6 +82,7 @@ def test_sum_with_a_filter_whose_gains_are_held() -> None:
     assert {slider.path for slider in found.campaign.sliders} >= {
         "imu.gyro.bias", "imu.gyro.scale_factor", "errors.position", "errors.gnss_position_bias_north",
         "aiding.gnss.position", "aiding.gnss.position_correlated", "aiding.gnss.lever_arm_error", "aiding.radio.bias",
+        "aiding.gnss.delay", "aiding.gnss.jitter",
     }  # fmt: skip
     assert not found.unsized
     sigma, own = differences(found, factors, answer)
