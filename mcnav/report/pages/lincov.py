@@ -20,7 +20,7 @@ from mcnav.report.columns.requirements import TONES, NamedRequirement, stated
 from mcnav.report.drawing.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.format import number
-from mcnav.report.names import scale_of
+from mcnav.report.names import scale_of, unit_words
 from mcnav.report.statements.lincov import (
     cause_words,
     filter_words,
@@ -45,7 +45,7 @@ INITIAL: Final = "initial"
 
 def units_shown(outputs: Sequence[Output]) -> dict[str, tuple[float, str]]:
     """Return for each output, by name, the factor from SI and the unit shown."""
-    return {each.name: (conversion(each.unit, each.shown_in), each.shown_in) for each in outputs}
+    return {each.name: (conversion(each.unit, each.shown_in), unit_words(each.shown_in)) for each in outputs}
 
 
 def finding(row: LinearRequirement) -> str:
