@@ -22,7 +22,7 @@ HERE: Final = Path(__file__).resolve().parent
 ROOT: Final = HERE.parent.parent
 sys.path[:0] = [str(ROOT), str(HERE)]  # of this working copy, whatever is installed
 
-from mcnav.pages import PAGES  # noqa: E402
+from mcnav.docs.pages import PAGES  # noqa: E402
 
 import equations  # noqa: E402  # isort: skip
 import gallery  # noqa: E402  # isort: skip
@@ -47,7 +47,8 @@ CONTENTS: Final = {
     "Tutorials": ("guide", "gallery", *(page for page in PAGES if page.startswith("tutorial-"))),
     "How to": ("questions", *(page for page in PAGES if page.startswith("howto-")), "scaling"),
     "Explanation": (
-        "method", "theory", "report", "glossary", "notation", "tn-d1772", "story", "textbook", "ukfm", "other-tools",
+        "method", "rare-events", "theory", "report", "glossary", "notation", "tn-d1772", "story", "textbook", "ukfm",
+        "other-tools",
     ),
     "Reference": (
         "commands", "reference/commands", "campaigns", "reference/keys", "reference/examples", "trajectories",

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.curve_refinement import refine_curve
 from mcnav.analysis.sweep import JustMet, Span, Variable
+from mcnav.arrays.types import Array
 from mcnav.errors import CampaignError, NumericalError
 from mcnav.statistics.bisection import root_between
 
@@ -49,7 +49,7 @@ def find_crossings(
         begin, inside = values[-1], not inside
     if inside:
         spans.append((begin, None))
-    closest = min(signs, key=lambda each: abs(each[1]), default=None)
+    closest = min(signs, key=lambda sign: abs(sign[1]), default=None)
     return JustMet(measure, fixed, tuple(values), tuple(spans), len(signs), closest, curve.whole)
 
 

@@ -25,9 +25,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.floor import negligible
 from mcnav.analysis.linear_covariance import NOMINAL
+from mcnav.arrays.types import Array
 
 MEAN: Final = "mean_of_"
 """Beginning of the name of an error whose mean is larger than its sigma."""
@@ -421,4 +421,7 @@ class FilterConsistency:
     @property
     def departing_output(self) -> CertainDeparture | None:
         """Return the largest certain departure of an output in the direction of the verdict."""
-        return next((each for each in self.departures if each.verdict == self.verdict and not each.size), None)
+        return next(
+            (departure for departure in self.departures if departure.verdict == self.verdict and not departure.size),
+            None,
+        )

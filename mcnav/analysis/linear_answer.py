@@ -6,12 +6,10 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.comparison import Model
@@ -30,11 +28,12 @@ from mcnav.analysis.requirements import (
     size_members,
     size_probability,
 )
-from mcnav.analysis.requirements_over_time import largest_quantile
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output, Source
 from mcnav.statistics.bisection import root_between, smallest_reaching
+from mcnav.statistics.largest_quantiles import largest_quantiles
 from mcnav.statistics.normal_box import normal_box_probability, probability_beyond_box
-from mcnav.statistics.normal_size import NormalSize, size_quantile
+from mcnav.statistics.normal_size import NormalSize, size_quantile, size_quantiles
 from mcnav.statistics.refusals import or_withheld
 
 
@@ -146,8 +145,8 @@ class LinearAnswer:
         return None if self.card is None else self.card(self)
 
     def __repr__(self) -> str:
-        judged = [each for each in self.requirements if each.judged]
-        met = f", {sum(each.met for each in judged)} of {len(judged)} requirements met" if judged else ""
+        judged = [requirement for requirement in self.requirements if requirement.judged]
+        met = f", {sum(judgement.met for judgement in judged)} of {len(judged)} requirements met" if judged else ""
         return f"{self.campaign}: linear covariance of {len(self.outputs)} outputs{met}"
 
     @cached_property
@@ -167,7 +166,7 @@ class LinearAnswer:
 
     @cached_property
     def correlation(self) -> Array:
-        """Correlation coefficients of the final errors, shape (outputs, outputs); NaN for one without dispersion."""
+        """Correlation of the final errors, shape (outputs, outputs), without unit; NaN for one without dispersion."""
         sizes = np.where(self.sigma > 0.0, self.sigma, np.nan)
         return np.asarray(self.covariance / np.outer(sizes, sizes))
 
@@ -184,7 +183,7 @@ class LinearAnswer:
     @property
     def met(self) -> bool:
         """Return whether all requirements that linear analysis can judge are met."""
-        return all(each.met for each in self.requirements if each.judged)
+        return all(requirement.met for requirement in self.requirements if requirement.judged)
 
     @cached_property
     def beyond(self) -> BeyondRange | None:
@@ -199,7 +198,7 @@ class LinearAnswer:
         return limits_of(output.limit for output in self.outputs)
 
     def readings_beyond(self, covariance: LinearCovariance) -> NDArray[np.bool_]:
-        """Return at which readings linear errors have no meaning, shape (r,)."""
+        """Return at which readings linear errors have no meaning, booleans, shape (r,)."""
         return readings_beyond(self._limits, covariance, None if self.beyond is None else self.beyond.time)
 
     @cached_property
@@ -222,7 +221,7 @@ class LinearAnswer:
 
     @cached_property
     def final_variances(self) -> Mapping[str, Array]:
-        """Part of each cause in the final variances, with half of what its correlations add, shape (outputs,)."""
+        """Part of each cause in the final variances, SI, with half of what its correlations add, shape (outputs,)."""
         parts = np.nan_to_num(self.budget.attributed) * np.diag(self.covariance)[:, None]
         return {name: parts[:, number] for number, name in enumerate(self.causes) if parts[:, number].any()}
 
@@ -281,8 +280,10 @@ def within_range(
         return bool((times[list(epochs)] >= beyond.time).any())
 
     nan = math.nan
-    return tuple(replace(each, value=nan, margin=nan, time=None, beyond=nan) if meaningless(each) else each
-                 for each in judged)  # fmt: skip
+    return tuple(
+        replace(judgement, value=nan, margin=nan, time=None, beyond=nan) if meaningless(judgement) else judgement
+        for judgement in judged
+    )
 
 
 def judge_within_range(
@@ -317,7 +318,7 @@ def judge_linearly(
     requirements: Sequence[Requirement], mean: Array, covariance: Array, history: Moments | None,
     sizes: Mapping[int, tuple[int, ...]] | None = None, nominal: Array | None = None, origin: Array | None = None,
 ) -> tuple[LinearRequirement, ...]:  # fmt: skip
-    """Judge requirements for normal errors.
+    """Judge requirements for normal errors; not those judged by a number that its check refuses.
 
     Parameters
     ----------
@@ -334,23 +335,13 @@ def judge_linearly(
     """
     fixed = np.zeros_like(mean) if nominal is None else nominal
     return tuple(
-        _judge_or_withhold(
-            each, counted(each, mean, origin), covariance, history, sizes or {}, counted(each, fixed, origin)
+        or_withheld(
+            _judge, requirement, counted(requirement, mean, origin), covariance, history, sizes or {},
+            counted(requirement, fixed, origin),
+            instead=LinearRequirement(requirement, math.nan, math.nan),
         )
-        for each in requirements
-    )
-
-
-def _judge_or_withhold(requirement: Requirement, *moments: Any) -> LinearRequirement:
-    """Judge a requirement; not at all where a check refuses the number that it is judged by."""
-    judged: list[LinearRequirement] = []
-
-    def judge() -> float:
-        judged.append(_judge(requirement, *moments))
-        return judged[0].value
-
-    value = or_withheld(judge)
-    return judged[0] if judged else LinearRequirement(requirement, value, value)
+        for requirement in requirements
+    )  # fmt: skip
 
 
 def _judge(
@@ -375,7 +366,8 @@ def _judge(
         at = np.array(requirement.epochs)
         means = counted(requirement, history.mean, history.origin)[np.ix_(at, picked)]
         covariances = history.covariance[np.ix_(at, picked, picked)]
-        value, worst = largest_quantile(means, covariances, probability)
+        values, numbers = largest_quantiles(means[None], covariances[None], probability, np.zeros(1))
+        value, worst = float(values[0]), int(numbers[0])
         time, mean, covariance = float(history.times[at[worst]]), means[worst], covariances[worst]
         known = np.zeros_like(history.mean) if history.nominal is None else history.nominal
         nominal = counted(requirement, known, history.origin)[at[worst], picked]
@@ -418,9 +410,8 @@ def sizes_over_time(requirement: Requirement, history: Moments, sizes: Mapping[i
     """Compute the quantile or radius of a requirement at every time, shape (m,), SI."""
     picked = np.array(size_members(requirement.outputs, sizes) or requirement.outputs)
     mean = counted(requirement, history.mean, history.origin)
-    laws = zip(mean[:, picked], history.covariance[:, picked[:, None], picked], strict=True)
-    probability = size_probability(requirement)
-    return np.array([or_withheld(size_quantile, *law, probability) for law in laws])
+    covariance = history.covariance[:, picked[:, None], picked]
+    return size_quantiles(mean[:, picked], covariance, size_probability(requirement), instead=math.nan)
 
 
 def _judge_box(requirement: Requirement, mean: Array, covariance: Array, nominal: Array) -> LinearRequirement:

@@ -15,12 +15,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.filter_causes import NEARLY, Departure, neglected_errors
 from mcnav.analysis.filter_consistency import Honesty, NeglectedError
 from mcnav.analysis.filter_decision import NOT_NAVIGATION, outputs_of
 from mcnav.analysis.filter_evidence import LinearFilter, singular
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
+from mcnav.arrays.types import Array, IndexArray
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,9 @@ def judge_filter(
     verdict = [each for each in verdict if len(each.covariance)]
     if not verdict:
         return None
-    times = np.concatenate([each.readings.times for each in covariances if each.readings.own is not None])
+    times = np.concatenate(
+        [covariance.readings.times for covariance in covariances if covariance.readings.own is not None]
+    )
     evidence = replace(
         _joined(verdict, np.argsort(times, kind="stable")), units=tuple(units), floor=floor, scales=scales
     )

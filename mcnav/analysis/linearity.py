@@ -15,9 +15,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Verdict
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult
 from mcnav.linear.partials import Propagate
@@ -200,7 +200,7 @@ def together(
         simulated, square = simulate(multiple)(multiple * draws), multiple**2
         scaled = replace(
             model, mean=multiple * model.mean, covariance=square * model.covariance,
-            processes={name: square * each for name, each in model.processes.items()},
+            processes={name: square * process for name, process in model.processes.items()},
         )  # fmt: skip
         return _ratios(scaled, multiple * draws, simulated, criterion, design)
 

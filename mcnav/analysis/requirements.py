@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.budget import largest_sigmas
 from mcnav.analysis.causes import Cause
 from mcnav.analysis.comparison import Comparison, Model
 from mcnav.analysis.samples_needed import Counting, samples_needed
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Verdict, judge
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics import proportions
 from mcnav.statistics.bisection import smallest_reaching
 from mcnav.statistics.normal_box import normal_box_probability
@@ -293,12 +293,14 @@ def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Requireme
         )
     names = {Verdict.DIFFERS: Finding.NOT_MET, Verdict.UNDECIDED: Finding.UNDECIDED, Verdict.AGREES: Finding.MET}
     order = (Verdict.DIFFERS, Verdict.UNDECIDED, Verdict.AGREES)
-    worst = min(judgements, key=lambda each: (order.index(each.verdict), -abs((each.ratio or 1.0) - 1.0)))
+    worst = min(
+        judgements, key=lambda judgement: (order.index(judgement.verdict), -abs((judgement.ratio or 1.0) - 1.0))
+    )
     finding = Finding.NOT_MET if unforeseen else names[worst.verdict]
     remark = ""
     if finding == Finding.MET and comparison.failed > LARGEST_FAILED_SHARE * (comparison.failed + comparison.samples):
         finding, remark = Finding.UNDECIDED, "too many samples failed"
-    undecided = [each.samples_needed or 0 for each in judgements if finding == Finding.UNDECIDED]
+    undecided = [judgement.samples_needed or 0 for judgement in judgements if finding == Finding.UNDECIDED]
     needed = max(undecided, default=0) or None
     ratio, interval = worst.ratio or 1.0, worst.interval or (0.0, math.inf)
     return RequirementResult(requirement, finding, ratio, interval, 1.0, True, needed, remark=remark)
@@ -352,7 +354,7 @@ def _judge_box(
         low = proportions.lower_probability(inside, count, confidence)
         high = proportions.upper_probability(inside + lost, count, confidence)
     finding = Finding.MET if low >= probability else Finding.NOT_MET if high < probability else Finding.UNDECIDED
-    linear = normal_box_probability(*_linear_moments(model, requirement.outputs), limits)
+    linear = or_withheld(normal_box_probability, *_linear_moments(model, requirement.outputs), limits)
     needed = None
     if finding == Finding.UNDECIDED and not remark and count:
         shares = [1.0 - inside / count], [1.0 - (inside + lost) / count]

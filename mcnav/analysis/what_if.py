@@ -17,10 +17,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.changeable_campaign import ChangeableCampaign
 from mcnav.analysis.requirements import Requirement
 from mcnav.analysis.sized_outputs import Named, components_of
+from mcnav.arrays.types import Array, IndexArray
 
 FIXED: Final = -1
 """Number of what no number of the data sheet sizes."""
@@ -86,7 +86,7 @@ class ScaledCovariance:
     def mean(self, factors: Sequence[float]) -> Array:
         """Compute the mean errors with the numbers multiplied, shape (r, outputs)."""
         by_number = [*factors, 1.0]
-        return np.asarray(sum((by_number[number] * each for number, each in self.means.items()), self.nominal))
+        return np.asarray(sum((by_number[number] * mean for number, mean in self.means.items()), self.nominal))
 
     def sigma(self, factors: Sequence[float]) -> Array:
         """Compute the sigmas with the numbers multiplied, shape (r, outputs)."""
@@ -100,7 +100,7 @@ class ScaledCovariance:
             times=self.times[readings],
             nominal=self.nominal[readings],
             terms=tuple(replace(term, values=term.values[readings]) for term in self.terms),
-            means={number: each[readings] for number, each in self.means.items()},
+            means={number: mean[readings] for number, mean in self.means.items()},
             own=None if self.own is None else self.own[readings],
         )
 

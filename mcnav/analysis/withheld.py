@@ -10,13 +10,14 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearRequirement
 from mcnav.analysis.rejections import OnLinear, RejectionAnswer, probabilities_of_first
 from mcnav.analysis.requirements import size_probability
+from mcnav.arrays.types import Array
 from mcnav.contract.gates import RejectionLaws
 from mcnav.statistics.bisection import root_between
 from mcnav.statistics.gates import GatedError
+from mcnav.statistics.refusals import or_withheld
 
 WIDTH: Final = 1e-9
 """Width of the last bracket of a quantile, as a share of it."""
@@ -41,10 +42,11 @@ def with_rejections(
     if laws is None or rejections is None or rejections.verdict == OnLinear.HOLDS:
         return tuple(judged)
     return tuple(
-        _by_exact_law(each, laws) if rejections.exact and _has_exact_law(each, mean)
-        else _withheld(each) if each.met or rejections.doubt == "faults"
-        else each
-        for each in judged
+        or_withheld(_by_exact_law, judgement, laws, instead=_withheld(judgement))
+        if rejections.exact and _has_exact_law(judgement, mean)
+        else _withheld(judgement) if judgement.met or rejections.doubt == "faults"
+        else judgement
+        for judgement in judged
     )  # fmt: skip
 
 

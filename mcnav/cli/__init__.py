@@ -13,9 +13,9 @@ from typing import Final
 import typer
 from typer.main import get_command_name
 
-from mcnav._interrupts import interruptible
 from mcnav.cli import advanced, analyse, look, start, vary
 from mcnav.cli.program import app, failure
+from mcnav.execution.interrupts import interruptible
 
 MODULES: Final = (start, analyse, vary, look, advanced)
 """Modules of commands; importing one adds its commands to the program."""
@@ -46,9 +46,9 @@ def _with_the_command(name: str) -> typer.Typer:
     It is whole where no command has that name.
     """
     named = [
-        each
-        for each in app.registered_commands
-        if name == (each.name or get_command_name(getattr(each.callback, "__name__", "")))
+        command
+        for command in app.registered_commands
+        if name == (command.name or get_command_name(getattr(command.callback, "__name__", "")))
     ]
     if not named:
         return app

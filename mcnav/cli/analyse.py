@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from mcnav import next_command
-from mcnav import shell_completion as completion
+from mcnav.cli import next_command
+from mcnav.cli import shell_completion as completion
 from mcnav.cli.options import (
     CampaignFile,
     FormatOption,
@@ -17,6 +17,7 @@ from mcnav.cli.options import (
     out_folder,
     pairs_of,
 )
+from mcnav.cli.output_place import output_folder
 from mcnav.cli.printing import (
     Format,
     err,
@@ -26,7 +27,6 @@ from mcnav.cli.printing import (
     print_written,
 )
 from mcnav.cli.program import BAD_INPUT, command, failure
-from mcnav.output_place import output_folder
 
 
 @command()
@@ -136,6 +136,13 @@ def judge(
         list[str] | None,
         typer.Option("--unit", metavar="NAME=UNIT", help="Unit of the readings, such as gyro=deg/s; repeat."),
     ] = None,
+    begin: Annotated[
+        float | None,
+        typer.Option("--from", metavar="S", help="Where the part that is judged begins, s after the first reading."),
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option("--to", metavar="S", help="Where it ends, s after the first reading.")
+    ] = None,
     records: Annotated[int, typer.Option(min=200, max=100_000, help="Simulated records to compare with.")] = 1000,
     record: Annotated[
         bool,
@@ -180,7 +187,7 @@ def judge(
         given = {name: Path(file) for name, file in pairs_of(measurements, "measurements", "gnss=gnss.pos").items()}
         columns, units = pairs_of(column, "column", "gyro_x=wx"), pairs_of(unit, "unit", "gyro=deg/s")
         target = output_folder(folder, Path("reports") / f"{campaign.stem}_judge")
-        described = RecordingFiles(imu, given, reference, start, columns, units)
+        described = RecordingFiles(imu, given, reference, start, columns, units, begin, end)
         judgement, files = write_judgement(read_campaign(campaign), described, target, records)
         out.print(printed(judged.terminal(judgement)))
     out.print()
@@ -334,7 +341,7 @@ def identify(
 
     Example: mcnav identify static.csv --unit gyro=deg/s --out reports/unit
     """
-    from mcnav.files import write_texts
+    from mcnav.files.whole import write_texts
     from mcnav.report.document.terminal_parts import printed
     from mcnav.report.pages.identify import terminal
     from mcnav.studies.identify import files_of, identification_table, identify_logs, read_plan

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from mcnav import next_command
-from mcnav import shell_completion as completion
+from mcnav.cli import next_command
+from mcnav.cli import shell_completion as completion
 from mcnav.cli.options import (
     CampaignFile,
     Engine,
@@ -22,6 +22,7 @@ from mcnav.cli.options import (
     columns_of,
     run_folder,
 )
+from mcnav.cli.output_place import output_file, output_folder
 from mcnav.cli.printing import (
     Format,
     err,
@@ -34,8 +35,7 @@ from mcnav.cli.printing import (
     print_written,
 )
 from mcnav.cli.program import CHECK_FAILED, SOME_FAILED, command, failure, new
-from mcnav.output_place import output_file, output_folder
-from mcnav.pages import Page, page_text
+from mcnav.docs.pages import Page, page_text
 
 if TYPE_CHECKING:
     from mcnav.workflow.run import Run
@@ -89,6 +89,7 @@ def run(
     from mcnav.config.read import read_campaign
     from mcnav.report.terminal import progress
     from mcnav.runner.executors import open_executor
+    from mcnav.studies.remedies import advise_run
     from mcnav.workflow.run import engine_of, run_campaign
 
     options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store}
@@ -103,7 +104,7 @@ def run(
     chosen = engine or engine_of(target, campaign)
     with open_executor(scheduler, dask, jobs) as (executor, workers, notes), progress.shown(err) as shown:
         done = run_campaign(
-            content, target, chosen, workers, fresh, shown, max_failures, executor, force, not no_report
+            content, target, chosen, workers, fresh, shown, max_failures, executor, force, not no_report, advise_run
         )
     print_notes((*notes, *done.notices))
     _print_run(content.name, done, target, form, with_report=not no_report)
@@ -183,12 +184,15 @@ def _run_example(campaign: Path) -> None:
     from mcnav.report.terminal import answer_screen, progress
     from mcnav.runner.executors import open_executor
     from mcnav.store.run_folder import RunFolder
+    from mcnav.studies.remedies import advise_run
     from mcnav.workflow.run import engine_of, run_campaign
 
     content = read_campaign(campaign, {})
     target = output_folder(None, run_folder(campaign))
     with open_executor(None, None, None) as (executor, workers, notes), progress.shown(err) as shown:
-        done = run_campaign(content, target, engine_of(target, campaign), workers, progress=shown, executor=executor)
+        done = run_campaign(
+            content, target, engine_of(target, campaign), workers, progress=shown, executor=executor, advise=advise_run
+        )
     print_notes((*notes, *done.notices))
     stored, program = RunFolder(target), next_command.program()
     execution, epochs = stored.finished_manifest().execution, stored.epochs()
@@ -235,7 +239,7 @@ def check_file(
         return
     if page is not None or form != "table":
         raise failure(f"--{'format' if page is None else 'out'}: belongs to --trajectory; leave it out")
-    from mcnav.progress import Phase
+    from mcnav.execution.progress import Phase
     from mcnav.report.terminal import progress, terminal
     from mcnav.workflow.check import check_any
 
@@ -254,7 +258,7 @@ def check_file(
 
 def _describe_trajectory(file: Path, columns: dict[str, str], page: Path | None, form: Format) -> None:
     """Describe the trajectory of a file or of a campaign, and how well its velocities agree with its positions."""
-    from mcnav.files import write_texts
+    from mcnav.files.whole import write_texts
     from mcnav.report.document.html import page_html
     from mcnav.report.document.terminal_parts import printed
     from mcnav.report.pages import trajectory as described

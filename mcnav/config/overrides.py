@@ -28,10 +28,10 @@ from mcnav.config.read import parse_campaign
 from mcnav.config.table_of_values import TABLE
 from mcnav.config.toml import Content
 from mcnav.errors import CampaignError, Problem, suggestion
+from mcnav.physics.units import UnitError, quantity
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, NEGLECTED
 from mcnav.systems.ins.sensors.quantity import LEVEL_AXES
 from mcnav.systems.ins.tables.imu_catalogue import NAMES, catalogue
-from mcnav.units import UnitError, quantity
 
 Value = str | int | float | bool | list[Any] | Content
 """A value as a campaign file has it: a quantity is text with its unit."""
@@ -245,7 +245,7 @@ def _place(entries: list[Any], name: str, above: tuple[str, ...]) -> int:
     if name.isdecimal() and 1 <= int(name) <= len(entries):
         return int(name) - 1
     if above[-1:] == ("aiding",):
-        named = [_sensor_name(each) for each in entries]
+        named = [_sensor_name(entry) for entry in entries]
         if name in named:
             return named.index(name)
         raise _Mistake(f"no sensor of [[aiding]] is named {name!r}{suggestion(name, named)}")

@@ -10,8 +10,8 @@ from mcnav.config.schema import AcceptTable
 from mcnav.contract.quantities import Output
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
+from mcnav.physics.units import UnitError, quantity
 from mcnav.store.manifest import RequirementRecord
-from mcnav.units import UnitError, quantity
 
 RADII: Final = {"cep": 0.5, "r95": 0.95, "sep": 0.5}
 """Probability of the errors within a radius, by the kind of requirement."""
@@ -39,7 +39,7 @@ def read_requirements(table: AcceptTable, scenario: Scenario, context: FileConte
                 context.problem(f"{key}.of", f'got {of!r}; it needs smoother = "fixed-interval" in [filter]')
         if about is not None:
             record = record.completed({"about": about})
-            for name in (each for each in names if each not in departing):
+            for name in (name for name in names if name not in departing):
                 context.problem(f"{key}.about", f"got {about!r}; {name} is no departure from the nominal flight")
         records.append(record)
 

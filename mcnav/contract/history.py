@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class History:
 
     Attributes
     ----------
-    columns : mapping of str to ndarray
+    columns : mapping of str to ndarray, shape (n,)
         Keyed ``name [unit]``; all of one length, the first being time.
     events : mapping of str to float
         Named instants, in the unit of the first column.

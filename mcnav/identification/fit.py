@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.likelihood import Maximum, information, maximize, profile_interval
 from mcnav.identification.processes import (
     GAUSS_MARKOV,
@@ -194,7 +194,7 @@ def fit(record: Record) -> AxisFit:
         Candidate(model, maximize(model, bands, start.logs), bands)
         for model, start in zip(CANDIDATES, first, strict=True)
     ]
-    return AxisFit(record, tuple(sorted(candidates, key=lambda each: each.criterion)))
+    return AxisFit(record, tuple(sorted(candidates, key=lambda candidate: candidate.criterion)))
 
 
 def _best(model: Model, bands: Bands) -> Maximum:

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.fit import Candidate
 from mcnav.identification.processes import Grid
 from mcnav.identification.spectrum import Bands, Record, in_bands
@@ -88,7 +88,7 @@ class Goodness:
 
     def rejected_by(self, names: Collection[str]) -> bool:
         """Return whether tests of these names alone reject the model."""
-        return Goodness(tuple(each for each in self.findings if each.name in names)).rejected
+        return Goodness(tuple(finding for finding in self.findings if finding.name in names)).rejected
 
     @property
     def worst(self) -> Finding:

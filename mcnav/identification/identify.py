@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.fit import AxisFit, Estimate, fit
 from mcnav.identification.goodness import Goodness, check_fit
 from mcnav.identification.spectrum import Record, transform
@@ -92,7 +92,7 @@ class IdentifiedNoise:
     def frame(self) -> pd.DataFrame:
         """The estimates, a row a parameter: ``value`` with ``value_from`` and ``value_to`` at 95 %, ``identified``.
 
-        Units are those of `mcnav.identification.processes`; an end that the record does not show is zero or infinite.
+        SI units, listed in `mcnav.identification.processes`. An end that the record does not show is zero or infinite.
         """
         import pandas as pd
 

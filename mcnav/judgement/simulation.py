@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import FilteredRecord, Part
 
 Drawn: TypeAlias = Callable[[int, tuple[Part, ...]], Array]
@@ -85,6 +85,13 @@ def simulate(
 def respond(record: FilteredRecord, start: Array) -> Innovations:
     """Compute the innovations that errors at the start alone bring about, shape (e, R)."""
     return _propagate(record, start, lambda size, parts: np.zeros((size, start.shape[1])), None)
+
+
+def less_mean(record: FilteredRecord, given: Innovations) -> Innovations:
+    """Take what the mean of the errors brings about out of innovations and errors."""
+    mean = respond(record, record.mean[:, None])
+    values = tuple(value - offset for value, offset in zip(given.values, mean.values, strict=True))
+    return Innovations(values, given.errors - mean.errors if len(mean.errors) else given.errors)
 
 
 def _propagate(

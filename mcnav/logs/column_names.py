@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from mcnav.units import QUESTIONS, UnitError, conversion
+from mcnav.physics.units import QUESTIONS, UnitError, conversion
 
 BRACKET: Final = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*)[\])}]\s*$", re.DOTALL)
 AXIS: Final = re.compile(r"^(.*?)_?([xyz]|[0-3])$")
@@ -52,7 +52,7 @@ class Named:
 
 
 def spelled_unit(text: str) -> str:
-    """Spell a unit as `mcnav.units` reads it, or asks for it; empty where it is none.
+    """Spell a unit as `mcnav.physics.units` reads it, or asks for it; empty where it is none.
 
     >>> spelled_unit("rad s^-1"), spelled_unit("m s^-2"), spelled_unit("DEG/SEC"), spelled_unit("NM")
     ('rad/s', 'm/s^2', 'deg/s', 'NM')
@@ -60,7 +60,7 @@ def spelled_unit(text: str) -> str:
     ('', 'nm')
     """
     text = text.strip()
-    spelled = text if text != text.upper() or any(_converts(text, each) for each in TARGETS) else text.lower()
+    spelled = text if text != text.upper() or any(_converts(text, target) for target in TARGETS) else text.lower()
     spelled = re.sub(r"\b(deg|rad|m)ree?s?\b", r"\1", spelled)
     spelled = re.sub(r"[ *·]+([a-zA-Z]+)\^?-1\b", r"/\1", spelled)
     spelled = re.sub(r"[ *·]+([a-zA-Z]+)\^?-(\d)", r"/\1^\2", spelled)

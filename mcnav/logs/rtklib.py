@@ -12,13 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 from mcnav.logs.geodetic import from_earth_fixed, north_east_down
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, Values, table_of
 from mcnav.logs.times import GPS_EPOCH, WEEK
-from mcnav.products import transformed_variances
-from mcnav.units import printable
+from mcnav.physics.units import printable
 
 HEADER: Final = re.compile(r"^%\s+(GPST|UTC|JST)\s+(.*)$")
 DATE: Final = re.compile(r"\d{4}/\d\d?/\d\d?")
@@ -100,7 +100,7 @@ def _times(path: Path, scale: str, cells: Sequence[Sequence[str]]) -> Array:
         return np.asarray(week * WEEK + seconds)
     try:
         days = np.array([cell[0].replace("/", "-") for cell in cells], dtype="datetime64[D]")
-        clock = np.array([[float(part) for part in cell[1].split(":")] for cell in cells])
+        clock = np.array([[float(piece) for piece in cell[1].split(":")] for cell in cells])
         seconds = days.astype("datetime64[s]").astype(np.int64) + clock @ [3600.0, 60.0, 1.0]
     except ValueError as failure:
         raise LogError(path, f"has a time that is none: {printable(str(failure), 80)}") from None

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.polynomial import polynomial
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 POSITION_BOUND: Final = (4.0 / 27.0) ** 1.5 / 362_880.0
 VELOCITY_BOUND: Final = 2.0 * (4.0 / 27.0) / 40_320.0
@@ -34,7 +34,9 @@ def _basis() -> Array:
     """
     powers = np.eye(9)
     derivatives = [polynomial.polyder(powers, order) for order in range(3)]
-    conditions = np.array([polynomial.polyval(node, each) for node in (-1.0, 0.0, 1.0) for each in derivatives])
+    conditions = np.array(
+        [polynomial.polyval(node, derivative) for node in (-1.0, 0.0, 1.0) for derivative in derivatives]
+    )
     return np.asarray(np.rint(np.linalg.inv(conditions) * 16.0) / 16.0)
 
 

@@ -11,7 +11,7 @@ from contextlib import closing
 from pathlib import Path
 
 from mcnav.errors import TooManyFailures
-from mcnav.progress import Progress
+from mcnav.execution.progress import Progress
 from mcnav.runner.chunks import ChunkJob, SampleRange, find_earlier, find_file, simulate_chunk
 from mcnav.runner.memory import keep_freed_memory
 from mcnav.runner.processes import run_in_processes
@@ -114,4 +114,4 @@ def run_chunks(
     finally:
         if work.in_processes or executor is not None:
             end_workers()
-    return sorted(chunks, key=lambda each: each.begin), sum(place.end - place.begin for place in missing)
+    return sorted(chunks, key=lambda chunk: chunk.begin), sum(place.end - place.begin for place in missing)

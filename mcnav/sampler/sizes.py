@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mcnav.physics.units import parted, quantity, si_unit
 from mcnav.sampler.distributions import Distribution, Fixed, Normal, StudentT, Triangular, TruncatedNormal, Uniform
 from mcnav.sampler.scipy_and_tables import (
     EmpiricalDistribution,
@@ -15,7 +16,6 @@ from mcnav.sampler.scipy_and_tables import (
     continuous_distributions,
     shape_names,
 )
-from mcnav.units import parted, quantity, si_unit
 
 
 @dataclass(frozen=True)
@@ -177,10 +177,12 @@ def student_t(sigma: Any, degrees_of_freedom: float) -> ErrorSize:
 
 
 def fixed(value: Any) -> ErrorSize:
-    """Return an error that is known: it has this mean, and no spread.
+    """Return an error that is known: it has the mean ``value``, SI as a float, and no spread.
 
     Raises `ValueError` when it is no size.
 
+    Examples
+    --------
     >>> fixed("50 ms").distribution.mean
     0.05
     """

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.proportions import probability_interval
 
@@ -65,6 +65,6 @@ class Containment:
 def containment(hits: Array, count: int, confidence: float) -> tuple[Containment, ...]:
     """Return the shares of independent samples inside the ellipsoids of `LEVELS`, from the numbers inside each."""
     return tuple(
-        Containment(level, int(inside) / count, probability_interval(int(inside), count, confidence))
-        for level, inside in zip(LEVELS, hits, strict=False)
+        Containment(level, int(hit) / count, probability_interval(int(hit), count, confidence))
+        for level, hit in zip(LEVELS, hits, strict=False)
     )

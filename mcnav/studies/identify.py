@@ -11,11 +11,10 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import chi2
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import indented_json, to_json
+from mcnav.execution.threads import one_thread
+from mcnav.files.whole import indented_json, to_json
 from mcnav.identification.allan import AllanDeviation, allan_deviation
 from mcnav.identification.fit import AxisFit, relative_covariance
 from mcnav.identification.goodness import Goodness
@@ -25,6 +24,8 @@ from mcnav.identification.processes import CORRELATION_TIME, Grid
 from mcnav.identification.several import common_noise, repeatability
 from mcnav.identification.statements import statements
 from mcnav.logs.imu_log import ImuLog, read_imu_log
+from mcnav.physics.constants import STANDARD_GRAVITY
+from mcnav.physics.units import UnitError, conversion, quantity
 from mcnav.report.document.html import page_html
 from mcnav.report.pages.identify import model_words, page
 from mcnav.report.results.identified import AxisReport, IdentificationReport, LogFacts, ParameterRow, SpectrumPoints
@@ -32,7 +33,6 @@ from mcnav.studies.identified_campaign import campaign_sigmas, open_campaign
 from mcnav.studies.identified_imu import imu_table, nearest_grades
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.scenario import PROCESS_UNITS
-from mcnav.units import UnitError, conversion, quantity
 
 FILE: Final = "identify.json"
 PAGE: Final = "identify.html"
@@ -245,15 +245,25 @@ def _axis_report(instrument: str, axis: str, records: Sequence[_AxisRecord]) -> 
 
 def _parameters(instrument: str, axis: str, fitted: AxisFit) -> Iterator[ParameterRow]:
     """State every parameter of ``[imu]`` that a log at rest can show."""
-    for each in statements(fitted):
-        key = key_of(instrument, each.name)
+    for statement in statements(fitted):
+        key = key_of(instrument, statement.name)
         unit, shown = (
-            ("s", "s") if each.name == CORRELATION_TIME else PROCESS_UNITS[f"{instrument}_{key.split('.')[0]}"]
+            ("s", "s") if statement.name == CORRELATION_TIME else PROCESS_UNITS[f"{instrument}_{key.split('.')[0]}"]
         )
-        hours = None if each.duration_wanted is None else each.duration_wanted / 3600.0
-        beside = key_of(instrument, each.beside).split(".")[0] if each.beside else ""
+        hours = None if statement.duration_wanted is None else statement.duration_wanted / 3600.0
+        beside = key_of(instrument, statement.beside).split(".")[0] if statement.beside else ""
         yield ParameterRow(
-            instrument, axis, key, each.value, each.low, each.high, unit, shown, conversion(unit, shown), hours, beside
+            instrument,
+            axis,
+            key,
+            statement.value,
+            statement.low,
+            statement.high,
+            unit,
+            shown,
+            conversion(unit, shown),
+            hours,
+            beside,
         )
 
 
@@ -344,7 +354,7 @@ def _record_table(axis: AxisReport, unit: str) -> dict[str, object]:
     first, second = axis.fitted.candidates[:2]
     return {
         "mean": axis.means, "unit": unit, "model": model_words(first.model), "next_model": model_words(second.model),
-        "margin": axis.fitted.margin, "p_value": [each.p for each in axis.goodness],
-        "rejected": [each.rejected for each in axis.goodness], "agreement": axis.agreement,
+        "margin": axis.fitted.margin, "p_value": [test.p for test in axis.goodness],
+        "rejected": [test.rejected for test in axis.goodness], "agreement": axis.agreement,
         "resolution": axis.resolution,
     }  # fmt: skip

@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.history import History, Panel
 from mcnav.contract.quantities import Output
 from mcnav.errors import CampaignError, Problem
-from mcnav.units import conversion
+from mcnav.physics.units import conversion
 
 BEFORE_END: Final = 1.0
 """Time before the end of an outage, or of a span, at which errors are read out, s; less in a short one."""
@@ -41,9 +41,10 @@ def check_history(history: History) -> History:
     if any(mark not in events for panel in history.panels for mark in panel.marks):
         raise ValueError("a panel marks an event that the history does not have")
     outages = {
-        str(name): tuple((float(begin), float(end)) for begin, end in each) for name, each in history.outages.items()
+        str(name): tuple((float(begin), float(end)) for begin, end in outage)
+        for name, outage in history.outages.items()
     }
-    if any(not begin <= end for each in outages.values() for begin, end in each):
+    if any(not begin <= end for outage in outages.values() for begin, end in outage):
         raise ValueError("an outage must not end before it begins")
     return History(columns, events, history.panels, outages, str(history.title))
 

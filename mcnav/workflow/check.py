@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mcnav._threads import one_thread
 from mcnav.analysis.heading import heading_remark
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.config.toml import load_file
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError, Problem
+from mcnav.execution.threads import one_thread
 from mcnav.statistics.demonstration import runs_to_show
 from mcnav.systems.user.code import classes_in
 from mcnav.systems.user.conformance import Check, check_conformance
@@ -80,8 +80,9 @@ def by_counting(campaign: Campaign) -> list[str]:
 
     None without requirements on a probability at the end.
     """
-    asked = [0.5 if each.probability is None else each.probability
-             for each in campaign.requirements if each.kind != "sigma_ratio" and not each.epochs]  # fmt: skip
+    asked = [0.5 if requirement.probability is None else requirement.probability
+             for requirement in campaign.requirements
+             if requirement.kind != "sigma_ratio" and not requirement.epochs]  # fmt: skip
     largest = max(asked, default=0.0)
     runs = runs_to_show(largest, campaign.confidence) if 0.0 < largest < 1.0 else 0
     if runs is not None and runs <= campaign.samples:

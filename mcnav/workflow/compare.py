@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
 import numpy as np
 
-from mcnav._threads import one_thread
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import end_words
 from mcnav.errors import reading_file
+from mcnav.execution.threads import one_thread
 from mcnav.report.document.html import page_html, parts_html
 from mcnav.report.pages.comparison import Row, change_table, input_table, inputs, outputs, ratios
 from mcnav.report.pages.comparison import page as comparison_page
@@ -75,7 +75,7 @@ class RunComparison:
 
     @property
     def inputs(self) -> pd.DataFrame:
-        """Inputs that differ: one row a key, one column a run."""
+        """Inputs that differ, as text with units: one row a key, one column a run."""
         return inputs(self.manifests).set_axis(list(self.titles), axis="columns")
 
     @property
@@ -138,6 +138,11 @@ def compare_runs(paths: Sequence[str | Path | Stored]) -> RunComparison:
     ----------
     paths : sequence of str, Path or RunResult
         Run folders, at least one.
+
+    Returns
+    -------
+    RunComparison
+        ``.outputs``, ``.inputs`` and the page.
 
     Raises
     ------
@@ -208,7 +213,7 @@ def page_name(paths: Sequence[str | Path]) -> str:
     parts = [Path(path).resolve().parts[1:] for path in paths]
     deepest = max(map(len, parts), default=1)
     names = (["-".join(each[-count:]) for each in parts] for count in range(1, deepest + 1))
-    told = [each for each in names if len(set(each)) == len(each)] or [[each[-1] for each in parts]]
+    told = [name for name in names if len(set(name)) == len(name)] or [[each[-1] for each in parts]]
     return f"{'_and_'.join(told[0])}.html"
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from mcnav._threads import one_thread
 from mcnav.errors import reading_file
-from mcnav.files import write_whole
+from mcnav.execution.threads import one_thread
+from mcnav.files.whole import write_whole
 from mcnav.report.columns.result_table import ResultTable, Units
 from mcnav.report.columns.result_tables import final_tables
 from mcnav.report.columns.tables_over_time import tables_over_time
@@ -39,7 +39,17 @@ def default_folder(path: Path) -> Path:
 def export_run(path: str | Path, folder: str | Path, units: Units = "shown") -> list[Path]:
     """Write the tables of a finished run as CSV, the numbers behind its figures, and its matrices; return the files.
 
-    See `write_export`. Raises `RunFolderError` when there is no finished run, or it is damaged.
+    Parameters
+    ----------
+    path, folder : str or Path
+        Run folder, and where to write.
+    units : str
+        ``shown`` or ``SI``.
+
+    Raises
+    ------
+    RunFolderError
+        When there is no finished run, or it is damaged.
 
     Examples
     --------

@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from mcnav.analysis.summary import Summary
 from mcnav.errors import RunFolderError, reading_file
-from mcnav.files import write_whole
+from mcnav.files.whole import write_whole
 from mcnav.report.document.html import page_html
 from mcnav.report.document.page_head import PageHead, page_head
 from mcnav.report.document.parts import Answers, Fold, Page, Part, Section, Sentence, Verdict
@@ -384,8 +384,10 @@ def _verdicts(summary: Summary) -> Cell:
         "smoother": "" if summary.smoother is None else f"smoother {summary.smoother.verdict}",
     }
     labels = [
-        Markup('<span class="tag {}" title="{}">{}</span>').format(each.tone, each.sentence, words[each.subject])
-        for each in verdicts.statements(summary)
+        Markup('<span class="tag {}" title="{}">{}</span>').format(
+            statement.tone, statement.sentence, words[statement.subject]
+        )
+        for statement in verdicts.statements(summary)
     ]
     reason = summary.unsettled
     return Cell(Markup("<br>").join(labels), below="" if reason is None else fields.unsettled(reason))

@@ -24,14 +24,14 @@ import pytest
 import mcnav
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.config.templates import new_scenario
+from mcnav.physics.units import conversion
 from mcnav.report.format import number
 from mcnav.report.names import humanize
 from mcnav.studies.lincov import linear_covariance
-from mcnav.units import conversion
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign
-from tests import readme
+from tests import readme, reference
 from tests.commands import invoke
 from tests.conftest import ROOT, campaign
 from tests.printed import follow
@@ -342,3 +342,8 @@ def test_the_example_of_the_readme_can_be_renewed() -> None:
     assert again.partition(readme.END)[2] == text.partition(readme.END)[2]
     with pytest.raises(ValueError, match="lacks its marks"):
         readme.renewed("nothing", "another")
+
+
+@pytest.mark.parametrize("page", reference.TABLES)
+def test_tables_that_restate_the_program_are_what_it_says(page: str) -> None:
+    assert (PAGES / page).read_text(encoding="utf-8") == reference.written(page)

@@ -16,6 +16,7 @@ from mcnav.config.read import parse_campaign
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.filter_evidence import filter_evidence
 from mcnav.workflow.run import run_campaign
+from mcnav.workflow.stored_run import read_run
 from tests.calibration import page
 from tests.calibration.cells import Cell, Tally
 from tests.calibration.filter_trials import (
@@ -262,7 +263,7 @@ def test_evidence_is_that_of_a_run(tmp_path: Path) -> None:
     summary = run_campaign(campaign, tmp_path / "run", "ensemble", 1, report=False).summary
     system = prepared(NEGLECTING)
     result = system.engine.simulate(system.draws.batch(0, 100))
-    linear = filter_evidence(RunFolder(tmp_path / "run"), RunFolder(tmp_path / "run").finished_manifest(), 0).linear
+    linear = filter_evidence(read_run(RunFolder(tmp_path / "run")), 0).linear
     found = assess_filter(evidence(system, result, linear), Criterion())
     assert found.verdict.value == summary["filter"]["verdict"]
     assert found.factor == pytest.approx(summary["filter"]["factor"], rel=1e-9)
@@ -319,5 +320,5 @@ def test_no_row_of_rare_events_is_worse_than_promised() -> None:
     assert set(measured) == set(rows())
     assert {name for name, row in measured.items() if row.holds_less} == {"a hidden corner, few flights"}
     assert not any(row.errs_more for row in measured.values())
-    shown = (ROOT / "mcnav" / "docs" / "METHOD.md").read_text(encoding="utf-8")
+    shown = (ROOT / "mcnav" / "docs" / "RARE_EVENTS.md").read_text(encoding="utf-8")
     assert "\n".join(table(runs)) in shown

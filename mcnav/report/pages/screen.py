@@ -10,6 +10,7 @@ from typing import Final
 
 from mcnav.report.document.parts import (
     Beside,
+    Facts,
     Findings,
     Fold,
     Folded,
@@ -31,7 +32,7 @@ FOLDS: Final = {
     "Filter": ("filter", "estimation", "smoother", "kinds", "innovations", "reference", "gates"),
     "Linear analysis": ("combination", "linear", "causes", "joint", "dispersion", "truth", "over-time", "correlations"),
     "Requirements": ("requirements", "limits", "change"),
-    "Budget": ("budget", "improve"),
+    "Budget": ("budget", "remedies"),
     RESULTS: ("when", "runs"),
     "Explore": ("what-if", "settings", "deck", "throughout", "flight"),
     "Provenance": ("provenance", "inputs"),
@@ -135,19 +136,22 @@ def answered(page: Page, figure: Figure | None = None, rest: str = "Linear analy
         Fold of sections that belong to no other, and of the parts of the head that are not on the screen.
     """
     said, others = _foremost_verdict(page.head)
-    findings = [part for part in others if isinstance(part, Findings)]
+    findings = [part for part in others if isinstance(part, (Facts, Findings))]
     shown = figure or next(
         (part for section in page.sections for part in section.parts if isinstance(part, Figure) and part.panels), None
     )
-    beside = [_shortened(part) for part in findings]
-    taken = sum(len(f"{finding} {words}".split()) for part in beside for finding, _, words in part.entries)
+    beside = [_shortened(part) if isinstance(part, Findings) else part for part in findings]
+    taken = sum(
+        len(f"{finding} {words}".split())
+        for part in beside if isinstance(part, Findings) for finding, _, words in part.entries
+    )  # fmt: skip
     brief, whole = _in_brief(said, taken)
     below = [*([] if whole else [said]), *(part for part in others if part not in findings), *page.foot]
     first = None if shown is None else foremost(replace(shown, panels=shown.panels[:1], shown=0))
     head = joined(brief, *(beside if first is None else [Beside([first], beside)]))
     folds = folds_of(page.sections, {rest: below} if below else {}, rest)
     tone = brief.tone if brief.tone in ("agrees", "partly", "undecided", "differs") else ""
-    said_words = [brief.headline, *brief.sentences, *(words for part in beside for _, _, words in part.entries)]
+    said_words = [brief.headline, *brief.sentences, *(entry[-1] for part in beside for entry in part.entries)]
     listed = [*said_words, *(2 * f"{fold.title} " + fold.line for fold in folds)]
     short = sum(len(words.split()) for words in listed) <= ROOM
     return replace(page, head=head, sections=[], foot=[], folds=folds, tone=tone or page.tone, short=short)

@@ -12,10 +12,10 @@ from mcnav.analysis.linear_range import limits_of, outputs_beyond
 from mcnav.analysis.mean_errors import LargeMean
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.contract.quantities import Output, kind_of
+from mcnav.physics.units import conversion
 from mcnav.report.format import number, signed
 from mcnav.report.names import humanize
 from mcnav.report.statements.means import DIGITS, against
-from mcnav.units import conversion
 
 if TYPE_CHECKING:
     from mcnav.analysis.comparison import Comparison
@@ -117,11 +117,11 @@ def _of_single_outputs(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
 def _confirmed(study: StartTimeStudy, checks: Mapping[float, Comparison]) -> str:
     """Say whether Monte Carlo agrees at the best start; empty where it was not run there."""
     time = float(study.times[study.best_weighted])
-    confirmed = next((each for when, each in checks.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
+    confirmed = next((check for when, check in checks.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
     if confirmed is None or not confirmed.outputs:
         return ""
     weighted = [
-        each.paired.verdict for each, weight in zip(confirmed.outputs, study.weights, strict=True) if weight > 0.0
+        output.paired.verdict for output, weight in zip(confirmed.outputs, study.weights, strict=True) if weight > 0.0
     ]
     words = {
         "agrees": "Monte Carlo agrees with linear analysis there.",

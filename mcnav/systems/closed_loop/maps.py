@@ -10,7 +10,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.closed_loop.declarations import Correction, Measurement
 from mcnav.systems.closed_loop.methods import Frame, Method
 from mcnav.systems.closed_loop.own_outputs import OwnOutputs
@@ -118,7 +118,7 @@ class Maps:
         result = np.zeros((0, x.shape[1]))
         for number in present:
             chosen = numbers == number
-            part = function(x[:, chosen], *(each[..., chosen] for each in arrays))
+            part = function(x[:, chosen], *(array[..., chosen] for array in arrays))
             if not len(result):
                 result = np.empty((*part.shape[:-1], x.shape[1]))
             result[..., chosen] = part

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.algebra import propagate, update
 from mcnav.systems.closed_loop.filter import FilterStates
@@ -161,7 +161,7 @@ def _read_plan(written: bytes) -> Plan:
 
 def given(structure: Any) -> dict[str, Any]:
     """Return the fields of a dataclass by name."""
-    return {each.name: getattr(structure, each.name) for each in fields(structure)}
+    return {attribute.name: getattr(structure, attribute.name) for attribute in fields(structure)}
 
 
 def make_plan(

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.filter_record import BY_SENSOR, FilterSchema
 from mcnav.systems.closed_loop.algebra import factorize, whiten
 from mcnav.systems.closed_loop.filter import FilterStates
@@ -47,7 +47,7 @@ def schema_of(maps: Maps, states: FilterStates, outputs: int) -> FilterSchema:
     return FilterSchema(
         groups={name: len(members) for name, members in group_members(maps, states).items()},
         outputs=outputs,
-        sensors={} if maps.covariance is not None else {each.declared.name: each.size for each in maps.sensors},
+        sensors={} if maps.covariance is not None else {sensor.declared.name: sensor.size for sensor in maps.sensors},
         considered=considered,
         own_outputs=() if len(own) == outputs else own,
     )

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.closed_loop.maps import Maps
 
 SMALL: Final = 1e-3
@@ -59,8 +59,8 @@ class Sizes:
         """Return those with a share of all errors."""
         return replace(
             self, start=share**2 * self.start, white=share * self.white, markov=share * self.markov,
-            measurements=tuple(share * each for each in self.measurements),
-            corrections=tuple(share * each for each in self.corrections),
+            measurements=tuple(share * measurement for measurement in self.measurements),
+            corrections=tuple(share * correction for correction in self.corrections),
         )  # fmt: skip
 
     @cached_property

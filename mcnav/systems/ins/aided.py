@@ -9,13 +9,13 @@ from typing import Final, Literal
 
 import numpy as np
 
-from mcnav._subprocess import side_threads
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
+from mcnav.execution.child_processes import side_threads
 from mcnav.linear.engine.propagate import Propagated
 from mcnav.linear.engine.starts import start_times
 from mcnav.systems.ins.ensemble.adjoint import Adjoint, adjoint_of_closed
@@ -312,7 +312,7 @@ def believed_shares(
 
 def smoother_schema() -> FilterSchema:
     """Return the columns of a smoother's records."""
-    return FilterSchema({name: len(range(len(OUTPUTS))[each]) for name, each in GROUPS.items()}, len(OUTPUTS))
+    return FilterSchema({name: len(range(len(OUTPUTS))[group]) for name, group in GROUPS.items()}, len(OUTPUTS))
 
 
 @dataclass(frozen=True)
@@ -382,6 +382,7 @@ class AidedReferenceEngine:
             noise.accelerometer,
         )  # fmt: skip
         measured, swings = np.zeros((1, *tables.white.shape)), tables.loop.measurements.swings
+        jitters = np.zeros((1, len(measured[0])))
         for number, sensor in enumerate(navigation.sensors):
             rows = np.flatnonzero(tables.loop.measurements.sensors == number)
             if sensor.name in noise.measurements:
@@ -390,7 +391,9 @@ class AidedReferenceEngine:
                 # what a drift of the gyros adds to the antenna's velocity acts as an error of the measurement
                 drifts = noise.drifts[self.mechanization.updated(number)]
                 measured[0, rows] -= np.einsum("umj,uj->um", swings[rows, :, :3], drifts)
-        return GivenNoise(added, measured)
+            if sensor.name in noise.jitters:
+                jitters[0, rows] = noise.jitters[sensor.name]
+        return GivenNoise(added, measured, jitters)
 
     def _without_noise(self, errors: Array) -> SimulationResult:
         values = np.empty((len(errors), len(OUTPUTS)))

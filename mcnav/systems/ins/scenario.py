@@ -15,8 +15,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS, STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
@@ -30,6 +29,7 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, CovarianceQuestion, PlainScenario, ScenarioError
 from mcnav.contract.time_axis import TimeAxis, time_axis
 from mcnav.linear.engine.propagate import Propagated
+from mcnav.physics.constants import EARTH_RADIUS, STANDARD_GRAVITY
 from mcnav.systems.gates import GatedFilter, GatedSensor, fault_laws, gate_laws, rejection_laws
 from mcnav.systems.histories import first_and_last
 from mcnav.systems.ins.aided import (
@@ -50,6 +50,7 @@ from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import NoiseResponse
 from mcnav.systems.ins.linear.covariance import LinearErrors
+from mcnav.systems.ins.linear.delay_remarks import remarks_on_delays
 from mcnav.systems.ins.linear.free_timeline import free_errors, free_starts
 from mcnav.systems.ins.linear.recent_responses import recent_responses
 from mcnav.systems.ins.linear.response import StepResponses, respond
@@ -449,7 +450,9 @@ class Ins(PlainScenario):
         """Capabilities of the scenario."""
         always = frozenset({Capability.COVARIANCE, Capability.TRAJECTORY})
         sensors = self.navigation.sensors
-        gated = self.navigation.filter is not None and any(each.gate is not None or each.faults for each in sensors)
+        gated = self.navigation.filter is not None and any(
+            sensor.gate is not None or sensor.faults for sensor in sensors
+        )
         return always | {Capability.GATES} if gated else always
 
     @property
@@ -461,8 +464,13 @@ class Ins(PlainScenario):
         return TimelineParts("any time", noise=True, updates=aided, filter=aided, smoother=smoothed)
 
     def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
-        """Return `remarks`, whatever the errors."""
-        return self.remarks
+        """Return `remarks`, and what has to be said of delays of these errors."""
+        aided, names = self.navigation.aided, [source.name for source in self.sources]
+        if aided is None:
+            return self.remarks
+        means = dict(zip(names, mean.tolist(), strict=True))
+        sigmas = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+        return (*self.remarks, *remarks_on_delays(aided.loop, aided.places(aided.loop), means, sigmas))
 
     @property
     def engines(self) -> tuple[str, ...]:

@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS, EARTH_RATE
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output
+from mcnav.physics.constants import EARTH_RADIUS, EARTH_RATE
 
 DEVIATIONS: Final = (
     Output("altitude", "m", "km"),
@@ -96,7 +96,7 @@ def append_errors(further: tuple[FurtherOutput, ...], deviations: Array, actual:
     if not further:
         return deviations
     indicated = actual + deviations / SCALE
-    errors = [each.function(indicated) - each.function(actual) for each in further]
+    errors = [further_output.function(indicated) - further_output.function(actual) for further_output in further]
     return np.concatenate([deviations, np.stack(errors, axis=-1)], axis=-1)
 
 
@@ -110,5 +110,5 @@ def append_partials(further: tuple[FurtherOutput, ...], partials: Array, indicat
     """
     if not further:
         return partials
-    gradients = np.stack([each.gradient(indicated) / SCALE for each in further], axis=-2)
+    gradients = np.stack([further_output.gradient(indicated) / SCALE for further_output in further], axis=-2)
     return np.concatenate([partials, gradients @ partials], axis=-2)

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import BY_SENSOR, FilterSchema
 from mcnav.contract.history import Epochs
@@ -36,11 +36,11 @@ class Innovations:
     times : array_like, shape (k,)
         Instants of the updates in the unit of the epochs, not falling, and none after the last epoch.
     values : array_like, shape (k, size)
-        Measured less predicted, or predicted less measured.
+        Measured less predicted, or predicted less measured, in any unit.
     covariance : array_like, shape (k, size, size)
-        Covariance that the filter expects of them.
+        Covariance that the filter expects of them, in the square of that unit.
     accepted : array_like of bool, shape (k,), optional
-        Updates that the filter used; all unless given.
+        Whether the filter used the update, a number without unit; all unless given.
 
     Examples
     --------
@@ -122,7 +122,7 @@ def schema_of(
         named = {output for output in known if output.startswith(name)}  # the analysis takes them for the group's
         if named and named != set(members):
             raise ValueError(f"groups: {name!r} must list the outputs whose names begin with it, or have another name")
-    sizes = {name: _columns(name, each)[1].shape[1] for name, each in simulated.innovations.items()}
+    sizes = {name: _columns(name, innovation)[1].shape[1] for name, innovation in simulated.innovations.items()}
     return FilterSchema(
         groups={ALL: len(known)} | {name: len(members) for name, members in groups.items()},
         outputs=len(outputs),

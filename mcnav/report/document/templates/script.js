@@ -545,7 +545,7 @@
   all(".glossary script").forEach((place) => {
     const meanings = JSON.parse(place.textContent);
     const keys_ = Object.keys(meanings);
-    const word = new RegExp(`\\b(${keys_.join("|")})(?=s?\\b)`, "gi");
+    const word = new RegExp(`(?<!\\b[A-Z]\\. )\\b(${keys_.join("|")})(?=s?\\b)`, "gi"); // no surname after an initial
     const keyOf = (text) => keys_.find((each) => each === text || (each === each.toLowerCase() && each === text.toLowerCase()));
     const told = set(document.createElement("div"), { class: "meaning", role: "tooltip" });
     told.hidden = true;
@@ -637,6 +637,15 @@
       area.remove();
     }
   };
+  // A campaign file with a remedy.
+  all("[data-toml]").forEach((copy) => {
+    copy.hidden = false;
+    copy.addEventListener("click", async () => {
+      await copied(copy.dataset.toml);
+      copy.textContent = "Copied";
+      setTimeout(() => { copy.textContent = "Copy TOML"; }, 2000);
+    });
+  });
   all("details.data").forEach((details) => {
     const copy = button("Copy as CSV", async () => {
       await copied(csv(details.querySelector("table")) + "\n");

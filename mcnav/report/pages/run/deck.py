@@ -14,12 +14,13 @@ from typing import Final, Literal
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.what_if import GroupTerm, SizedSystem, WhatIf, grouped_terms
-from mcnav.constants import EARTH_RADIUS
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.quantities import NAVIGATED, TRUE
+from mcnav.physics.constants import EARTH_RADIUS
+from mcnav.physics.units import UnitError, quantity
 from mcnav.report.drawing.coastline import RADIUS, Projection
 from mcnav.report.exports.arrays import filter_covariances, linear_covariances
 from mcnav.report.figures.sources import Contributor, contributors, origins, variance_over_time
@@ -27,7 +28,6 @@ from mcnav.report.format import rounded
 from mcnav.report.names import humanize
 from mcnav.report.pages.run.deck_lanes import Lane, lanes
 from mcnav.report.results.model import RunAnalysis
-from mcnav.units import UnitError, quantity
 
 PROBABILITY: Final = 0.95
 """Probability of an ellipse, for a normal distribution."""
@@ -245,7 +245,7 @@ def _chosen(count: int) -> IndexArray:
 
 def _place(content: RunAnalysis, times: Array) -> Place | None:
     """Choose the plane: a map, a descent about the earth, or the two directions in which a loop moves most."""
-    columns, names = content.history.columns, {each.name for each in content.manifest.model.outputs}
+    columns, names = content.history.columns, {output.name for output in content.manifest.model.outputs}
     flown = columns[next(iter(columns))]
     if {"latitude [deg]", "longitude [deg]"} <= set(columns) and {"position_north", "position_east"} <= names:
         place = np.radians(columns["latitude [deg]"]), np.radians(columns["longitude [deg]"])
@@ -324,7 +324,7 @@ def _plane(content: RunAnalysis, flown: Array, times: Array) -> Place | None:
 
 def _dispersions(content: RunAnalysis, known: Envelopes, place: Place, chosen: IndexArray) -> list[Dispersion]:
     """Return the moments of the two outputs by each kind and method, those of the truth first."""
-    outputs = {each.name: number for number, each in enumerate(content.manifest.model.outputs)}
+    outputs = {output.name: number for number, output in enumerate(content.manifest.model.outputs)}
     routes: list[tuple[Route, Array, Array | None]] = [
         ("Monte Carlo", known.mean, known.covariance),
         ("linear", known.linear_mean, _linear(content, known)),
@@ -376,7 +376,7 @@ def _causes(
     development, nothing = content.development, np.empty((len(times), 0))
     if development is None or not len(development.times):
         return (), nothing, "", ()
-    outputs = {each.name: number for number, each in enumerate(content.manifest.model.outputs)}
+    outputs = {output.name: number for number, output in enumerate(content.manifest.model.outputs)}
     prefix, words = (
         (TRUE, SUBJECTS["true"])
         if {f"{TRUE}{place.right}", f"{TRUE}{place.up}"} & outputs.keys()
@@ -405,7 +405,7 @@ def _terms(
         return ()
     system = SizedSystem(
         known.partials[readings][:, outputs], np.zeros((len(readings), len(outputs))),
-        {name: each[readings][:, outputs] for name, each in known.processes.items()},
+        {name: process[readings][:, outputs] for name, process in known.processes.items()},
         model.mean, model.covariance, campaign.source_numbers, campaign.process_numbers,
     )  # fmt: skip
     split = [

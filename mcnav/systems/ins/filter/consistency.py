@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from mcnav._types import Array
-from mcnav.products import map_covariances
+from mcnav.arrays.products import map_covariances
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import OUTPUTS
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel
@@ -77,7 +77,7 @@ def normalized_errors(errors: ErrorModel, deviation: Array, covariance: Array, t
     result = [
         _normalized(deviation[each], covariance[np.ix_(each, each)]) for each in (estimated, estimated[:NAVIGATION])
     ]
-    result += [_normalized(outputs[each], mapped[each, each]) for each in OUTPUT_GROUPS]
+    result += [_normalized(outputs[output_group], mapped[output_group, output_group]) for output_group in OUTPUT_GROUPS]
     others = estimated[NAVIGATION:]
     if len(others):
         result.append(_normalized(deviation[others], covariance[np.ix_(others, others)]))

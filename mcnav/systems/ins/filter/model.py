@@ -7,17 +7,18 @@ navigator; of a considered error (Schmidt) the filter has a covariance and no es
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.gates import USUAL, GateQuestion
 from mcnav.systems.ins.imu.gravity import DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, Imu
 from mcnav.systems.ins.sensors.aiding import Sensor
+from mcnav.systems.ins.sensors.delay import WITHOUT_MEMORY
 from mcnav.systems.ins.sensors.flexure import FlexureState
 from mcnav.systems.ins.sensors.quantity import BEAMS, LEVEL_AXES
 
@@ -123,13 +124,25 @@ class FilterModel:
         """States besides the nine of navigation, in order; errors in which it does not believe have none.
 
         A bias stands for all that it consists of: the constant and the rate random walk are one state, the bias
-        instability is another. So do a sensor's bias and its correlated error.
+        instability is another. So do a sensor's bias and its correlated error. Jitter is a state where it is
+        believed.
         """
         states: list[FilterState] = []
         for kinds, considered in ((self.estimates, False), (self.considers, True)):
             for kind in kinds:
                 states += _states_of(kind, self.beliefs, considered)
-        return tuple(states)
+        return (*states, *self._jitters)
+
+    @property
+    def _jitters(self) -> Iterator[FilterState]:
+        """Jitter of sensors: noise that is common to the components of a measurement, and forgotten after it.
+
+        Such a state is considered: estimated or not, it leaves the same gains and covariances of all others.
+        """
+        considered = self.kind == EKF
+        for sensor in self.beliefs.sensors:
+            if sensor.jitter > 0.0:
+                yield FilterState(sensor.jitter_name, sensor.jitter, WITHOUT_MEMORY, 0.0, considered)
 
 
 def _states_of(kind: str, beliefs: Beliefs, considered: bool) -> list[FilterState]:
@@ -150,7 +163,9 @@ def _states_of(kind: str, beliefs: Beliefs, considered: bool) -> list[FilterStat
                 for rate in (False, True)
             )
             time = 1.0 / sensor.flexure.decay_rate
-            states += [FilterState(each.name, each.sigma, time, 0.0, considered, flexure=each) for each in of_axes]
+            states += [
+                FilterState(flexure.name, flexure.sigma, time, 0.0, considered, flexure=flexure) for flexure in of_axes
+            ]
     gravity = beliefs.imu.gravity
     return states + [
         FilterState(name, gravity.sigma(name), np.inf, 0.0, considered, gravity.length(name))
@@ -197,8 +212,8 @@ def _correlated_of(kind: str, beliefs: Beliefs) -> list[tuple[str, float, float]
             sizes = (noise.instability.tolist(), noise.correlation_time.tolist())
             return list(zip(names, *sizes, strict=True))
     return [
-        (each.error_name("correlated"), each.correlated, each.correlation_time)
+        (component.error_name("correlated"), component.correlated, component.correlation_time)
         for sensor in beliefs.sensors
-        for each in sensor.components
-        if _kind(each.error_name("bias")) == kind
+        for component in sensor.components
+        if _kind(component.error_name("bias")) == kind
     ]

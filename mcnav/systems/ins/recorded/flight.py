@@ -14,7 +14,8 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import map_covariances, transform
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import (
     FilteredRecord,
     Part,
@@ -25,7 +26,6 @@ from mcnav.contract.recorded import (
     RecordingError,
     Stage,
 )
-from mcnav.products import map_covariances, transform
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.recorded.causes import Campaign, CauseTable, list_offsets, tabulate_causes
@@ -39,6 +39,7 @@ from mcnav.systems.ins.reference.filtered_navigator import FilteredNavigator, Pa
 from mcnav.systems.ins.reference.mechanization import LONGEST_STEP, SAME_INSTANT, Diverged, divide, with_stops
 from mcnav.systems.ins.reference.normal_field import field_constants
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
+from mcnav.systems.ins.sensors.delay import WITHOUT_MEMORY
 
 Motion: TypeAlias = tuple[Array | None, Array, Array, tuple[Part, ...]]
 """F, B, D and the noise of the processes, as a `Stage` has them."""
@@ -148,7 +149,8 @@ class _Passing:
         self.to_outputs = self.navigator.frame().to_outputs(flight.state[4:7])
         self.readings = gauss_readings(flight.recording, flight.step_times)
         rates = [*flight.own.decay_rates, *self.everything.decay_rates]
-        self.longest = min([LONGEST_FILTER_STEP, *(SHARE_OF_CORRELATION / rate for rate in rates if rate > 0.0)])
+        remembered = [rate for rate in rates if 0.0 < rate < 1.0 / WITHOUT_MEMORY]
+        self.longest = min([LONGEST_FILTER_STEP, *(SHARE_OF_CORRELATION / rate for rate in remembered)])
         self.supports = [self._support(number) for number in range(len(self.causes.driving))]
         self.reference = ReferenceStates.of(flight.earth, flight.recording.reference)
 

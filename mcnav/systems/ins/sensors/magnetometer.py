@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_part, uncontracted_subroutine
 from mcnav.compiled.vectors import Vector
 from mcnav.systems.ins.imu.instruments import AXES
@@ -109,7 +109,7 @@ def innovation(
 def compare(at: Comparison) -> Difference:
     """Return ``C~^T B(r~) - C^T B(r)`` with C from the body's axes."""
     true, indicated = at.true, at.indicated
-    to_body = (indicated.axes @ true.mounting).T
+    to_body = (indicated.axes @ at.mounting).T
     field = dipole_field(POLE, indicated.position)
     navigation = responses(3)
     navigation[:, ATTITUDE] = to_body @ cross_matrix(field)

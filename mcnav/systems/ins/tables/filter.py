@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, WithJsonSchema
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.gates import USUAL, GateQuestion
 from mcnav.contract.quantities import Source
 from mcnav.entries.axes import within
@@ -26,7 +26,7 @@ from mcnav.errors import suggestion
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.ins.filter.model import EKF, NAVIGATION, Beliefs, FilterModel, estimated_kinds
 from mcnav.systems.ins.imu.gravity import ANOMALY, CAUSES, DEFLECTION, GravityDisturbance
-from mcnav.systems.ins.imu.instruments import ACCELEROMETER, AXES, GYRO, Imu
+from mcnav.systems.ins.imu.instruments import ACCELEROMETER, GYRO, Imu
 from mcnav.systems.ins.scenario import SOURCES
 from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
@@ -119,17 +119,21 @@ class FilterTable(Table):
     kind: Annotated[
         Literal["ekf", "iterated", "left-invariant", "right-invariant", "ukf"],
         Field(
-            description="Kind of the filter: error-state EKF, iterated update, left- or right-invariant error, "
-            "sigma points. Others than ekf are simulated by the reference engine."
+            description="Kind of the filter: ekf, the error-state filter; iterated, with responses at the corrected "
+            "state; left-invariant and right-invariant, with errors of the group SE2(3); ukf, of sigma points. Others "
+            "than ekf are simulated by the reference engine."
         ),
     ] = "ekf"
     smoother: Annotated[
         SmootherEntry | None,
-        Field(description="Smoother that follows the filter: of all measurements, or of those up to a lag later."),
+        Field(description='"fixed-interval" knows all measurements, { lag = "60 s" } those up to a minute later.'),
     ] = None
     stops: Annotated[
         StopsTable,
-        Field(description="With what probability gates stop errors whose size is asked for, and how long ramps are."),
+        Field(
+            description='Spike and ramp of which gates say what they stop: { probability = 0.95, ramp = "60 s" } '
+            "unless given."
+        ),
     ] = StopsTable()
     believes: BelievesTable = Field(
         default_factory=BelievesTable, description="What the filter takes errors for; the truth where nothing is given."
@@ -314,7 +318,7 @@ def _believed_errors(entries: Mapping[str, Any], sources: Sequence[Source], cont
     known = {source.name: [source] for source in sources}
     names = [*known, *(group for group in groups if group not in known)]
     believed_errors: dict[str, float] = {}
-    for name, entry in sorted(entries.items(), key=lambda each: each[0] in known):  # groups first
+    for name, entry in sorted(entries.items(), key=lambda entry: entry[0] in known):  # groups first
         key = f"filter.believes.errors.{name}"
         meant = known.get(name) or groups.get(name)
         if meant is None:
@@ -340,7 +344,7 @@ def _believed_sensor(
         context.problem(
             f"{key}.lever_arm", f"is that of [[aiding]]; a wrong one is an error such as {known} in [errors]"
         )
-        entry = {name: each for name, each in entry.items() if name != "lever_arm"}
+        entry = {name: item for name, item in entry.items() if name != "lever_arm"}
     table = validate(BELIEVED[sensor.kind], entry, context, key)
     if table is None or not isinstance(entry, dict):
         return sensor, {}
@@ -359,13 +363,12 @@ def _believed_sensor(
         sensors, of_component = _believed_component(component, names[component.quantity], errors, key, context)
         components.append(sensors)
         sigmas |= of_component
-    sized = zip(AXES, errors.lever_arm_error, strict=True)
-    sigmas |= {f"{sensor.name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
-    sigmas |= errors.sigmas_of_offsets(sensor.name)
+    sigmas |= errors.sigmas_of_sensor(sensor.name)
     if errors.flexure is not None and sensor.flexure is None:
         context.problem(f"{key}.flexure", "the sensor has none; give it one in [[aiding]], if only of sigma zero")
     flexure = errors.flexed(sensor.flexure, duration, key, context)
-    return replace(sensor, components=tuple(components), flexure=flexure), sigmas
+    jitter = sensor.jitter if errors.jitter is None else errors.jitter
+    return replace(sensor, components=tuple(components), flexure=flexure, jitter=jitter), sigmas
 
 
 def _believed_component(

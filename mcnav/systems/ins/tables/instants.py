@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PlainValidator, WithJsonSchema
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.mistakes import Mistake, refuse, told
 from mcnav.entries.quantities import UNIT, Duration, Table
-from mcnav.units import UnitError, quantity
+from mcnav.physics.units import UnitError, quantity
 
 if TYPE_CHECKING:
     from mcnav.systems.ins.scenario import Navigation
@@ -64,7 +64,7 @@ def _read_list(entry: object) -> Array:
     if not isinstance(entry, list) or not entry:
         raise told('expected a list of times such as ["600 s", "1200 s"]')
     mistakes: list[Mistake] = []
-    times = [_read_time(each, number, mistakes) for number, each in enumerate(entry)]
+    times = [_read_time(item, number, mistakes) for number, item in enumerate(entry)]
     if mistakes:
         raise refuse(mistakes)
     return np.array(times)

@@ -11,19 +11,19 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, WithJsonSchema, create_model
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.axes import AxisSizes, Fault, within
 from mcnav.entries.mistakes import Mistake, told
 from mcnav.entries.quantities import UNIT, Later, OneOf, QuantityIn, Table
 from mcnav.entries.rules import SomeOf
 from mcnav.entries.unions import ByTypeIn, Either
 from mcnav.entries.validation import AnyTable
+from mcnav.physics.units import dimension_of, printable, quantity
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.sensors.quantity import OFFSETS, FurtherKey, QuantityDefinition, SensorType
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR
 from mcnav.systems.ins.tables.instants import InstantRule, InstantsTable
-from mcnav.units import dimension_of, printable, quantity
 
 MULTIPLE: Final = 1e9
 """Multiple of an error's usual size, and share of it, beyond which a size is refused: a slip of the pen."""
@@ -36,6 +36,11 @@ LONGEST_LEVER_ARM: Final = 1e5
 
 LARGEST_FLEXURE: Final = 0.3
 """rad."""
+
+NEVER_LATE: Final = "the vehicle is at rest, and nothing that it measures changes: it cannot be late; leave it out"
+
+LONGEST_DELAY: Final = 60.0
+"""Sigma of a delay, s."""
 
 MOST_SENSORS: Final = 100
 
@@ -58,12 +63,24 @@ def _read_gate(entry: object) -> float:
     return gate
 
 
+def _read_delay(entry: object) -> float:
+    size = quantity(entry, "s")
+    if wrong := within(0.0, LONGEST_DELAY, "s")(size):
+        raise told(f"got {entry!r}; {wrong}")
+    return size
+
+
 OfName: Final = WithJsonSchema({"type": "string", "pattern": f"^{NAME.pattern}$"})
 SensorName = Annotated[str, PlainValidator(_read_name), OfName]
 Gate = Annotated[
     float,
     PlainValidator(_read_gate),
     WithJsonSchema({UNIT: "1", "gt": 0.0, "lt": 1.0, "examples": [0.999]}),
+]
+Delay = Annotated[
+    float,
+    PlainValidator(_read_delay),
+    WithJsonSchema({UNIT: "s", "ge": 0.0, "le": LONGEST_DELAY, "examples": ["20 ms"]}),
 ]
 OfGate: Final = Field(description="Probability with which an expected measurement is accepted.")
 
@@ -170,7 +187,14 @@ def _errors(kind: SensorType, believed: bool = False) -> Fields:
         fields[f"{offset}_error"] = _sizes(unit, axes, fault, f"Sigma of the error of the {offset}.")
     if kind.flexure:
         fields["flexure"] = _flexure()
+    if kind.delays:
+        fields["delay"] = _delay("Sigma of a constant delay: how much later than it was measured a value is stamped.")
+        fields["jitter"] = _delay("Sigma of a delay of its own of each measurement, common to all that it measures.")
     return fields
+
+
+def _delay(description: str) -> tuple[Any, Any]:
+    return Annotated[Delay | None, Field(description=description)], None
 
 
 def _lever_arm() -> tuple[Any, Any]:
@@ -227,15 +251,21 @@ def _sensor_table(kind: SensorType) -> type[SensorTable]:
         base=SensorTable,
         rules=(ClassVar[Any], (InstantRule(), MeasuresOne(tuple(kind.quantities)))),
         called=(ClassVar[str], f"type {kind.name}"),
+        refused=_refused(kind),
         type=(Annotated[Literal[kind.name], Field(description=kind.words)], ...),
         **_errors(kind),
         **{key: _further(each) for key, each in kind.further.items()},
     )
 
 
+def _refused(kind: SensorType) -> tuple[Any, Any]:
+    """Return the keys that a type of sensor refuses with a reason."""
+    return ClassVar[Mapping[str, str]], {} if kind.delays else dict.fromkeys(("delay", "jitter"), NEVER_LATE)
+
+
 def _believed_table(kind: SensorType) -> type[Table]:
     fields = {key: field for key, field in _errors(kind, believed=True).items() if key != "lever_arm"}
-    return _model(f"believed {kind.name} sensor", base=Table, **fields)
+    return _model(f"believed {kind.name} sensor", base=Table, refused=_refused(kind), **fields)
 
 
 class Tables(Mapping[str, type[Table]]):

@@ -31,14 +31,14 @@ from typing import Any, Final
 import numpy as np
 from pydantic import TypeAdapter
 
-from mcnav._recent import Recent
+from mcnav.caches.recent import Recent
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import read_file
 from mcnav.entries.inputs import InputFile
 from mcnav.entries.quantities import Table
 from mcnav.entries.validation import validate_entry
 from mcnav.entries.values import SettingError
-from mcnav.files import INPUTS
+from mcnav.files.whole import INPUTS
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.tables.tracks import FileRows, read_rows
 from mcnav.systems.ins.tables.trajectory_file import LARGEST_FILE
@@ -188,7 +188,7 @@ def _from_reentry(
 def _from_segments(
     table: SegmentsTable, entry: Mapping[str, Any], earth: Earth, context: FileContext, key: str
 ) -> TrajectorySpec | None:
-    segments = [each.segment() for each in table.segments]
+    segments = [segment.segment() for segment in table.segments]
     at = table.start
     start = flown.Start(at.latitude, at.longitude, at.altitude, at.course, at.speed)
 
@@ -214,7 +214,7 @@ def _from_boost(
 ) -> TrajectorySpec | None:
     at = table.boost
     stages = tuple(
-        Stage(each.acceleration, each.last or each.acceleration, each.burn, each.pause) for each in at.stages
+        Stage(stage.acceleration, stage.last or stage.acceleration, stage.burn, stage.pause) for stage in at.stages
     )
     boost = Boost(at.latitude, at.longitude, at.azimuth, stages, at.altitude, at.rise, at.kick, at.kick_time, at.coast)
 

@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.physics.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.filter.model import Beliefs, FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu
@@ -222,5 +222,5 @@ def simulate(scenario: Ins, errors: Array, seed: int) -> tuple[Array, Array]:
         results.append(engine.simulate(Batch(index, padded[index], seed)))
         if results[-1].failures:
             raise RuntimeError(f"a sample fails: {next(iter(results[-1].failures.values()))}")
-    linear = [each.linear_values for each in results if each.linear_values is not None]
-    return np.concatenate([each.values for each in results]), np.concatenate(linear)
+    linear = [result.linear_values for result in results if result.linear_values is not None]
+    return np.concatenate([result.values for result in results]), np.concatenate(linear)

@@ -15,9 +15,9 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from mcnav._types import Array
-from mcnav.constants import REENTRY_ALTITUDE
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch
+from mcnav.physics.constants import REENTRY_ALTITUDE
 from mcnav.systems.reentry.guided.description import Guidance, GuidedError, Whose
 from mcnav.systems.reentry.guided.following import Following
 from mcnav.systems.reentry.guided.scenario import GuidedReentry
@@ -175,9 +175,11 @@ def figure_15() -> pd.DataFrame:
         pd.DataFrame({TIME: OFF_MINUTES} | _sigmas(np.array(off), scenario)).assign(curve="accelerometers off")
     )
     rows: dict[str, dict[str, float]] = {}
-    for each in loop_comparisons():
-        if each.part == "start" and each.fed == "indicated":
-            rows.setdefault(each.case, {TIME: float(each.case.split()[2])})[f"{each.result} [km]"] = each.simulated
+    for loop_comparison in loop_comparisons():
+        if loop_comparison.part == "start" and loop_comparison.fed == "indicated":
+            rows.setdefault(loop_comparison.case, {TIME: float(loop_comparison.case.split()[2])})[
+                f"{loop_comparison.result} [km]"
+            ] = loop_comparison.simulated
     curves.append(pd.DataFrame(list(rows.values())).assign(curve="samples"))
     return pd.concat(curves, ignore_index=True)
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.report.columns.output_columns import outputs_table
 from mcnav.report.columns.percentiles import percentiles_table
 from mcnav.report.columns.requirements import allowed_by_requirement, requirements_table
@@ -122,5 +122,5 @@ def _definition(tolerance: str) -> list[Part]:
     ).format(EMPHASIS("paired"))
     words = {"detectable": "smallest detectable difference", "bias": "bias", "plain": "plain",
              "unscented": "unscented", "higher": "higher-order"}  # fmt: skip
-    named = {key: EMPHASIS(each) for key, each in words.items()}
+    named = {key: EMPHASIS(word) for key, word in words.items()}
     return [Sentence(propagated), formulas.PAIRED, Sentence(Markup(ESTIMATES).format(tolerance=tolerance, **named))]

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from markupsafe import Markup
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.report.document.parts import Folded, Heading, Note, Part, Sentence
 from mcnav.report.document.table import STRONG, Column, Table
 from mcnav.report.figures.sources import SHOWN, flown_shares
@@ -117,7 +117,7 @@ def _explanation(alone: Mapping[str, Any], sobol: Mapping[str, Any], least: floa
 def _largest_shares(content: RunAnalysis, sobol: Mapping[str, Any]) -> Array:
     """Return the largest share by any method, shape (outputs, sources)."""
     tables = [content.budget.shares, flown_shares(content), *([] if "failed" in sobol else [sobol["total"]])]
-    return np.asarray(np.max([np.nan_to_num(np.array(each, dtype=float)) for each in tables], axis=0))
+    return np.asarray(np.max([np.nan_to_num(np.array(table, dtype=float)) for table in tables], axis=0))
 
 
 def _interacts(sobol: Mapping[str, Any]) -> bool:

@@ -1,0 +1,44 @@
+"""Pages of the documentation, by the names that ``mcnav docs`` has for them."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Final, Literal, get_args
+
+Page = Literal[
+    "guide", "tutorial-reentry", "tutorial-cruise", "tutorial-flight", "tutorial-aided", "tutorial-scenario",
+    "tutorial-noise", "tutorial-closed-loop", "tutorial-record", "questions", "howto-instruments", "howto-logs",
+    "howto-filter", "howto-landing", "howto-judge", "howto-requirements", "howto-rare", "howto-samples",
+    "howto-compare", "howto-export", "howto-failures", "method", "rare-events", "theory", "report", "glossary",
+    "notation", "campaigns", "scenarios", "trajectories", "commands", "notebook", "scaling", "architecture",
+    "decisions", "kernels",
+    "tn-d1772", "story", "textbook", "ukfm", "other-tools", "imu",
+]  # fmt: skip
+
+_ELSEWHERE: Final[dict[Page, str]] = {
+    "tn-d1772": "validation/reproduce/tn_d1772/TN_D1772.md",
+    "story": "validation/reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
+    "textbook": "validation/reproduce/textbook/TEXTBOOK.md",
+    "ukfm": "validation/reproduce/ukfm/UKFM.md",
+}
+
+
+def _file(page: Page) -> str:
+    """Find the file of a page.
+
+    >>> _file("tutorial-noise"), _file("guide")
+    ('docs/tutorials/NOISE.md', 'docs/GUIDE.md')
+    """
+    for prefix, folder in (("tutorial-", "docs/tutorials"), ("howto-", "docs/howto")):
+        if page.startswith(prefix):
+            return f"{folder}/{page.removeprefix(prefix).upper().replace('-', '_')}.md"
+    return _ELSEWHERE.get(page, f"docs/{page.upper().replace('-', '_')}.md")
+
+
+PAGES: Final[dict[Page, str]] = {page: _file(page) for page in get_args(Page) if page != "imu"}
+"""Files of the pages, from the folder of this package; the catalogue of units is no file."""
+
+
+def page_text(page: Page) -> str:
+    """Read a page, in Markdown."""
+    return files("mcnav").joinpath(PAGES[page]).read_text(encoding="utf-8")
