@@ -46,7 +46,7 @@ INITIAL: Final = "initial"
 
 def units_shown(outputs: Sequence[Output]) -> dict[str, tuple[float, str]]:
     """Return for each output, by name, the factor from SI and the unit shown."""
-    return {output.name: (conversion(output.unit, unit_words(output.shown_in)), unit_words(output.shown_in)) for output in outputs}
+    return {output.name: (conversion(output.unit, output.shown_in), unit_words(output.shown_in)) for output in outputs}
 
 
 def finding(row: LinearRequirement) -> str:
