@@ -43,13 +43,13 @@ if TYPE_CHECKING:
     from mcnav.frames.comparison import compare
     from mcnav.frames.covariance_verdict import CovarianceVerdict
     from mcnav.frames.linear import partials, propagate_covariance
+    from mcnav.frames.runs import RunResult, check_scenario, open_run, run, run_campaign, sweep
     from mcnav.frames.simulation import simulate
     from mcnav.identification.identify import IdentifiedNoise, identify_noise
     from mcnav.judgement.verdict import Judgement
     from mcnav.logs.imu_log import ImuLog, read_imu_log
     from mcnav.logs.tables import read_table
     from mcnav.logs.track import Track, read_track
-    from mcnav.notebook import RunResult, check_scenario, open_run, run, run_campaign, sweep
     from mcnav.sampler.errors import Errors
     from mcnav.sampler.sizes import fixed, normal, student_t, table, triangular, truncated_normal, uniform
     from mcnav.studies.judge import judge_recording
@@ -90,7 +90,7 @@ _HOMES = {
     "CampaignError": "mcnav.errors",
     "Epochs": "mcnav.contract.history",
     "Simulated": "mcnav.systems.user.simulated",
-    "RunResult": "mcnav.notebook",
+    "RunResult": "mcnav.frames.runs",
     "History": "mcnav.contract.history",
     "ImuLog": "mcnav.logs.imu_log",
     "IdentifiedNoise": "mcnav.identification.identify",
@@ -104,23 +104,23 @@ _HOMES = {
     "RunFolderError": "mcnav.errors",
     "Source": "mcnav.contract.quantities",
     "allocate": "mcnav.frames.allocation",
-    "check_scenario": "mcnav.notebook",
+    "check_scenario": "mcnav.frames.runs",
     "compare_runs": "mcnav.workflow.compare",
     "export_run": "mcnav.workflow.export",
-    "run": "mcnav.notebook",
+    "run": "mcnav.frames.runs",
     "identify_noise": "mcnav.identification.identify",
     "judge_recording": "mcnav.studies.judge",
     "linear_covariance": "mcnav.studies.lincov",
-    "open_run": "mcnav.notebook",
+    "open_run": "mcnav.frames.runs",
     "read_campaign": "mcnav.frames.campaigns",
     "read_imu_log": "mcnav.logs.imu_log",
     "read_table": "mcnav.logs.tables",
     "read_track": "mcnav.logs.track",
     "report_run": "mcnav.workflow.analyse",
-    "run_campaign": "mcnav.notebook",
+    "run_campaign": "mcnav.frames.runs",
     "samples_of": "mcnav.workflow.analyse",
     "summary_of": "mcnav.workflow.stored_summary",
-    "sweep": "mcnav.notebook",
+    "sweep": "mcnav.frames.runs",
     "Track": "mcnav.logs.track",
     "Errors": "mcnav.sampler.errors",
     "CovarianceVerdict": "mcnav.frames.covariance_verdict",

@@ -2,8 +2,8 @@
 
 import sys
 
-from mcnav import _supervision
-from mcnav._streams import tolerate
+from mcnav.execution import supervision
+from mcnav.execution.streams import tolerate
 
 
 def main() -> None:
@@ -12,11 +12,11 @@ def main() -> None:
     Its import takes long enough to be interrupted.
     """
     tolerate()
-    if _supervision.names_code(sys.argv[1:]) and (status := _supervision.supervise()) is not None:
+    if supervision.names_code(sys.argv[1:]) and (status := supervision.supervise()) is not None:
         sys.exit(status)
-    from mcnav._interrupts import interruptible  # which a supervisor does without
+    from mcnav.execution.interrupts import interruptible  # which a supervisor does without
 
-    with _supervision.supervised(), interruptible():
+    with supervision.supervised(), interruptible():
         from mcnav import cli
 
         cli.main()

@@ -12,7 +12,7 @@ from typing import Final
 
 from pydantic_core import ValidationError
 
-from mcnav.units import printable
+from mcnav.physics.units import printable
 
 MOST_PROBLEMS: Final = 50
 """Mistakes of one file that are shown."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from mcnav.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER
+from mcnav.physics.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER
 from mcnav.systems.reentry.atmosphere import BREAKPOINTS
 from mcnav.systems.reentry.guided.description import FollowingLaw, GuidedNavigation
 from mcnav.systems.reentry.vehicle import ConstantLift

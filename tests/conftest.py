@@ -18,9 +18,9 @@ import pytest
 from filelock import FileLock
 from hypothesis import settings
 
-from mcnav._threads import one_thread
 from mcnav.config.read import Campaign, parse_campaign
-from mcnav.progress import Phase
+from mcnav.execution.progress import Phase
+from mcnav.execution.threads import one_thread
 from mcnav.systems.reentry.ensemble.transition import Response, linear_response
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.table_i import COLUMNS, ERROR_SIZES, ERRORS, TABLE_I, among_all, start_state

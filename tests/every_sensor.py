@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.filter.model import Beliefs, FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
 from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
 from mcnav.analysis.filter_consistency import (
     Band,
     CertainDeparture,
@@ -20,6 +19,7 @@ from mcnav.analysis.filter_consistency import (
     SigmaConsistency,
     Whiteness,
 )
+from mcnav.arrays.types import Array
 
 TIMES = np.linspace(0.0, 60.0, 61)
 OUTAGE = (20.0, 25.0)

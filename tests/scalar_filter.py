@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
 from mcnav.contract.engine import Engine

@@ -24,7 +24,7 @@ from unittest.mock import patch
 import numpy as np
 from joblib.externals.loky.backend import context
 
-from mcnav import _subprocess
+from mcnav.execution import child_processes
 from mcnav.numerics.power_sums import sum_powers_about_zero
 
 SERVING: Final = "MCNAV_WORKER_SERVER"
@@ -34,7 +34,7 @@ SERVING: Final = "MCNAV_WORKER_SERVER"
 def _end_with_server(_: int) -> None:
     """End this worker when the server ends, which ends with the tests: it, and not they, is the worker's parent."""
     if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_subprocess._PR_SET_PDEATHSIG, signal.SIGKILL)
+        ctypes.CDLL(None).prctl(child_processes._PR_SET_PDEATHSIG, signal.SIGKILL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
@@ -84,4 +84,4 @@ if SERVING in os.environ:
     import_module("mcnav.runner.worker_processes").end_with_parent = _end_with_server
     load_kernels()
     gc.freeze()  # joblib's workers collect garbage again and again
-    _subprocess.end_with_parent = _end_with_server
+    child_processes.end_with_parent = _end_with_server

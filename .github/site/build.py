@@ -22,7 +22,7 @@ HERE: Final = Path(__file__).resolve().parent
 ROOT: Final = HERE.parent.parent
 sys.path[:0] = [str(ROOT), str(HERE)]  # of this working copy, whatever is installed
 
-from mcnav.pages import PAGES  # noqa: E402
+from mcnav.docs.pages import PAGES  # noqa: E402
 
 import equations  # noqa: E402  # isort: skip
 import gallery  # noqa: E402  # isort: skip

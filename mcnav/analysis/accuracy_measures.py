@@ -19,7 +19,6 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.requirements import (
     Requirement,
     is_rare,
@@ -28,13 +27,14 @@ from mcnav.analysis.requirements import (
 )
 from mcnav.analysis.requirements_over_time import largest_quantile
 from mcnav.analysis.sized_outputs import components_of
+from mcnav.arrays.types import Array
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Of, Output
 from mcnav.errors import suggestion
+from mcnav.physics.units import UnitError, conversion, quantity
 from mcnav.statistics.normal_box import normal_box_probability, probability_beyond_box
 from mcnav.statistics.normal_size import NormalSize, size_quantile
 from mcnav.statistics.refusals import or_withheld
-from mcnav.units import UnitError, conversion, quantity
 
 SIGMA, DRMS, BOX = "sigma", "drms", "box"
 

@@ -14,9 +14,9 @@ from itertools import chain
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.linear.block_sums import BlockSums, Normalization
-from mcnav.products import transform
 from mcnav.statistics.chunked import scatter, squared_distances, stretches_of_blocks
 from mcnav.statistics.shape import power_sums
 from mcnav.statistics.whitening import Whitening

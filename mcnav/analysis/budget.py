@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.products import transformed_variances
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 
 ROUNDING: Final = 1e-9
 """Cross-term up to which correlations contribute nothing."""

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.filter_consistency import MEAN
+from mcnav.arrays.types import Array
 
 LEAST: Final = 0.001
 """Smallest share that is listed."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from mcnav._types import IndexArray
+from mcnav.arrays.types import IndexArray
 
 MARK: Final = "\ue000"
 """Character before and after the place of a size in a campaign file to be completed; it is of nobody's alphabet."""

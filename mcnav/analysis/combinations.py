@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.block_moments import BlockMoments
 from mcnav.analysis.decision_rule import DecisionRule
 from mcnav.analysis.floor import SIMULATED
 from mcnav.analysis.verdict import Judgement
+from mcnav.arrays.types import Array, IndexArray
 
 
 @dataclass(frozen=True)

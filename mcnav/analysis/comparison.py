@@ -13,8 +13,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._subprocess import side_threads
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.block_moments import (
     BlockMoments,
     ErrorSums,
@@ -30,7 +28,9 @@ from mcnav.analysis.linear_range import limits_of
 from mcnav.analysis.multivariate import MultivariateTests, compare_jointly
 from mcnav.analysis.sized_outputs import LimitedOutput, components_of
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Judgement, Verdict, combine_verdicts
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.linear import LinearModel
+from mcnav.execution.child_processes import side_threads
 from mcnav.linear.block_sums import BlockSums, Normalization
 from mcnav.linear.covariance import propagated_covariance
 from mcnav.sampler.designs import SamplingDesign

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.block_moments import SampleMoments
 from mcnav.analysis.decision_rule import DecisionRule
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Judgement, Verdict, combine_verdicts
-from mcnav.products import transform
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate, block_begins
 from mcnav.statistics.whitening import whitening

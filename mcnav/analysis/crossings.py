@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.curve_refinement import refine_curve
 from mcnav.analysis.sweep import JustMet, Span, Variable
+from mcnav.arrays.types import Array
 from mcnav.errors import CampaignError, NumericalError
 from mcnav.statistics.bisection import root_between
 

@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.sweep import Variable
+from mcnav.arrays.types import Array
 from mcnav.errors import CampaignError
 
 WIDEST: Final = log(2.0)

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.floor import widened
 from mcnav.analysis.verdict import Judgement, Verdict, judge
+from mcnav.arrays.types import Array
 from mcnav.statistics.estimates import Estimate, summed_mean
 from mcnav.statistics.power import detectable_ratio, samples_to_detect
 

@@ -7,12 +7,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.block_moments import ReducedSamples
 from mcnav.analysis.combinations import Combination, combine
 from mcnav.analysis.decision_rule import DecisionRule
 from mcnav.analysis.verdict import Judgement, Verdict, combine_verdicts
-from mcnav.products import transform
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array
 from mcnav.statistics.estimates import Estimate
 from mcnav.statistics.whitening import Whitening
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.statistics.mean_square import mean_square_intervals
 
 

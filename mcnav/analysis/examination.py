@@ -23,11 +23,11 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
-from mcnav._types import Array
 from mcnav.analysis.combinations import FixedCombination, fixed_combinations
 from mcnav.analysis.comparison import Model
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array
 from mcnav.linear.departure_model import DepartureModel
-from mcnav.products import transform
 from mcnav.statistics.whitening import Whitening, whitening
 
 HOLDS: Final = 0.8
@@ -113,9 +113,7 @@ class Examination:
         joint = self.joint
         if joint is not None and joint.verdict == Linearity.UNKNOWN and not other.failed:
             joint = other.joint
-        return replace(
-            self, flights=self.flights + other.flights, failed=other.failed, outputs=outputs, joint=joint
-        )
+        return replace(self, flights=self.flights + other.flights, failed=other.failed, outputs=outputs, joint=joint)
 
 
 @dataclass(frozen=True)
@@ -182,7 +180,12 @@ class _Bounded:
 
 
 def examine(
-    model: Model, departure: DepartureModel, flights: CheckFlights, tolerance: float, simulated: int, drawn: Array | None
+    model: Model,
+    departure: DepartureModel,
+    flights: CheckFlights,
+    tolerance: float,
+    simulated: int,
+    drawn: Array | None,
 ) -> Examination:
     """Judge linear analysis by check simulations.
 
@@ -285,13 +288,13 @@ def _judge_fixed(model: Model, flights: CheckFlights, tolerance: float) -> list[
     return [_judge_combination(combination, sigma, departures, tolerance) for combination in fixed]
 
 
-def _judge_combination(
-    combination: FixedCombination, sigma: Array, departures: Array, tolerance: float
-) -> Linearity:
+def _judge_combination(combination: FixedCombination, sigma: Array, departures: Array, tolerance: float) -> Linearity:
     weights = np.divide(combination.terms, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
     values = departures @ weights
     spread = _Bounded.of_pairs(((values - values.mean()) ** 2)[:, None])
     known = max(combination.variance, combination.floor)
-    return _judge(known, float(spread.value[0]) - known, float(spread.half[0]), 0.0, tolerance) if (
-        spread.value[0] > known
-    ) else Linearity.HOLDS
+    return (
+        _judge(known, float(spread.value[0]) - known, float(spread.half[0]), 0.0, tolerance)
+        if (spread.value[0] > known)
+        else Linearity.HOLDS
+    )

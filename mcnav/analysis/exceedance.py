@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.requirements import (
     Exceedance,
     Finding,
@@ -19,7 +18,8 @@ from mcnav.analysis.requirements import (
     size_members,
     size_probability,
 )
-from mcnav.products import transformed_variances
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.rare.limits import AnyEpoch, Distance, Limit, Sides
 from mcnav.statistics.proportions import lower_probability, upper_probability
 from mcnav.statistics.samples_to_decide import samples_to_meet, samples_to_reject

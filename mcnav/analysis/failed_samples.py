@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.block_moments import ErrorSums, ReducedSamples
 from mcnav.analysis.comparison import Model
-from mcnav.products import transformed_variances
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_causes import Departure, largest_departure, neglected_errors
 from mcnav.analysis.filter_consistency import (
@@ -45,6 +44,7 @@ from mcnav.analysis.filter_remarks import remarks_on
 from mcnav.analysis.floor import filter_floor, negligible
 from mcnav.analysis.linear_range import limits_of
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE
+from mcnav.arrays.types import Array
 from mcnav.statistics.filter_sums import FilterMeans, Means
 from mcnav.statistics.mean_square import mean_square_bounds, share_bounds, share_intervals
 

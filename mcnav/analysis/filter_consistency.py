@@ -25,9 +25,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.floor import negligible
 from mcnav.analysis.linear_covariance import NOMINAL
+from mcnav.arrays.types import Array
 
 MEAN: Final = "mean_of_"
 """Beginning of the name of an error whose mean is larger than its sigma."""

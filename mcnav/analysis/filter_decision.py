@@ -23,8 +23,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.filter_consistency import CertainDeparture, Finding, GroupConsistency, Honesty, SigmaConsistency
+from mcnav.arrays.types import Array
 
 WHOLE: Final = ("navigation", "all")
 """Groups that hold every output."""

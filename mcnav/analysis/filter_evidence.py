@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.floor import filter_floor, negligible
+from mcnav.arrays.types import Array
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
 from mcnav.sampler.designs import SamplingDesign

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_consistency import Band, Finding, Honesty
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE
+from mcnav.arrays.types import Array
 from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.mean_square import FEWEST, mean_square_intervals
 from mcnav.statistics.samples_to_decide import samples_for_ratios

@@ -18,8 +18,8 @@ from mcnav.analysis.filter_consistency import (
     cause_words,
 )
 from mcnav.analysis.filter_decision import Decision
+from mcnav.physics.units import conversion
 from mcnav.statistics.power import sensible_step
-from mcnav.units import conversion
 
 if TYPE_CHECKING:
     from mcnav.statistics.filter_sums import FilterMeans

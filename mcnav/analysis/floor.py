@@ -25,7 +25,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 INTEGRATED: Final = 1e-12
 """Relative tolerance of the integrators."""

@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.requirements import Requirement
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array
 from mcnav.contract.gates import FaultLaw, GateLaw, GateQuestion
 from mcnav.contract.scenario import Scenario, has_gates
-from mcnav.products import transform
 from mcnav.statistics.gates import LARGEST, GatedError, acceptance, check_stopped, largest_of, smallest_stopped
 
 SIGMAS: Final = 4.0

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 UNCORRELATED: Final = 5.0
 """Spearman's correlation times the root of the samples that independent sizes exceed with a probability of 6e-7."""

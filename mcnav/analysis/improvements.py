@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
 from mcnav.analysis.changeable_campaign import Slider
 from mcnav.analysis.requirements import size_probability
 from mcnav.analysis.what_if import LimitedErrors, ScaledCovariance, WhatIf
+from mcnav.arrays.types import Array
 from mcnav.statistics.normal_size import size_quantile
 from mcnav.statistics.refusals import or_withheld
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.comparison import Model
@@ -31,6 +30,7 @@ from mcnav.analysis.requirements import (
     size_probability,
 )
 from mcnav.analysis.requirements_over_time import largest_quantile
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output, Source
 from mcnav.statistics.bisection import root_between, smallest_reaching
 from mcnav.statistics.normal_box import normal_box_probability, probability_beyond_box

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.linear import LinearSystem
-from mcnav.products import transformed_variances
 
 NOMINAL: Final = "nominal_errors"
 """Name of the cause of a mean error that a system has without any error."""

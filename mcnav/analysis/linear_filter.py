@@ -15,12 +15,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.filter_causes import NEARLY, Departure, neglected_errors
 from mcnav.analysis.filter_consistency import Honesty, NeglectedError
 from mcnav.analysis.filter_decision import NOT_NAVIGATION, outputs_of
 from mcnav.analysis.filter_evidence import LinearFilter, singular
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
+from mcnav.arrays.types import Array, IndexArray
 
 
 @dataclass(frozen=True)

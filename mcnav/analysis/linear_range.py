@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 if TYPE_CHECKING:
     from mcnav.analysis.linear_covariance import LinearCovariance

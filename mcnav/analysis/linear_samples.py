@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Model
+from mcnav.arrays.types import Array
 from mcnav.statistics.whitening import whitening
 
 FALSE_ALARM: Final = 1e-6

@@ -15,9 +15,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Verdict
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult
 from mcnav.linear.partials import Propagate

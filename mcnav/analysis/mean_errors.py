@@ -12,7 +12,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Of
 
 ROUNDING: Final = 1e-9

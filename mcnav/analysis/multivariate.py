@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._subprocess import side_threads
-from mcnav._types import Array
 from mcnav.analysis.block_moments import BlockMoments, ReducedSamples
+from mcnav.arrays.types import Array
+from mcnav.execution.child_processes import side_threads
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.chi_square import Containment, containment, distribution_test, mean_interval
 from mcnav.statistics.chunked import STRETCH, RunningScatter

@@ -16,8 +16,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.filter_causes import NEARLY
+from mcnav.arrays.types import Array
 from mcnav.contract.gates import RejectedErrors, RejectionLaws, RejectionReading
 from mcnav.contract.quantities import Output
 from mcnav.statistics.gates import rejected_again, rejected_square

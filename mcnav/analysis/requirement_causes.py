@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.requirements import Requirement
+from mcnav.arrays.types import Array
 
 
 def causes_of_requirement(

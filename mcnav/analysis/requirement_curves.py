@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.requirements import (
     Requirement,
     independent_samples,
@@ -17,6 +16,7 @@ from mcnav.analysis.requirements import (
     size_probability,
 )
 from mcnav.analysis.requirements_over_time import ErrorHistories
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics.normal_size import size_quantile
 from mcnav.statistics.order_statistics import RankedSizes
 from mcnav.statistics.refusals import or_withheld

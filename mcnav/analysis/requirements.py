@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.budget import largest_sigmas
 from mcnav.analysis.causes import Cause
 from mcnav.analysis.comparison import Comparison, Model
 from mcnav.analysis.samples_needed import Counting, samples_needed
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Verdict, judge
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics import proportions
 from mcnav.statistics.bisection import smallest_reaching
 from mcnav.statistics.normal_box import normal_box_probability

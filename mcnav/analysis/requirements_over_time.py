@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.requirements import (
     Finding,
     Requirement,
@@ -30,6 +29,7 @@ from mcnav.analysis.requirements import (
     size_probability,
 )
 from mcnav.analysis.samples_needed import Counting, samples_needed
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.normal_size import NormalSize, size_quantile
 from mcnav.statistics.order_statistics import RankedSizes

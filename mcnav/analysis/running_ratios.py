@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.block_moments import BlockMoments
 from mcnav.analysis.comparison import Comparison
 from mcnav.analysis.decision_rule import ratio_interval
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate
 

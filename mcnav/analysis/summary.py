@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from mcnav.contract.quantities import Of
-from mcnav.files import to_json
-from mcnav.records import Matrix, Number, Record, Vector
+from mcnav.files.records import Matrix, Number, Record, Vector
+from mcnav.files.whole import to_json
 
 Ends = tuple[float | None, float | None]
 """Ends of an interval."""

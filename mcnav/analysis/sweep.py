@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure
 from mcnav.analysis.mean_errors import UNDISTURBED, in_sigmas
 from mcnav.analysis.summary import Summary
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output
 
 Point = tuple[float, ...]

@@ -9,7 +9,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.requirements import (
     Requirement,
@@ -19,6 +18,7 @@ from mcnav.analysis.requirements import (
     independent_samples,
     size_members,
 )
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics.normal_box import probability_beyond_box
 from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.proportions import probability_interval

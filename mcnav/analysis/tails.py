@@ -10,10 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.requirements import error_sizes, independent_samples, linear_quantile
 from mcnav.analysis.verdict import Verdict, judge
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.order_statistics import RankedSizes
 

@@ -22,9 +22,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Model
-from mcnav.products import transformed_variances
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 
 TERMS: Final = (
     "sampled_sigmas", "sampled_correlations", "sampled_noise", "partials", "second_order", "third_order", "rest"

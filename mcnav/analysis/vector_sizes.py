@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.requirements import independent_samples
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.order_statistics import RankedSizes
 from mcnav.statistics.refusals import or_withheld

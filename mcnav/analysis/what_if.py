@@ -17,10 +17,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.changeable_campaign import ChangeableCampaign
 from mcnav.analysis.requirements import Requirement
 from mcnav.analysis.sized_outputs import Named, components_of
+from mcnav.arrays.types import Array, IndexArray
 
 FIXED: Final = -1
 """Number of what no number of the data sheet sizes."""

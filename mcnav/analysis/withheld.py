@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearRequirement
 from mcnav.analysis.rejections import OnLinear, RejectionAnswer, probabilities_of_first
 from mcnav.analysis.requirements import size_probability
+from mcnav.arrays.types import Array
 from mcnav.contract.gates import RejectionLaws
 from mcnav.statistics.bisection import root_between
 from mcnav.statistics.gates import GatedError

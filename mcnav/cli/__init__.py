@@ -13,9 +13,9 @@ from typing import Final
 import typer
 from typer.main import get_command_name
 
-from mcnav._interrupts import interruptible
 from mcnav.cli import advanced, analyse, look, start, vary
 from mcnav.cli.program import app, failure
+from mcnav.execution.interrupts import interruptible
 
 MODULES: Final = (start, analyse, vary, look, advanced)
 """Modules of commands; importing one adds its commands to the program."""

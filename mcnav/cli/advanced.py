@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 
 import typer
 
-from mcnav import next_command
+from mcnav.cli import next_command
 from mcnav.cli.options import out_folder
+from mcnav.cli.output_place import output_file, output_folder
 from mcnav.cli.printing import err, out, print_line, print_next, print_written, write_data
 from mcnav.cli.program import command, dev, failure
-from mcnav.output_place import output_file, output_folder
 
 
 @command(group=dev)
@@ -28,7 +28,7 @@ def schema(
     Example: mcnav dev schema --out mcnav.schema.json
     """
     from mcnav.config.json_schema.files import SCHEMA_FILE, schema_text
-    from mcnav.files import write_texts
+    from mcnav.files.whole import write_texts
 
     if into is None:
         write_data(schema_text(), "json")

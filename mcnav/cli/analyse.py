@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from mcnav import next_command
-from mcnav import shell_completion as completion
+from mcnav.cli import next_command
+from mcnav.cli import shell_completion as completion
 from mcnav.cli.options import (
     CampaignFile,
     FormatOption,
@@ -17,6 +17,7 @@ from mcnav.cli.options import (
     out_folder,
     pairs_of,
 )
+from mcnav.cli.output_place import output_folder
 from mcnav.cli.printing import (
     Format,
     err,
@@ -26,7 +27,6 @@ from mcnav.cli.printing import (
     print_written,
 )
 from mcnav.cli.program import BAD_INPUT, command, failure
-from mcnav.output_place import output_folder
 
 
 @command()
@@ -334,7 +334,7 @@ def identify(
 
     Example: mcnav identify static.csv --unit gyro=deg/s --out reports/unit
     """
-    from mcnav.files import write_texts
+    from mcnav.files.whole import write_texts
     from mcnav.report.document.terminal_parts import printed
     from mcnav.report.pages.identify import terminal
     from mcnav.studies.identify import files_of, identification_table, identify_logs, read_plan

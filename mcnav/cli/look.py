@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from mcnav import next_command
-from mcnav import shell_completion as completion
+from mcnav.cli import next_command
+from mcnav.cli import shell_completion as completion
 from mcnav.cli.options import (
     CampaignFile,
     Folder,
@@ -19,6 +19,7 @@ from mcnav.cli.options import (
     UnitsOption,
     out_folder,
 )
+from mcnav.cli.output_place import output_file, output_folder
 from mcnav.cli.printing import (
     err,
     open_address,
@@ -32,7 +33,6 @@ from mcnav.cli.printing import (
     write_data,
 )
 from mcnav.cli.program import CHECK_FAILED, command, failure
-from mcnav.output_place import output_file, output_folder
 
 
 @command()
@@ -197,7 +197,7 @@ def compare(
     """
     from mcnav.analysis.summary import Summary
     from mcnav.errors import reading_file
-    from mcnav.files import write_whole
+    from mcnav.files.whole import write_whole
     from mcnav.report.columns.output_columns import output_rows
     from mcnav.report.document.terminal_parts import printed
     from mcnav.report.exports import export
@@ -329,7 +329,7 @@ def live(
 
     Example: mcnav live campaigns/19_flight_with_gnss.toml --open
     """
-    from mcnav._interrupts import until_interrupted
+    from mcnav.execution.interrupts import until_interrupted
     from mcnav.studies.live import LiveCampaign
     from mcnav.studies.live_server import LiveServer, answer_requests
 

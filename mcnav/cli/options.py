@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from mcnav import shell_completion as completion
+from mcnav.cli import shell_completion as completion
 from mcnav.cli.printing import Format
 from mcnav.cli.program import BAD_INPUT, failure
 from mcnav.systems.templates import templates

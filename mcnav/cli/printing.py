@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from mcnav._streams import writes_any_text
+from mcnav.execution.streams import writes_any_text
 from mcnav.report.document.fitted_table import OpenConsole
 
 out, err = OpenConsole(highlight=False, soft_wrap=True), OpenConsole(stderr=True, highlight=False, soft_wrap=True)

@@ -15,13 +15,13 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
-from mcnav._interrupts import RESUMES, interrupts
-from mcnav._supervision import STORES, own_notes
 from mcnav.cli.former import current
 from mcnav.cli.printing import err, print_line, print_notes
+from mcnav.execution.interrupts import RESUMES, interrupts
+from mcnav.execution.supervision import STORES, own_notes
 
 CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY = 1, 2, 3, 4
-"""Exit statuses; 0 is success, and those of interrupts are in `mcnav._interrupts`."""
+"""Exit statuses; 0 is success, and those of interrupts are in `mcnav.execution.interrupts`."""
 
 UNKNOWN_CHOICE = re.compile(r"(?:Value error, )?'(?P<name>.*)' is not one of (?P<known>'.*')\.?", re.DOTALL)
 """Message of typer about an unknown choice."""
@@ -79,7 +79,7 @@ class _Groups(TyperGroup):
         known = [name for names in GROUPS.values() for name in names]
         if args and ctx.parent is None and args[0] not in self.commands and not args[0].startswith("-"):
             from mcnav.errors import did_you_mean, near_names
-            from mcnav.units import printable
+            from mcnav.physics.units import printable
 
             name = printable(args[0], LONGEST_CHOICE)
             near = did_you_mean(near_names(name, known))
@@ -231,7 +231,7 @@ def _with_suggestion(message: str) -> str:
     if parts is None:
         return message
     from mcnav.errors import suggestion
-    from mcnav.units import printable
+    from mcnav.physics.units import printable
 
     name, known = parts["name"], re.findall(r"'([^']*)'", parts["known"])
     return f"'{printable(name, LONGEST_CHOICE)}' is unknown{suggestion(name, known)}"

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from mcnav import next_command
-from mcnav import shell_completion as completion
+from mcnav.cli import next_command
+from mcnav.cli import shell_completion as completion
 from mcnav.cli.options import (
     CampaignFile,
     Engine,
@@ -22,6 +22,7 @@ from mcnav.cli.options import (
     columns_of,
     run_folder,
 )
+from mcnav.cli.output_place import output_file, output_folder
 from mcnav.cli.printing import (
     Format,
     err,
@@ -34,8 +35,7 @@ from mcnav.cli.printing import (
     print_written,
 )
 from mcnav.cli.program import CHECK_FAILED, SOME_FAILED, command, failure, new
-from mcnav.output_place import output_file, output_folder
-from mcnav.pages import Page, page_text
+from mcnav.docs.pages import Page, page_text
 
 if TYPE_CHECKING:
     from mcnav.workflow.run import Run
@@ -235,7 +235,7 @@ def check_file(
         return
     if page is not None or form != "table":
         raise failure(f"--{'format' if page is None else 'out'}: belongs to --trajectory; leave it out")
-    from mcnav.progress import Phase
+    from mcnav.execution.progress import Phase
     from mcnav.report.terminal import progress, terminal
     from mcnav.workflow.check import check_any
 
@@ -254,7 +254,7 @@ def check_file(
 
 def _describe_trajectory(file: Path, columns: dict[str, str], page: Path | None, form: Format) -> None:
     """Describe the trajectory of a file or of a campaign, and how well its velocities agree with its positions."""
-    from mcnav.files import write_texts
+    from mcnav.files.whole import write_texts
     from mcnav.report.document.html import page_html
     from mcnav.report.document.terminal_parts import printed
     from mcnav.report.pages import trajectory as described

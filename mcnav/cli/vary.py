@@ -7,12 +7,12 @@ from typing import Annotated, Final
 
 import typer
 
-from mcnav import next_command
-from mcnav import shell_completion as completion
+from mcnav.cli import next_command
+from mcnav.cli import shell_completion as completion
 from mcnav.cli.options import CampaignFile, ChosenAxes, FormatOption, Jobs, out_folder
+from mcnav.cli.output_place import output_folder
 from mcnav.cli.printing import Format, err, out, print_next, print_rows, print_written
 from mcnav.cli.program import command, failure, set_resumes
-from mcnav.output_place import output_folder
 
 START: Final = "start"
 """Word after ``--vary``, in place of a key and its values, that varies the start of navigation."""

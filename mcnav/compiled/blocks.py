@@ -14,7 +14,7 @@ from llvmlite import ir
 from numba import types as numba_types
 from numba.extending import intrinsic
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_part, inlined
 from mcnav.compiled.vectors import PART_OF_DOUBLES, Vector, part, place_type, pointer, unpack
 

@@ -41,7 +41,7 @@ from mcnav.compiled.numba_private import (
 )
 from mcnav.compiled.objects import Code, places_for
 from mcnav.compiled.target import choose_target
-from mcnav.progress import COMPILATION
+from mcnav.execution.progress import COMPILATION
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -32,7 +32,7 @@ import numpy as np
 from mcnav.compiled.code import digest_of_files, digest_of_function
 from mcnav.compiled.numba_private import read_code, write_code
 from mcnav.compiled.target import INTO, target
-from mcnav.files import write_whole
+from mcnav.files.whole import write_whole
 
 OBJECTS: Final = Path(__file__).with_name("objects")
 """Folder of an installation's objects; a checkout has none."""
@@ -40,7 +40,7 @@ OBJECTS: Final = Path(__file__).with_name("objects")
 ROOMS: Final = ("compiled", "numerics", "systems/reentry", "systems/steady", "systems/ins")
 """Folders of the package whose constants and functions compiled code may contain."""
 
-FILES: Final = ("constants.py", "products.py", "sampler/normals.py")
+FILES: Final = ("physics/constants.py", "arrays/products.py", "sampler/normals.py")
 """Files besides whose constants and functions it may contain."""
 
 UNCOMPILED: Final = {"tables", "recorded"}

@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from mcnav._types import IndexArray
+from mcnav.arrays.types import IndexArray
 
 Shape = tuple[int | None, ...]
 """Lengths of axes; none where any will do."""

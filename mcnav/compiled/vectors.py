@@ -30,7 +30,7 @@ from numba.extending import (
     type_callable,
 )
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.shapes import check_shape
 
 LANES: Final = 32

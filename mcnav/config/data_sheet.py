@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.contract.quantities import Source
+from mcnav.physics.units import UnitError, multiplied, quantity
 from mcnav.systems.ins.tables.imu_catalogue import (
     ALLAN_MINIMUM,
     INSTABILITY,
@@ -21,7 +22,6 @@ from mcnav.systems.ins.tables.imu_catalogue import (
     catalogue_units,
     units_of_values,
 )
-from mcnav.units import UnitError, multiplied, quantity
 
 if TYPE_CHECKING:
     from mcnav.systems.ins.sensors.quantity import SensorType

@@ -20,9 +20,9 @@ from mcnav.entries.mistakes import Mistake, refuse, told
 from mcnav.entries.quantities import UNIT, JsonSchema, Number, Table
 from mcnav.entries.unions import ByType, Family, OrFirst
 from mcnav.errors import suggestion
+from mcnav.physics.units import quantity
 from mcnav.sampler.distributions import Distribution, Fixed, Normal, StudentT, Triangular, TruncatedNormal, Uniform
 from mcnav.sampler.scipy_and_tables import ScipyDistribution, continuous_distributions, shape_names
-from mcnav.units import quantity
 
 KIND: Final = "distribution"
 """Key that decides about the others."""

@@ -28,10 +28,10 @@ from mcnav.config.read import parse_campaign
 from mcnav.config.table_of_values import TABLE
 from mcnav.config.toml import Content
 from mcnav.errors import CampaignError, Problem, suggestion
+from mcnav.physics.units import UnitError, quantity
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, NEGLECTED
 from mcnav.systems.ins.sensors.quantity import LEVEL_AXES
 from mcnav.systems.ins.tables.imu_catalogue import NAMES, catalogue
-from mcnav.units import UnitError, quantity
 
 Value = str | int | float | bool | list[Any] | Content
 """A value as a campaign file has it: a quantity is text with its unit."""

@@ -25,6 +25,7 @@ from mcnav.entries.context import EarlierFile, FileContext
 from mcnav.entries.inputs import SourceFile
 from mcnav.entries.validation import validate
 from mcnav.errors import CampaignError, Problem
+from mcnav.physics.units import PlainNumbers, numbers_in_si
 from mcnav.sampler.distributions import Distribution, Normal
 from mcnav.sampler.error_model import Correlation, CorrelationError, ErrorModel, JointError
 from mcnav.sampler.multivariate_t import MultivariateT
@@ -39,7 +40,6 @@ from mcnav.systems.registry import (
     scenario_type,
 )  # fmt: skip
 from mcnav.systems.timeouts import time_limit
-from mcnav.units import PlainNumbers, numbers_in_si
 
 __all__ = ["Campaign", "campaign_from", "parse_campaign", "read_campaign"]
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.schema import OUTAGES, AcceptTable, CircularTable, QuantileTable
 from mcnav.contract.questions import Question, reason_against
 from mcnav.contract.scenario import Scenario

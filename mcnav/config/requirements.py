@@ -10,8 +10,8 @@ from mcnav.config.schema import AcceptTable
 from mcnav.contract.quantities import Output
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
+from mcnav.physics.units import UnitError, quantity
 from mcnav.store.manifest import RequirementRecord
-from mcnav.units import UnitError, quantity
 
 RADII: Final = {"cep": 0.5, "r95": 0.95, "sep": 0.5}
 """Probability of the errors within a radius, by the kind of requirement."""

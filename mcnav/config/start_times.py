@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.schema import StartTimesTable
 from mcnav.config.sources import KnownSources
 from mcnav.contract.quantities import Output, Source

@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.sweep import Variable
+from mcnav.arrays.types import Array
 from mcnav.errors import CampaignError, Problem
+from mcnav.physics.units import UnitError, conversion, si_unit
 from mcnav.sampler.sizes import in_si
-from mcnav.units import UnitError, conversion, si_unit
 
 POINTS: Final = 20
 """Values of a range."""

@@ -14,11 +14,11 @@ from mcnav.contract.quantities import Source
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import OUTSIDE
 from mcnav.errors import suggestion
-from mcnav.files import TextError, read_whole, text_of
+from mcnav.files.whole import TextError, read_whole, text_of
+from mcnav.physics.units import UnitError, quantity
 from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.chunk_files import table_from
 from mcnav.store.run_files import TABLES
-from mcnav.units import UnitError, quantity
 
 TABLE: Final = "table"
 LARGEST_TABLE: Final = 100_000_000

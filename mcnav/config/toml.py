@@ -12,7 +12,7 @@ import tomli_w
 
 from mcnav.entries.near_files import near_file
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import TextError, text_of
+from mcnav.files.whole import TextError, text_of
 
 Content = dict[str, Any]
 """Content of a TOML file, or of a table in it."""

@@ -13,10 +13,10 @@ from typing import Any, Final
 import numpy as np
 import tomli_w
 
-from mcnav._types import Array
 from mcnav.analysis.changeable_campaign import MARK, Belief, ChangeableCampaign, Size, Slider
 from mcnav.analysis.filter_causes import kind_of
 from mcnav.analysis.what_if import FIXED
+from mcnav.arrays.types import Array
 from mcnav.config.data_sheet import (
     OF_LOOPS,
     SCALED,
@@ -29,11 +29,11 @@ from mcnav.config.data_sheet import (
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.config.toml import Content
 from mcnav.contract.quantities import TRUE, Source
+from mcnav.physics.units import UnitError, parted
 from mcnav.systems.ins.imu.instruments import NEGLECTED
 from mcnav.systems.ins.tables.filter import KINDS, OF_SENSORS
 from mcnav.systems.ins.tables.imu_catalogue import catalogue
 from mcnav.systems.registry import FURTHER_NAMES, is_code
-from mcnav.units import UnitError, parted
 
 OTHERS: Final = frozenset(SCALED) - frozenset(SIZES)
 """Keys of a distribution that are multiplied with its size, and are none."""

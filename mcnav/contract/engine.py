@@ -7,7 +7,7 @@ from typing import Protocol, TypeGuard
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.power_sums import PowerSums

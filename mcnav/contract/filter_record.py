@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 
 BY_SENSOR: Final = ("nis", "accepted", "rejected", "lag", "lags")
 """Numbers of each sensor, counted since the epoch before.

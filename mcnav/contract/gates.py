@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 
 
 @dataclass(frozen=True)

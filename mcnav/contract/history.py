@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
-from mcnav.products import transform
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array
 
 Update = Literal["before", "after"] | None
 """Side of a reading, before or after an update of aiding that falls on its time; none without one."""

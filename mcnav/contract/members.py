@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, cached_property
 from typing import Any, Final, Protocol
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, HistoryEngine, ScalableEngine
 from mcnav.contract.scenario import (
     Capability,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 
 def sums_of(outputs: int) -> int:

@@ -18,7 +18,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Final
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Protocol, Self, TypeGuard
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.errors import ScenarioError as ScenarioError
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema

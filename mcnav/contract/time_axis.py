@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 Times = TypeVar("Times", float, Array)
 

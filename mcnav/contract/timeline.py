@@ -30,7 +30,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 
 
 def _check_shape(name: str, table: Array | IndexArray | NDArray[np.bool_], expected: tuple[int, ...]) -> None:

@@ -14,10 +14,10 @@ from pydantic_core.core_schema import (
     no_info_wrap_validator_function,
 )
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.mistakes import Mistake, Place, refuse
 from mcnav.entries.quantities import UNIT, JsonSchema, Table
-from mcnav.units import UnitError, quantity
+from mcnav.physics.units import UnitError, quantity
 
 SIZED_AXES: Final = "x-axes"
 """Key of a JSON schema that stands for sizes by axis: the names of the axes; see `mcnav.entries.quantities.UNIT`."""
@@ -70,7 +70,7 @@ class AxisSizes:
     one_by_one : str
         What is expected in place of one size for all axes, if that is refused.
     shares : bool
-        Whether an angle may be a share; see `mcnav.units.quantity`.
+        Whether an angle may be a share; see `mcnav.physics.units.quantity`.
     """
 
     unit: str

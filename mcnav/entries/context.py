@@ -9,7 +9,7 @@ from typing import Any
 
 from mcnav.entries.inputs import SourceFile
 from mcnav.errors import CampaignError, Problem, suggestion
-from mcnav.units import UnitError, quantity
+from mcnav.physics.units import UnitError, quantity
 
 
 @dataclass(frozen=True)

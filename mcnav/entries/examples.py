@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from mcnav.errors import CampaignError, Problem, suggestion
-from mcnav.files import write_whole
+from mcnav.files.whole import write_whole
 
 FOLDER: Final = "campaigns"
 

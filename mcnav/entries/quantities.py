@@ -33,7 +33,7 @@ from mcnav.entries.mistakes import Mistake, explain_keys, refuse, told
 from mcnav.entries.rules import Rule
 from mcnav.entries.values import display
 from mcnav.errors import suggestion
-from mcnav.units import quantity
+from mcnav.physics.units import quantity
 
 JsonSchema = dict[str, Any]
 

@@ -13,7 +13,7 @@ from mcnav.entries.context import FileContext
 from mcnav.entries.mistakes import TOLD
 from mcnav.entries.quantities import Table
 from mcnav.errors import MOST_PROBLEMS
-from mcnav.units import printable
+from mcnav.physics.units import printable
 
 AnyTable = TypeVar("AnyTable", bound=Table)
 AnyEntry = TypeVar("AnyEntry")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mcnav.units import printable
+from mcnav.physics.units import printable
 
 
 class SettingError(ValueError):

@@ -8,13 +8,13 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison as PairedComparison
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.comparison import compare as compare_paired
 from mcnav.analysis.covariance_comparison import CovarianceComparison, compare_covariance
 from mcnav.analysis.verdict import Judgement, Verdict
+from mcnav.arrays.types import Array
+from mcnav.execution.threads import one_thread
 from mcnav.frames.covariance_verdict import CovarianceVerdict
 from mcnav.frames.linear import MEAN, WITHOUT
 from mcnav.frames.simulation import REASON

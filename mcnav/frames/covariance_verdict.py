@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from mcnav._types import Array
 from mcnav.analysis.verdict import Verdict
+from mcnav.arrays.types import Array
 
 WORDS: Final = {
     Verdict.AGREES: "The covariance holds: each sigma agrees within {tolerance:.0%}.",

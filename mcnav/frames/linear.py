@@ -9,11 +9,11 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.errors import SimulationFailed
 from mcnav.contract.quantities import Output
 from mcnav.contract.scenario import ScenarioError
+from mcnav.execution.threads import one_thread
 from mcnav.frames.given import remedy_for
 from mcnav.frames.systems import Simulatable, system_of
 from mcnav.linear.covariance import propagated_covariance

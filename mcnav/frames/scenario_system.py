@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.quantities import Output

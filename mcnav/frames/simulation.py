@@ -10,11 +10,11 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.errors import ScenarioError
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.execution.threads import one_thread
 from mcnav.frames.system import System
 from mcnav.frames.systems import Simulatable, system_of
 from mcnav.runner.worth import worth_from

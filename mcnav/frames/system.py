@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult

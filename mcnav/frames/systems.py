@@ -9,21 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.config.documents import Described, Description
 from mcnav.contract.members import ready_engine
 from mcnav.contract.quantities import Output
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.errors import suggestion
+from mcnav.execution.threads import one_thread
 from mcnav.frames.function_system import FunctionSystem, outputs_of
 from mcnav.frames.given import class_of, needs_scenario, remedy_for, scenario_of
 from mcnav.frames.scenario_system import ScenarioSystem
 from mcnav.frames.system import System
+from mcnav.physics.units import UnitError, conversion
 from mcnav.sampler.errors import Errors
 from mcnav.systems.guard import CodeMisbehaved
-from mcnav.units import UnitError, conversion
 
 Simulatable = Description | Callable[[Any], Any] | type | Any
 """What can be simulated: a function, a class or object with ``propagate`` or ``fly``, a scenario, a campaign."""

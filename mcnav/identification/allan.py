@@ -21,9 +21,9 @@ import numpy as np
 from scipy.fft import dct
 from scipy.stats import chi2, norm
 
-from mcnav._types import Array
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 from mcnav.identification.processes import GAUSS_MARKOV, QUANTIZATION, RATE_RANDOM_WALK, WHITE, Grid, Model
-from mcnav.products import transformed_variances
 
 PER_DECADE: Final = 6
 """Cluster times in a decade."""

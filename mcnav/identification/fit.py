@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.likelihood import Maximum, information, maximize, profile_interval
 from mcnav.identification.processes import (
     GAUSS_MARKOV,

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.fit import Candidate
 from mcnav.identification.processes import Grid
 from mcnav.identification.spectrum import Bands, Record, in_bands

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.fit import AxisFit, Estimate, fit
 from mcnav.identification.goodness import Goodness, check_fit
 from mcnav.identification.spectrum import Record, transform

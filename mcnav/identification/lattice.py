@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 LOOKED_AT: Final = 65_536
 """Readings that are looked at, from the first on."""

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.processes import CORRELATION_TIME, Grid, Model
 from mcnav.identification.spectrum import Bands
 

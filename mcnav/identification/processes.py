@@ -25,7 +25,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 
 @dataclass(frozen=True)

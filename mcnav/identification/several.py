@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.fit import AxisFit, Candidate
 from mcnav.identification.likelihood import Maximum, maximize
 from mcnav.identification.processes import Grid, Model

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from scipy.fft import dct
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.processes import Grid
 
 ALONE: Final = 128

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import t as student
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.likelihood import Maximum, information, maximize_many
 from mcnav.identification.processes import Model
 from mcnav.identification.spectrum import Bands, Record

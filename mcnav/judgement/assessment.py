@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.likelihood import DROP, whiten
 from mcnav.judgement.simulation import Innovations, beside, respond, simulate

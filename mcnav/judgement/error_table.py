@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 MOST_ORDER: Final = 12
 """Largest order of the autoregression; at most an eighth of the number of values."""

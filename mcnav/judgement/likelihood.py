@@ -20,11 +20,11 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.optimize import brentq, minimize_scalar
 
-from mcnav._types import Array
+from mcnav.arrays.products import innovation_covariance, transform
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.errors import NumericalError
 from mcnav.judgement.simulation import Innovations
-from mcnav.products import innovation_covariance, transform
 
 WIDEST: Final = 30.0
 """Largest factor that is looked for, and the inverse of the smallest."""

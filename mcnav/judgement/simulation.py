@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import FilteredRecord, Part
 
 Drawn: TypeAlias = Callable[[int, tuple[Part, ...]], Array]

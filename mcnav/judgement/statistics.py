@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import GROUPS, FilteredRecord
 from mcnav.judgement.simulation import Innovations
 

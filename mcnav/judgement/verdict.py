@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import FilteredRecord, Part
 from mcnav.judgement.assessment import FACTORS, LEVEL, SHARE, Assessment, Tell, assess
 from mcnav.judgement.likelihood import Factor, estimate_factor

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, has_histories
 from mcnav.contract.filter_record import FilterPrediction
 from mcnav.contract.linear import LinearSystem

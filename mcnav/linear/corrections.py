@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.linear.partials import SimulationFailed
 
 Result = TypeVar("Result")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from mcnav._types import Array
-from mcnav.products import transform
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array
 
 
 def propagated_covariance(partials: Array, start_covariance: Array) -> Array:

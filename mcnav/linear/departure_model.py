@@ -25,7 +25,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.linear.higher_order import principal_directions
 
 NODE: Final = float(np.sqrt(3.0))

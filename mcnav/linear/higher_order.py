@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.linear.partials import Propagate, simulate_or_raise
 
 STEP: Final = 0.5

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.scenario import Scenario
 from mcnav.linear import higher_order

@@ -11,13 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._stopping import check_stopped
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, HistoryEngine, without_noise
 from mcnav.contract.errors import SimulationFailed as SimulationFailed
 from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import Scenario
+from mcnav.execution.stopping import check_stopped
 
 Propagate = Callable[[Array], SimulationResult]
 """Simulation of errors, shape (n, sources), SI."""

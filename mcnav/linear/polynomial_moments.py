@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import compiled
 from mcnav.linear.polynomial import PolynomialMap, least_squares, monomials, products
 

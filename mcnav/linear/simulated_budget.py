@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.linear.corrections import SimulatedBudget, SobolIndices, SourceBudget, VarianceTable, computed_or_reason
 from mcnav.linear.covariance import propagated_covariance

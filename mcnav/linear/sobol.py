@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from scipy.special import ndtri
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.linear.corrections import SobolIndices
 from mcnav.linear.partials import Propagate, SimulationFailed, simulate_or_raise
 from mcnav.sampler.error_model import ErrorModel

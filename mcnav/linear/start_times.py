@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.history import StartClock
 from mcnav.contract.quantities import kind_of
 from mcnav.contract.scenario import Scenario

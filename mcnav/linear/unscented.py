@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.linear.higher_order import principal_directions
 from mcnav.linear.partials import Propagate, SimulationFailed, simulate_or_raise
 

@@ -11,7 +11,7 @@ import pyarrow as pa
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, Values, table_of
 from mcnav.logs.text_tables import MOST_ROWS, column_values
-from mcnav.units import printable
+from mcnav.physics.units import printable
 
 
 def open_parquet(path: Path) -> LogTable:

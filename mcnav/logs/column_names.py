@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from mcnav.units import QUESTIONS, UnitError, conversion
+from mcnav.physics.units import QUESTIONS, UnitError, conversion
 
 BRACKET: Final = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*)[\])}]\s*$", re.DOTALL)
 AXIS: Final = re.compile(r"^(.*?)_?([xyz]|[0-3])$")
@@ -52,7 +52,7 @@ class Named:
 
 
 def spelled_unit(text: str) -> str:
-    """Spell a unit as `mcnav.units` reads it, or asks for it; empty where it is none.
+    """Spell a unit as `mcnav.physics.units` reads it, or asks for it; empty where it is none.
 
     >>> spelled_unit("rad s^-1"), spelled_unit("m s^-2"), spelled_unit("DEG/SEC"), spelled_unit("NM")
     ('rad/s', 'm/s^2', 'deg/s', 'NM')

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 RADIUS: Final = 6_378_137.0
 """Radius of the equator, m."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, table_of
-from mcnav.units import printable
+from mcnav.physics.units import printable
 
 LOOK: Final = re.compile(rb"<gpx[\s>]")
 

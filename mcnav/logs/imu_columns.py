@@ -11,7 +11,7 @@ from mcnav.logs.column_names import named, triads
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable
 from mcnav.logs.mapping import Column, cannot_tell, check_keys, mapped, stated_unit
-from mcnav.units import UnitError, quantity
+from mcnav.physics.units import UnitError, quantity
 
 AXES: Final = ("x", "y", "z")
 GYRO: Final = tuple(f"gyro_{axis}" for axis in AXES)

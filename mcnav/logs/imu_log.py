@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.logs import px4, ros_bags
 from mcnav.logs.imu_columns import ACCELEROMETER, AXES, GYRO, ImuColumns, find_columns
 from mcnav.logs.imu_units import check_force, check_interval, check_rates, saturations
@@ -20,6 +19,7 @@ from mcnav.logs.log_table import LogTable
 from mcnav.logs.mapping import Column, cannot_tell, factor_to, numbers
 from mcnav.logs.tables import open_table
 from mcnav.logs.times import Stamps, interval_of, notes_of_steps, refuse_falling, repeated, rows, seconds_of, unwrapped
+from mcnav.physics.constants import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     import pandas as pd

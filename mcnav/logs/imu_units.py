@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.logs.log_error import LogError
 from mcnav.logs.times import rows
+from mcnav.physics.constants import STANDARD_GRAVITY
 
 NEAR: Final = 0.2
 """Share by which the median specific force of a vehicle may differ from gravity."""

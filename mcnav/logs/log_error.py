@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from mcnav.errors import CampaignError, Problem
-from mcnav.units import printable
+from mcnav.physics.units import printable
 
 SHOWN: Final = 12
 """Columns that a message lists."""

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.errors import suggestion
 from mcnav.logs.column_names import named, spelled_unit
 from mcnav.logs.log_error import LogError, listed
 from mcnav.logs.log_table import LogTable, Values
-from mcnav.units import UnitError, conversion, printable
+from mcnav.physics.units import UnitError, conversion, printable
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, table_of
 from mcnav.logs.times import rows

@@ -10,11 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.logs.log_error import LogError, listed
 from mcnav.logs.log_table import LogTable, Values, table_of
 from mcnav.logs.times import rows
-from mcnav.units import printable
+from mcnav.physics.units import printable
 
 MAGIC: Final = b"ULog\x01\x12\x35"
 

@@ -14,7 +14,7 @@ import numpy as np
 from mcnav.logs.log_error import LogError, listed
 from mcnav.logs.log_table import LogTable, Values, table_of
 from mcnav.logs.times import rows
-from mcnav.units import printable
+from mcnav.physics.units import printable
 
 MAGIC: Final = (b"#ROSBAG V", b"SQLite format 3\0", b"\x89MCAP")
 """First bytes of the files of bags."""

@@ -12,13 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 from mcnav.logs.geodetic import from_earth_fixed, north_east_down
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, Values, table_of
 from mcnav.logs.times import GPS_EPOCH, WEEK
-from mcnav.products import transformed_variances
-from mcnav.units import printable
+from mcnav.physics.units import printable
 
 HEADER: Final = re.compile(r"^%\s+(GPST|UTC|JST)\s+(.*)$")
 DATE: Final = re.compile(r"\d{4}/\d\d?/\d\d?")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from mcnav.files import check_regular
+from mcnav.files.whole import check_regular
 from mcnav.logs import gpx, nmea, px4, ros_bags, rtklib
 from mcnav.logs.binary_tables import open_mat, open_parquet
 from mcnav.logs.log_error import LogError

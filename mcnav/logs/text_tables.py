@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 import pyarrow as pa
 
+from mcnav.files.parquet import numbers_in
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, Values
-from mcnav.parquet import numbers_in
-from mcnav.units import printable
+from mcnav.physics.units import printable
 
 BEGINNING: Final = 65_536
 """Bytes in which comments and the line of names must end."""

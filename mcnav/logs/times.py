@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import Values
-from mcnav.units import UnitError, conversion
+from mcnav.physics.units import UnitError, conversion
 
 FACTORS: Final = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
 """Units per second of stamps that are integers."""

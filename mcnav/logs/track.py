@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.logs import px4, ros_bags
 from mcnav.logs.log_error import LogError
 from mcnav.logs.mapping import Column, factor_to, numbers

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled_with_caller, uncontracted
 from mcnav.numerics.integration import Tolerances
 

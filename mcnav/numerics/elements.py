@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 
 def stack_elements(rows: Sequence[Sequence[Array | float]]) -> Array:

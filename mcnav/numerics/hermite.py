@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.polynomial import polynomial
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 POSITION_BOUND: Final = (4.0 / 27.0) ** 1.5 / 362_880.0
 VELOCITY_BOUND: Final = 2.0 * (4.0 / 27.0) / 40_320.0

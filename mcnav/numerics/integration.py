@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.numerics.dense_output import DenseOutput
 
 Tolerances = tuple[float, float | Array]

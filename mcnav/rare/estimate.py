@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.rare.curvature import ALL_PAIRS, Curvature
 from mcnav.rare.facets import Facets, Outputs
 from mcnav.rare.fit import Fit

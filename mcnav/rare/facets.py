@@ -31,7 +31,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.rare.limits import AnyEpoch, Limit
 
 Outputs = Callable[[Array], Array]

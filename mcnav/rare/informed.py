@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.rare.facets import Facets
 from mcnav.rare.levels import Levels
 from mcnav.rare.proposal import NARROWEST, WIDEST, Proposal

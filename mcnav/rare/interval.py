@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics.estimates import Estimate
 
 ROOTS: Final = 0.003

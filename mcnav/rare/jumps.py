@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.rare.facets import Facets, Outputs, linear_facets
 from mcnav.rare.flights import Margins
 from mcnav.rare.limits import Limit

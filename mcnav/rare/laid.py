@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.rare.fit import Fit
 from mcnav.rare.flights import Places
 from mcnav.rare.follow import BETWEEN, UNLIKELY, Follower, Lines

@@ -25,7 +25,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.rare.flights import Flown
 
 REPEATS: Final = 8

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 DIRECTIONS: Final = 16
 """Directions in which the outside of a circle is divided; twice as many for a sphere."""

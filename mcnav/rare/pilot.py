@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.rare.facets import Facets
 from mcnav.rare.fit import Fit
 from mcnav.rare.follow import Follower, Lines

@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 PLAIN: Final = 0.2
 NARROWEST, WIDEST, FARTHEST = 0.4, 4.0, 6.0

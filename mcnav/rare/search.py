@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.rare.facets import Facets
 from mcnav.rare.flights import Flown, Margins, Places
 from mcnav.rare.jumps import jumps_across, nearest_jump

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 
 STRATA: Final = 16
 """Groups of half-spaces, each with lines in proportion."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.rare.follow import Follower
 from mcnav.rare.laid import Laid
 from mcnav.rare.levels import Levels

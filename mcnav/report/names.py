@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output, Source, source_labels
-from mcnav.units import conversion
+from mcnav.physics.units import conversion
 
 if TYPE_CHECKING:
     from mcnav.analysis.summary import Summary

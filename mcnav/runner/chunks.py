@@ -10,14 +10,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, has_histories, smoother_of
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.entries.inputs import InputFile
+from mcnav.execution.threads import one_thread
 from mcnav.linear.block_sums import Normalization
 from mcnav.linear.sample_reduction import BlockReduction
 from mcnav.numerics.power_sums import sum_powers_about_zero

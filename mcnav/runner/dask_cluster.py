@@ -20,7 +20,7 @@ from types import ModuleType
 from typing import Any, Final
 
 from mcnav.errors import ClusterError
-from mcnav.files import write_whole
+from mcnav.files.whole import write_whole
 from mcnav.runner.chunks import ChunkJob, SampleRange, find_chunk
 from mcnav.runner.dask_worker import incompatibility, processor, simulate_on_worker
 from mcnav.runner.identity import versions

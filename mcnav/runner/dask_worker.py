@@ -17,8 +17,8 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from mcnav._subprocess import end_with_parent
 from mcnav.errors import ClusterError
+from mcnav.execution.child_processes import end_with_parent
 from mcnav.runner.chunks import ChunkJob, SampleRange, find_chunk, simulate_chunk
 from mcnav.runner.identity import versions
 from mcnav.runner.processes import simulate_isolated

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch
 from mcnav.sampler.error_model import ErrorModel
 

@@ -15,7 +15,7 @@ from mcnav.compiled.target import target
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.inputs import InputFile, SourceFile
 from mcnav.errors import RunFolderError, shortened
-from mcnav.files import to_json
+from mcnav.files.whole import to_json
 from mcnav.linear.block_sums import block_size
 from mcnav.runner.draws import PROBES
 from mcnav.sampler.designs import REPLICATES, block_length

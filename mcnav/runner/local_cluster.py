@@ -14,10 +14,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-from mcnav._interrupts import deferred
-from mcnav._subprocess import interrupts_blocked, start_trackers
 from mcnav.errors import ClusterError
-from mcnav.units import printable
+from mcnav.execution.child_processes import interrupts_blocked, start_trackers
+from mcnav.execution.interrupts import deferred
+from mcnav.physics.units import printable
 
 DEATHS: Final = 1
 """Workers of a local cluster that a chunk may end and be tried again; other schedulers have a number of their own."""

@@ -19,14 +19,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import ConditionalEngine, ConditionalNoise, Engine, conditions_noise
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
+from mcnav.execution.threads import one_thread
 from mcnav.runner.chunks import (
     ChunkJob,
     SampleRange,

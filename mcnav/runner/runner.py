@@ -11,7 +11,7 @@ from contextlib import closing
 from pathlib import Path
 
 from mcnav.errors import TooManyFailures
-from mcnav.progress import Progress
+from mcnav.execution.progress import Progress
 from mcnav.runner.chunks import ChunkJob, SampleRange, find_earlier, find_file, simulate_chunk
 from mcnav.runner.memory import keep_freed_memory
 from mcnav.runner.processes import run_in_processes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.members import ready_engine
 from mcnav.contract.scenario import Scenario, runs_user_code

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Model
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario

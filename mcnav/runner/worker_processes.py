@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from multiprocessing.util import Finalize
 from typing import TYPE_CHECKING, Any, Final
 
-from mcnav._subprocess import end_with_parent, interrupts_blocked
+from mcnav.execution.child_processes import end_with_parent, interrupts_blocked
 from mcnav.runner.memory import SMALL_PIECES, keep_freed_memory
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.errors import NumericalError
 from mcnav.sampler.distributions import Distribution, Normal
 from mcnav.sampler.scipy_and_tables import EmpiricalDistribution

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from scipy.special import ndtri
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.sampler.sobol_net import scrambled_net
 
 DESIGNS: Final = ("random", "antithetic", "latin-hypercube", "sobol")

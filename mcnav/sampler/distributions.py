@@ -14,7 +14,7 @@ from typing import Final, Protocol
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 
 class Distribution(Protocol):

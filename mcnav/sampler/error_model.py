@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.sampler.copula import error_correlation, hermite_coefficients, normal_correlation, semidefinite_factor
 from mcnav.sampler.designs import standard_normals
 from mcnav.sampler.distributions import Distribution, Fixed, Normal, StudentT, tail_weight

@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.errors import NumericalError
 
 _ABSCISSAE: Final = np.linspace(-7.0, 7.0, 29)

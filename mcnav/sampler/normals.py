@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled, inlined, uncontracted, uncontracted_subroutine
 from mcnav.compiled.vectors import LANES, Vector, bits, doubles, fma, load, narrow, room, store, widen
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 
 @lru_cache(maxsize=1)

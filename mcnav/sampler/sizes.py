@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mcnav.physics.units import parted, quantity, si_unit
 from mcnav.sampler.distributions import Distribution, Fixed, Normal, StudentT, Triangular, TruncatedNormal, Uniform
 from mcnav.sampler.scipy_and_tables import (
     EmpiricalDistribution,
@@ -15,7 +16,6 @@ from mcnav.sampler.scipy_and_tables import (
     continuous_distributions,
     shape_names,
 )
-from mcnav.units import parted, quantity, si_unit
 
 
 @dataclass(frozen=True)

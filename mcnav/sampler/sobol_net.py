@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 _DIRECTIONS: Final = Path(scipy.__file__).parent / "stats" / "_sobol_direction_numbers.npz"
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.errors import NumericalError
 
 NODES: Final = 16

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.proportions import probability_interval
 

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics.whitening import Whitening
 
 STRETCH: Final = 32_768

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
-from mcnav.products import transform
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.whitening import leaves_range, whitening
 

@@ -25,7 +25,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 PATHS: Final = ((2.0**0.5 - 1.0, 16), (0.3, 20), (2.0**0.5 - 1.0, 6))
 """Slope t of a hyperbola and nodes of the trapezoidal rule in a unit of v: first, second and rough route.

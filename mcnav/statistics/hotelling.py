@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.whitening import RANK_TOLERANCE, whitening
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.statistics.chunked import scatter, stretches
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.whitening import whitening

@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 FEWEST: Final = 20
 """Smallest number of independent samples for an interval."""

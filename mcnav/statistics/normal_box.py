@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.errors import NumericalError
 from mcnav.statistics.adaptive_quadrature import integrals
 

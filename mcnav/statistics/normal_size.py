@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.errors import NumericalError
 from mcnav.statistics.bisection import root_between
 from mcnav.statistics.generalized_chi_square import LEAST, tail

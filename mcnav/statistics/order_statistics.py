@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 
 def upper_rank(count: int, quantile: float, confidence: float) -> int | None:

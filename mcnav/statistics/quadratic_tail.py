@@ -20,7 +20,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.statistics.bisection import root_between
 
 PER_SCALE: Final = 8

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from mcnav.errors import NumericalError
-from mcnav.progress import note
+from mcnav.execution.progress import note
 
 MOST_SAID: Final = 3
 """Refusals of one process that are noted: a curve may have one at each of its points."""

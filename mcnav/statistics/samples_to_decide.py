@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 import scipy  # its special functions are imported when one is called
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.statistics.power import USUAL_POWER
 
 MOST: Final = 10**9

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
-from mcnav.products import transform
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array
 from mcnav.statistics.chi_square import LEVELS
 
 RANK_TOLERANCE: Final = 1e-9

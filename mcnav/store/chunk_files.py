@@ -16,11 +16,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pydantic import Field
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.failure import OK, Failure
-from mcnav.files import read_whole, write_whole
-from mcnav.parquet import arrow_array, arrow_texts, numbers_in, parquet_bytes, repeated_text
-from mcnav.units import printable
+from mcnav.files.parquet import arrow_array, arrow_texts, numbers_in, parquet_bytes, repeated_text
+from mcnav.files.whole import read_whole, write_whole
+from mcnav.physics.units import printable
 
 _TEXT: Final = ("status",)
 STATUS: Final = 1

@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 import pyarrow as pa
 
-from mcnav._types import Array
-from mcnav.files import to_json
-from mcnav.parquet import arrow_array, arrow_texts, numbers_in, parquet_bytes
-from mcnav.records import Json
+from mcnav.arrays.types import Array
+from mcnav.files.parquet import arrow_array, arrow_texts, numbers_in, parquet_bytes
+from mcnav.files.records import Json
+from mcnav.files.whole import to_json
 from mcnav.store.chunk_files import table_from
 from mcnav.store.manifest import ModelRecord, PartialsRecord
 

@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.quantities import Output
-from mcnav.parquet import arrow_table, parquet_bytes
+from mcnav.files.parquet import arrow_table, parquet_bytes
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 
 MARK: Final = "mcnav.filter"

@@ -17,12 +17,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.history import Epochs
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
-from mcnav.files import check_regular
-from mcnav.parquet import arrow_table, numbers_in, parquet_bytes
+from mcnav.files.parquet import arrow_table, numbers_in, parquet_bytes
+from mcnav.files.whole import check_regular
 from mcnav.store.chunk_files import ChunkFile, check_room
 
 MARK: Final = "mcnav.histories"

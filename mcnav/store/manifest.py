@@ -15,7 +15,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.quantities import Of
 from mcnav.contract.scenario import ScenarioError
-from mcnav.records import Json, Matrices, Matrix, Number, Record, Vector
+from mcnav.files.records import Json, Matrices, Matrix, Number, Record, Vector
 from mcnav.sampler.designs import DESIGNS, SamplingDesign
 from mcnav.store.chunk_files import MOST_SAMPLES, ChunkFile, Count, Digest, SampleSchema, Words
 from mcnav.store.run_files import FORMAT, json_digest, validate

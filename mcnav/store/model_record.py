@@ -8,14 +8,14 @@ from typing import Protocol
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, smoother_of
 from mcnav.contract.filter_record import FilterPrediction
 from mcnav.contract.gates import FaultLaw
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Scenario
-from mcnav.products import transformed_variances
 from mcnav.store.manifest import (
     FaultRecord,
     FilterPredictionRecord,

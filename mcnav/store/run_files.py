@@ -15,10 +15,10 @@ from typing import Any, Final, Literal, TypeVar
 
 from pydantic import ValidationError
 
-from mcnav._recent import Recent
+from mcnav.caches.recent import Recent
 from mcnav.errors import RunFolderError
-from mcnav.files import INPUTS, indented_json, read_whole
-from mcnav.records import Record
+from mcnav.files.records import Record
+from mcnav.files.whole import INPUTS, indented_json, read_whole
 
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
 HISTORY, DEVELOPMENT, SAMPLES, LOCK = "history.parquet", "development.parquet", "samples", ".lock"

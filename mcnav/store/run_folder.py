@@ -26,12 +26,12 @@ from typing import Any, Final
 import filelock
 import pyarrow as pa
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.history import NOMINAL_FLIGHT, History, Panel
 from mcnav.entries.inputs import InputFile
 from mcnav.errors import RunFolderBusy, RunFolderError
-from mcnav.files import INPUTS, is_temporary, read_whole, to_json, write_whole
-from mcnav.parquet import arrow_table, numbers_in, parquet_bytes
+from mcnav.files.parquet import arrow_table, numbers_in, parquet_bytes
+from mcnav.files.whole import INPUTS, is_temporary, read_whole, to_json, write_whole
 from mcnav.store.chunk_files import (
     LARGEST_CHUNK,
     MOST_EXPANSION,

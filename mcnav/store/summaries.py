@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 import pyarrow.parquet as pq
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.failure import Failure, Reason, without_numbers
 from mcnav.linear.block_sums import BlockSums
 from mcnav.store.chunk_files import ChunkFile, rewrite_marks

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 import pyarrow.parquet as pq
 
-from mcnav._recent import Recent
-from mcnav._types import Array
+from mcnav.arrays.types import Array
+from mcnav.caches.recent import Recent
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.power_sums import PowerSums
 from mcnav.statistics.filter_sums import FilterSums

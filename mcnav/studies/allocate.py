@@ -25,8 +25,8 @@ from mcnav.analysis.simulated_requirements import Basis
 from mcnav.config.data_sheet import DataSheetNumber, GradedValue, next_grade, shown
 from mcnav.config.documents import Description, document_of
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import indented_json, to_json, write_texts
-from mcnav.progress import SILENT, Phase, Progress
+from mcnav.execution.progress import SILENT, Phase, Progress
+from mcnav.files.whole import indented_json, to_json, write_texts
 from mcnav.report.columns.gates import rejection_line
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import allocate as tables

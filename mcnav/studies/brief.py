@@ -6,7 +6,6 @@ import os
 from pathlib import Path
 from typing import Final
 
-from mcnav._threads import one_thread
 from mcnav.analysis.brief import Advice, FilterRemedy
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.rejections import OnLinear
@@ -15,8 +14,9 @@ from mcnav.analysis.summary import Summary
 from mcnav.config.documents import Description, document_of
 from mcnav.config.overrides import parse_document
 from mcnav.errors import CampaignError, reading_file
-from mcnav.files import write_texts
-from mcnav.progress import SILENT, Progress
+from mcnav.execution.progress import SILENT, Progress
+from mcnav.execution.threads import one_thread
+from mcnav.files.whole import write_texts
 from mcnav.report.columns.gates import rejection_line
 from mcnav.report.document.html import page_html
 from mcnav.report.pages.brief import Links, page

@@ -18,8 +18,8 @@ from mcnav.config.sweep_values import read_variables
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario
 from mcnav.errors import CampaignError, Problem, suggestion
-from mcnav.files import indented_json, write_texts
-from mcnav.progress import SILENT, Phase, Progress, duration, note
+from mcnav.execution.progress import SILENT, Phase, Progress, duration, note
+from mcnav.files.whole import indented_json, write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import filter_kinds as report
 from mcnav.systems.ins.filter.model import KINDS

@@ -13,7 +13,7 @@ from mcnav.analysis.accuracy_measures import DRMS, SIGMA, Measure
 from mcnav.analysis.summary import Summary
 from mcnav.analysis.sweep import Confirmation, Point
 from mcnav.errors import CampaignError, Problem
-from mcnav.progress import Progress
+from mcnav.execution.progress import Progress
 from mcnav.studies.sweep_points import LinearPoints
 from mcnav.workflow.run import run_campaign
 

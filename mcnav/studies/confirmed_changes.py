@@ -15,7 +15,7 @@ from mcnav.config.data_sheet import next_grade
 from mcnav.config.overrides import Value
 from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError
-from mcnav.progress import Progress
+from mcnav.execution.progress import Progress
 from mcnav.studies.allocated_numbers import find_change
 from mcnav.studies.simulated_campaigns import simulated
 from mcnav.studies.variations import Variations, values_of

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.judgement.error_table import ErrorTable
 from mcnav.logs.log_error import LogError, listed
 from mcnav.logs.tables import read_table

@@ -20,18 +20,18 @@ from typing import Final
 import numpy as np
 from scipy.stats import norm
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.overrides import Value, VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem
 from mcnav.identification.fit import relative_covariance
+from mcnav.physics.units import conversion
 from mcnav.report.results.identified import AxisReport, CampaignSigmas, IdentificationReport, SigmaRow
 from mcnav.studies.lincov import answer_linearly
 from mcnav.systems.ins.imu.instruments import AXES, Imu, Noise, process_sizes
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.scenario import Ins, Navigation
 from mcnav.systems.ins.tables.instrument_tables import INTERVALS, SHORTEST_CORRELATION
-from mcnav.units import conversion
 
 DRAWS: Final = 4_000
 

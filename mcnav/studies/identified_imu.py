@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
+from mcnav.physics.units import conversion, quantity
 from mcnav.report.pages.identify import statement_words
 from mcnav.report.results.identified import AxisReport, GradeRow, ParameterRow
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.tables.imu_catalogue import ALLAN_MINIMUM, CatalogueUnit, catalogue_units, units_of_values
 from mcnav.systems.ins.tables.instrument_tables import INTERVALS
-from mcnav.units import conversion, quantity
 
 GRADE: Final = "Grade"
 """Beginning of the titles of the catalogue's grades."""

@@ -11,11 +11,10 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import chi2
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import indented_json, to_json
+from mcnav.execution.threads import one_thread
+from mcnav.files.whole import indented_json, to_json
 from mcnav.identification.allan import AllanDeviation, allan_deviation
 from mcnav.identification.fit import AxisFit, relative_covariance
 from mcnav.identification.goodness import Goodness
@@ -25,6 +24,8 @@ from mcnav.identification.processes import CORRELATION_TIME, Grid
 from mcnav.identification.several import common_noise, repeatability
 from mcnav.identification.statements import statements
 from mcnav.logs.imu_log import ImuLog, read_imu_log
+from mcnav.physics.constants import STANDARD_GRAVITY
+from mcnav.physics.units import UnitError, conversion, quantity
 from mcnav.report.document.html import page_html
 from mcnav.report.pages.identify import model_words, page
 from mcnav.report.results.identified import AxisReport, IdentificationReport, LogFacts, ParameterRow, SpectrumPoints
@@ -32,7 +33,6 @@ from mcnav.studies.identified_campaign import campaign_sigmas, open_campaign
 from mcnav.studies.identified_imu import imu_table, nearest_grades
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.scenario import PROCESS_UNITS
-from mcnav.units import UnitError, conversion, quantity
 
 FILE: Final = "identify.json"
 PAGE: Final = "identify.html"

@@ -9,17 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from mcnav._threads import one_thread
 from mcnav.config.documents import Description
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.contract.recorded import FilteredRecord, RecordingError
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import indented_json, to_json, write_texts
+from mcnav.execution.progress import duration, note
+from mcnav.execution.threads import one_thread
+from mcnav.files.whole import indented_json, to_json, write_texts
 from mcnav.judgement.error_table import ErrorVerdict, judge_errors
 from mcnav.judgement.verdict import SIMULATED, TRIALS, Judgement, judge
 from mcnav.logs.log_error import LogError
-from mcnav.progress import duration, note
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import judged
 from mcnav.report.pages import judged_errors as errors_report

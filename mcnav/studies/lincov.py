@@ -12,8 +12,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
 from mcnav.analysis.answer_times import as_read
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.filter_consistency import Honesty
@@ -27,6 +25,7 @@ from mcnav.analysis.requirements import requirements_from, smallest_limits
 from mcnav.analysis.vector_sizes import linear_sizes
 from mcnav.analysis.what_if import WhatIf
 from mcnav.analysis.withheld import with_rejections
+from mcnav.arrays.types import Array
 from mcnav.config.documents import Description, document_of
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.config.toml import Content
@@ -35,8 +34,10 @@ from mcnav.contract.quantities import kinds_of
 from mcnav.contract.questions import Question, reason_against
 from mcnav.contract.scenario import Scenario, ScenarioError, has_gates
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import indented_json, to_json, write_texts
+from mcnav.execution.threads import one_thread
+from mcnav.files.whole import indented_json, to_json, write_texts
 from mcnav.linear.refusals import scenario_errors
+from mcnav.physics.units import UnitError, quantity
 from mcnav.report.columns.gates import gates_entry
 from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import Page
@@ -45,7 +46,6 @@ from mcnav.report.statements.lincov import final_nominal
 from mcnav.studies.curved_tails import with_curvature
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.user.scenario import is_users
-from mcnav.units import UnitError, quantity
 from mcnav.workflow.rejections import rejections_of
 from mcnav.workflow.what_if import what_if_of_answer
 

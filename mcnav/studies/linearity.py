@@ -9,19 +9,19 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, decade, together
 from mcnav.analysis.sized_outputs import components_of
+from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine, scales_noise, without_noise
 from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import write_texts
+from mcnav.execution.progress import SILENT, Phase, Progress
+from mcnav.execution.threads import one_thread
+from mcnav.files.whole import write_texts
 from mcnav.linear.partials import Propagate
-from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import linearity as tables
 from mcnav.report.statements.linearity import NoiseUse

@@ -9,13 +9,13 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final
 
-from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav.config.read import parse_campaign
 from mcnav.config.toml import Content
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError, RunFolderError
+from mcnav.execution.child_processes import end_with_parent, interrupts_blocked
+from mcnav.execution.progress import Phase
 from mcnav.linear.partials import SimulationFailed
-from mcnav.progress import Phase
 from mcnav.report.pages.live import Confirmation, verdicts
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.stored_summary import stored_summary

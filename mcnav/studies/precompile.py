@@ -13,14 +13,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav.config.read import read_campaign
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.examples import examples, examples_folder
 from mcnav.errors import CampaignError
+from mcnav.execution.child_processes import end_with_parent, interrupts_blocked
+from mcnav.execution.progress import COMPILATION, SILENT
 from mcnav.linear.partials import SimulationFailed
 from mcnav.linear.polynomial_engine import engine_names
-from mcnav.progress import COMPILATION, SILENT
 from mcnav.studies.lincov import linear_covariance
 from mcnav.studies.start_times import write_start_times
 from mcnav.workflow.run import run_campaign

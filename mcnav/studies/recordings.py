@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign
 from mcnav.contract.recorded import MeasurementFile, RecordedMeasurements, RecordedTrack, Recording
 from mcnav.contract.scenario import RecordingScenario, can_be_recorded
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import write_texts
+from mcnav.files.whole import write_texts
 from mcnav.logs.imu_log import read_imu_log, remark_on_axes
 from mcnav.logs.log_error import LogError
 from mcnav.logs.tables import read_table
 from mcnav.logs.track import Track, read_track
+from mcnav.physics.units import UnitError, conversion
 from mcnav.runner.draws import DrawPlan
-from mcnav.units import UnitError, conversion
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,7 +8,7 @@ from typing import Final
 
 from mcnav.analysis.summary import Summary
 from mcnav.config.read import Campaign
-from mcnav.progress import SILENT, Progress
+from mcnav.execution.progress import SILENT, Progress
 from mcnav.workflow.run import run_campaign
 
 MOST_SAMPLES: Final = 10_000

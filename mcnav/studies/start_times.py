@@ -9,21 +9,21 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.analysis.mean_errors import mean_errors, rounding_of_means
 from mcnav.analysis.sized_outputs import components_of
+from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine
 from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import write_texts
+from mcnav.execution.progress import SILENT, Phase, Progress
+from mcnav.execution.threads import one_thread
+from mcnav.files.whole import write_texts
 from mcnav.linear.refusals import scenario_errors
 from mcnav.linear.start_times import StartTimeStudy, study_start_times, usual_weights
-from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import start_times as tables
 from mcnav.runner.draws import PROBES

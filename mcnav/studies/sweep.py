@@ -13,8 +13,6 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import (
     Measure,
     MeasureError,
@@ -24,6 +22,7 @@ from mcnav.analysis.accuracy_measures import (
 )
 from mcnav.analysis.crossings import find_crossings, words_that_meet
 from mcnav.analysis.sweep import JustMet, Point, Sweep, Variable
+from mcnav.arrays.types import Array
 from mcnav.config.documents import Description
 from mcnav.config.overrides import VariedCampaign
 from mcnav.config.read import Campaign
@@ -31,8 +30,9 @@ from mcnav.config.sweep_values import POINTS, read_variables
 from mcnav.contract.quantities import Output
 from mcnav.contract.scenario import runs_user_code
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import indented_json, write_texts
-from mcnav.progress import SILENT, Phase, Progress
+from mcnav.execution.progress import SILENT, Phase, Progress
+from mcnav.execution.threads import one_thread
+from mcnav.files.whole import indented_json, write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import sweep as report
 from mcnav.report.pages.sweep_page import page

@@ -10,13 +10,12 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from mcnav._subprocess import side_threads
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.accuracy_measures import Measure, requirement_measures
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_range import limits_of, outputs_beyond
 from mcnav.analysis.requirements import Requirement, requirements_from
 from mcnav.analysis.sweep import Point, Variable
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.config.overrides import Value, VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.contract.linear import CovarianceReadings, LinearModel, SharedTables
@@ -27,6 +26,7 @@ from mcnav.contract.scenario import (
     runs_user_code,
 )
 from mcnav.errors import CampaignError, Problem
+from mcnav.execution.child_processes import side_threads
 from mcnav.linear.refusals import scenario_errors
 
 Item = TypeVar("Item")

@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 LEFT: Final = 1e-4
 """Share of the variance that noise adds to an outcome which may be left without a condition of its own."""

@@ -11,7 +11,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 FaultKind = Literal["spike", "ramp", "bias"]
 

@@ -12,7 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import transform, transformed_variances
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.gates import FaultLaw, GateLaw, RejectedErrors, RejectionLaws, RejectionReading
 from mcnav.contract.timeline import Timeline
 from mcnav.linear.engine.design import Design, filter_of
@@ -20,7 +21,6 @@ from mcnav.linear.engine.innovations import InnovationLaw, innovation_laws, meas
 from mcnav.linear.engine.propagate import Propagated, readout_maps
 from mcnav.linear.engine.rejections import WhitenedFilter, next_correlations, rejected_errors
 from mcnav.linear.engine.transitions import bounds
-from mcnav.products import transform, transformed_variances
 from mcnav.systems.faults import Fault, fault_errors, gate_limit
 
 MOST_LAWS: Final = 32

@@ -13,7 +13,7 @@ its process makes a copy of itself that      the copy is ended, and `CodeMisbeha
 comes back (``fork``)
 ===========================================  ========================================================================
 
-A command notes for its supervisor where its threads are (`mcnav._supervision`).
+A command notes for its supervisor where its threads are (`mcnav.execution.supervision`).
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from typing import Any, Final, NoReturn, ParamSpec, TypeVar
 
 import numpy as np
 
-from mcnav import _supervision
-from mcnav._interrupts import interrupts
-from mcnav._stopping import Stopped
-from mcnav._subprocess import is_worker
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError
+from mcnav.execution import supervision
+from mcnav.execution.child_processes import is_worker
+from mcnav.execution.interrupts import interrupts
+from mcnav.execution.stopping import Stopped
 from mcnav.systems.timeouts import SampleTimeout
 
 Parameters = ParamSpec("Parameters")
@@ -241,12 +241,12 @@ def in_user_code(file: str, doing: str) -> Iterator[None]:
     Raises `CodeMisbehaved` when it has changed what it must not, and `Halted` as `call_user` does.
     """
     process, thread = os.getpid(), threading.get_ident()
-    notes = _supervision.own_notes()
+    notes = supervision.own_notes()
     with _lock:
         outer = thread in _running.threads
         if not outer:
             taken = {line for line, _ in _running.threads.values()}
-            line = next((line for line in range(_supervision.PLACES) if line not in taken), _supervision.PLACES)
+            line = next((line for line in range(supervision.PLACES) if line not in taken), supervision.PLACES)
             if not _running.threads:
                 _running.before = _Process.now()
                 _copies()
@@ -254,7 +254,7 @@ def in_user_code(file: str, doing: str) -> Iterator[None]:
             copies = _running.copies
         line, _ = _running.threads[thread]
         before = ""
-        if notes is not None and line < _supervision.PLACES:
+        if notes is not None and line < supervision.PLACES:
             before = notes.read(line) if outer else ""
             notes.write(line, before if outer and doing == TRYING else f"{file}\t{doing}")
     raised = True
@@ -269,7 +269,7 @@ def in_user_code(file: str, doing: str) -> Iterator[None]:
     finally:
         if os.getpid() != process:
             _end_copy()
-        if notes is not None and line < _supervision.PLACES:
+        if notes is not None and line < supervision.PLACES:
             notes.write(line, before)
         refused = "" if outer else _leave(thread, copies, file, doing)
         if refused and not raised:
@@ -289,8 +289,8 @@ def _leave(thread: int, copies: int, file: str, doing: str) -> str:
     if _copies()[0]:
         _copies()[0] = 0
         changed = COPIED
-    if spoilt and _supervision.own_notes() is not None:  # no other words would be read
-        _supervision.give_up(f"{file} {spoilt} {doing}")
+    if spoilt and supervision.own_notes() is not None:  # no other words would be read
+        supervision.give_up(f"{file} {spoilt} {doing}")
     if spoilt and is_worker() and _file(_canary()) is None:  # nor can its pool hear of it
         os._exit(1)
     return spoilt or changed

@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.history import History, Panel
 from mcnav.contract.quantities import Output
 from mcnav.errors import CampaignError, Problem
-from mcnav.units import conversion
+from mcnav.physics.units import conversion
 
 BEFORE_END: Final = 1.0
 """Time before the end of an outage, or of a span, at which errors are read out, s; less in a short one."""

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.samples import SimulationResult
 from mcnav.systems.guard import raised_by

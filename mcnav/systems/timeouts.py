@@ -4,7 +4,7 @@
 into it, are stopped by a signal; code that ignores signals, such as a compiled loop, is stopped by ending the worker
 process. Signals reach the main thread only, so the runner uses worker processes when there is a limit.
 
-Simulations in another thread are stopped between two samples (`mcnav._stopping`).
+Simulations in another thread are stopped between two samples (`mcnav.execution.stopping`).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final, TypeVar
 
-from mcnav._stopping import check_stopped
-from mcnav._supervision import LATE, own_notes
+from mcnav.execution.stopping import check_stopped
+from mcnav.execution.supervision import LATE, own_notes
 
 Result = TypeVar("Result")
 

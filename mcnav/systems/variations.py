@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.errors import ScenarioError
 from mcnav.contract.timeline import Instants, Start, Steps, Timeline
 

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mcnav._subprocess import side_threads
-from mcnav._threads import one_thread
 from mcnav.analysis.block_moments import ReducedSamples
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored, reduce_summary
@@ -27,6 +25,8 @@ from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
 from mcnav.analysis.vector_sizes import sampled_sizes
 from mcnav.errors import RunFolderError, reading_file
+from mcnav.execution.child_processes import side_threads
+from mcnav.execution.threads import one_thread
 from mcnav.linear.at_epochs import same_times
 from mcnav.report.results.failures import Failures, failures_in, grouped
 from mcnav.report.results.model import RunAnalysis

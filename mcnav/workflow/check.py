@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mcnav._threads import one_thread
 from mcnav.analysis.heading import heading_remark
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.config.toml import load_file
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError, Problem
+from mcnav.execution.threads import one_thread
 from mcnav.statistics.demonstration import runs_to_show
 from mcnav.systems.user.code import classes_in
 from mcnav.systems.user.conformance import Check, check_conformance

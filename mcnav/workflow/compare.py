@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
 import numpy as np
 
-from mcnav._threads import one_thread
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import end_words
 from mcnav.errors import reading_file
+from mcnav.execution.threads import one_thread
 from mcnav.report.document.html import page_html, parts_html
 from mcnav.report.pages.comparison import Row, change_table, input_table, inputs, outputs, ratios
 from mcnav.report.pages.comparison import page as comparison_page

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine
 from mcnav.linear.corrections import Corrections
 from mcnav.linear.nonlinear_corrections import noise_corrections, nonlinear_corrections

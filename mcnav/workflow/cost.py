@@ -9,7 +9,7 @@ import numpy as np
 
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario
-from mcnav.progress import duration
+from mcnav.execution.progress import duration
 from mcnav.runner.executors import JOBS
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.finite_differences import SHARES

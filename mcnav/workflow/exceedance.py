@@ -11,11 +11,11 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._stopping import check_stopped
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.exceedance import Event, allowed_share, most_likely_way, samples_deciding
 from mcnav.analysis.requirements import Requirement, is_rare, size_probability
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.engine import (
     ConditionalEngine,
     ConditionalNoise,
@@ -27,9 +27,9 @@ from mcnav.contract.engine import (
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError
+from mcnav.execution.stopping import check_stopped
 from mcnav.linear.at_epochs import stated_at_epochs
 from mcnav.linear.polynomial_engine import exact_part
-from mcnav.products import transform
 from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.facets import BEHIND
 from mcnav.rare.jumps import known_facets

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from mcnav._threads import one_thread
 from mcnav.errors import reading_file
-from mcnav.files import write_whole
+from mcnav.execution.threads import one_thread
+from mcnav.files.whole import write_whole
 from mcnav.report.columns.result_table import ResultTable, Units
 from mcnav.report.columns.result_tables import final_tables
 from mcnav.report.columns.tables_over_time import tables_over_time

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from mcnav._threads import one_thread
 from mcnav.errors import RunFolderError, reading_file, suggestion
+from mcnav.execution.threads import one_thread
 from mcnav.report.pages.run.page import figures
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pyarrow as pa
 
-from mcnav._types import Array
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
 from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_range import limits_of
+from mcnav.arrays.types import Array
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
 from mcnav.errors import RunFolderError

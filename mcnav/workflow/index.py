@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from mcnav.analysis.summary import Summary
 from mcnav.errors import RunFolderError, reading_file
-from mcnav.files import write_whole
+from mcnav.files.whole import write_whole
 from mcnav.report.document.html import page_html
 from mcnav.report.document.page_head import PageHead, page_head
 from mcnav.report.document.parts import Answers, Page, Part, Section, Sentence

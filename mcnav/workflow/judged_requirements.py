@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Comparison, Criterion, Model
 from mcnav.analysis.exceedance import Event, weigh
 from mcnav.analysis.linear_range import BeyondRange
 from mcnav.analysis.requirements import LEVELS, METHOD, Exceedance, Requirement, RequirementResult, judge_requirement
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.store.manifest import Manifest
 from mcnav.store.summaries import STORED_ROWS, SUMMARY
 from mcnav.workflow.linear_extremes import explain

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Model
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearModel
 from mcnav.linear.block_sums import Normalization
-from mcnav.products import transform
 from mcnav.store.manifest import Manifest, ModelRecord, PartialsRecord
 from mcnav.store.summaries import SUMMARY
 

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import IndexArray
 from mcnav.analysis.rejections import OnLinear, RejectionAnswer, judge_rejections
+from mcnav.arrays.types import IndexArray
 from mcnav.contract.gates import RejectionLaws
 from mcnav.contract.scenario import Scenario, has_gates
 from mcnav.report.columns.gates import rejection_line

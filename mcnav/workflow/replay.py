@@ -9,9 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
 from mcnav.analysis.requirements import requirements_from
+from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign, read_campaign
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.failure import OK
@@ -21,10 +20,12 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError, can_replay
 from mcnav.entries.context import EarlierFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, shortened
-from mcnav.files import INPUTS, read_whole, write_whole
+from mcnav.execution.threads import one_thread
+from mcnav.files.whole import INPUTS, read_whole, write_whole
 from mcnav.linear.at_epochs import linear_at_epochs
 from mcnav.linear.polynomial import PolynomialFitError
 from mcnav.linear.polynomial_engine import exact_part, prepare_engine
+from mcnav.physics.units import conversion
 from mcnav.report.columns.requirements import NamedRequirement, stated
 from mcnav.report.names import humanize
 from mcnav.report.pages.replay import Outcome, Replay, files
@@ -47,7 +48,6 @@ from mcnav.store.run_files import CAMPAIGN, MANIFEST
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 from mcnav.systems.histories import with_errors
-from mcnav.units import conversion
 from mcnav.workflow.exceedance import fly_way_to_fail, has_noise
 from mcnav.workflow.recorded_model import linear_model
 

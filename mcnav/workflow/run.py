@@ -11,17 +11,17 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from mcnav._stopping import stopped_by
-from mcnav._subprocess import side_threads
-from mcnav._threads import one_thread
 from mcnav.analysis.summary import Summary
 from mcnav.compiled.target import target
 from mcnav.config.read import Campaign
 from mcnav.config.stopping import StoppingRule
 from mcnav.entries.inputs import InputFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, did_you_mean, near_names
+from mcnav.execution.child_processes import side_threads
+from mcnav.execution.progress import SILENT, Phase, Progress, note
+from mcnav.execution.stopping import stopped_by
+from mcnav.execution.threads import one_thread
 from mcnav.linear.polynomial_engine import engine_names
-from mcnav.progress import SILENT, Phase, Progress, note
 from mcnav.runner.chunks import ChunkJob
 from mcnav.runner.identity import check_no_foreign_files, check_resumable, chunk_digest, earlier_digests, identity_of
 from mcnav.runner.runner import ChunkExecutor

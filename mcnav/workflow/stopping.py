@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 
 from mcnav.config.stopping import StoppingRule
-from mcnav.progress import Phase, Progress
+from mcnav.execution.progress import Phase, Progress
 from mcnav.runner.chunks import ChunkJob
 from mcnav.runner.runner import ChunkExecutor, run_chunks
 from mcnav.statistics.interim_sizes import interim_sizes

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.linear_samples import doubt_noise
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, has_histories, smoother_of
 from mcnav.contract.history import Epochs
 from mcnav.contract.scenario import runs_user_code

@@ -8,12 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import read_campaign
 from mcnav.config.toml import load_file
-from mcnav.constants import STANDARD_GRAVITY
 from mcnav.contract.history import History, Panel
 from mcnav.errors import CampaignError, Problem
+from mcnav.physics.constants import STANDARD_GRAVITY
 from mcnav.report.pages.trajectory import Extreme, TrajectoryReport
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.recognition import is_ins

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.rejections import OnLinear
@@ -25,6 +24,7 @@ from mcnav.analysis.what_if import (
     picked_entries,
     scaled_covariance,
 )
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.config.what_if import changeable_campaign, estimable_kinds, unsized_causes
 from mcnav.contract.quantities import Source
 from mcnav.report.columns.gates import rejection_line

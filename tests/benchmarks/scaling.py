@@ -14,7 +14,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 from mcnav.config.read import Campaign, read_campaign
-from mcnav.progress import SILENT
+from mcnav.execution.progress import SILENT
 from mcnav.runner import dask_cluster as clusters
 from mcnav.runner.chunks import SampleRange, simulate_chunk
 from mcnav.runner.dask_cluster import connect

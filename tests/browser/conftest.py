@@ -15,7 +15,7 @@ import pytest
 
 import mcnav
 from mcnav.config.read import read_campaign
-from mcnav.files import write_texts
+from mcnav.files.whole import write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.pages.trajectory import page as trajectory_page
 from mcnav.studies.allocate import write_allocation

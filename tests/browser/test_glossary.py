@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from mcnav.pages import page_text
+from mcnav.docs.pages import page_text
 from mcnav.report.document.glossary import HINTED, glossary
 from tests.browser.conftest import Browser
 

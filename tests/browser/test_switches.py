@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from mcnav.physics.units import conversion
 from mcnav.report.format import number
-from mcnav.units import conversion
 from tests.browser.conftest import UNFOLD, Browser
 
 NUMBERS = """() => Array.from(document.querySelectorAll("tr:has([data-unit]) data")).map((each) => {

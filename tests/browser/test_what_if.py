@@ -20,11 +20,11 @@ import pytest
 import mcnav
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.config.read import parse_campaign, read_campaign
+from mcnav.physics.units import quantity
 from mcnav.report.document.html import page_html
 from mcnav.report.pages.lincov_page import page as lincov_page
 from mcnav.statistics.normal_box import normal_box_probability
 from mcnav.studies.lincov import answer_linearly
-from mcnav.units import quantity
 from mcnav.workflow.what_if import what_if_of_answer
 from tests.browser.conftest import Browser
 from tests.campaigns.test_what_if import AIDED, CAMPAIGNS

@@ -10,8 +10,8 @@ from typing import Final, TypeVar
 
 from joblib import Parallel, delayed
 
-from mcnav._subprocess import end_with_parent, interrupts_blocked
-from mcnav._threads import one_thread
+from mcnav.execution.child_processes import end_with_parent, interrupts_blocked
+from mcnav.execution.threads import one_thread
 
 LEVEL: Final = 0.95
 """Confidence of each single statement."""

@@ -30,11 +30,11 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_consistency import FilterConsistency, Honesty
 from mcnav.analysis.filter_evidence import FilterEvidence, MeanSquares
+from mcnav.arrays.types import Array
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.quantities import Output
 from mcnav.numerics.power_sums import sum_powers_about_zero

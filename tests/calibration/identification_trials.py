@@ -24,7 +24,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.fit import Estimate
 from mcnav.identification.identify import IdentifiedNoise, identify_noise
 from mcnav.systems.ins.imu.instruments import Noise

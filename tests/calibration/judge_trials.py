@@ -23,11 +23,11 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.contract.scenario import can_be_recorded
+from mcnav.execution.threads import one_thread
 from mcnav.judgement.assessment import LEVEL, Assessment, assess
 from mcnav.judgement.likelihood import estimate_factor
 from mcnav.judgement.simulation import recorded

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
+from mcnav.arrays.types import Array
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.quantities import Output
 from mcnav.numerics.power_sums import sum_powers_about_zero

@@ -18,10 +18,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_consistency import MEAN, FilterConsistency, Honesty
+from mcnav.arrays.types import Array
 from tests.calibration.cells import LEVEL, Cell, Tally, tally
 from tests.calibration.kalman import KalmanFilter
 

@@ -23,7 +23,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, compare
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_causes import largest_departure, neglected_errors
@@ -31,6 +30,7 @@ from mcnav.analysis.filter_decision import outputs_of
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
 from mcnav.analysis.requirements import Requirement, judge_requirement, linear_quantile
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time, largest_linear_quantile
+from mcnav.arrays.types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.contract.samples import SimulationResult
 from mcnav.numerics.power_sums import sum_powers_about_zero

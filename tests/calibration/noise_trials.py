@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, compare, correlations
 from mcnav.analysis.linear_samples import doubt_noise
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.analysis.verdict import Verdict
+from mcnav.arrays.types import Array
 from mcnav.sampler.designs import SamplingDesign, standard_normals
 from tests.calibration.cells import LEVEL, Cell, Tally, tally
 from tests.calibration.noise_systems import CRITERION, NOISY_SYSTEMS, OUTCOME, NoisySystem, curved

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from markupsafe import Markup
 
-from mcnav.files import write_texts
+from mcnav.files.whole import write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import Folded, Note, Page, Section, Sentence
 from mcnav.report.document.table import Cell, Column, Table, counted, label

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from scipy import integrate, special, stats
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.rare.estimate import estimate_probability
 from mcnav.rare.limits import AnyEpoch, Distance, Limit, Sides
 from mcnav.rare.weigh import Rare

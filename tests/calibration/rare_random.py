@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from scipy import integrate, optimize, special, stats
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from tests.calibration.rare_events import RareEvent, both, gauss_legendre, upper
 
 PROBABILITIES: Final = (1e-7, 1e-4)

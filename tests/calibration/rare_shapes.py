@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from scipy import integrate, special, stats
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
 from tests.calibration.rare_events import RareEvent, upper
 

@@ -20,9 +20,9 @@ import numpy as np
 from joblib import Parallel, delayed
 from scipy import stats
 
-from mcnav._subprocess import end_with_parent, interrupts_blocked
-from mcnav._threads import one_thread
 from mcnav.analysis.exceedance import POWER
+from mcnav.execution.child_processes import end_with_parent, interrupts_blocked
+from mcnav.execution.threads import one_thread
 from tests.calibration.cells import Cell, Tally
 from tests.calibration.rare_events import EVENTS, FLIGHTS, RareEvent
 from tests.calibration.rare_random import DIMENSIONS, RANDOM

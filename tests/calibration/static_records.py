@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Model
+from mcnav.arrays.types import Array
 
 CURVATURE: Final = 0.2
 CORRUPTION: Final = 1.05

@@ -18,11 +18,11 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.analysis.requirements import Finding, Requirement, judge_requirement
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
 from mcnav.analysis.tails import tails
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.sampler.designs import SamplingDesign, standard_normals
 from mcnav.statistics.normal_box import normal_box_probability
 from mcnav.statistics.normal_size import size_quantile

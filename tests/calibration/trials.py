@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Comparison, Criterion, compare, correlations
 from mcnav.analysis.requirements import Finding, Requirement, independent_samples, judge_requirement
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.sampler.designs import SamplingDesign, standard_normals
 from mcnav.sampler.distributions import Distribution, Normal, StudentT
 from mcnav.statistics.hypothesis_test import HypothesisTest

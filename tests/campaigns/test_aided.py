@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from mcnav._types import Array
 from mcnav.analysis.linear_covariance import LinearCovariance
+from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance

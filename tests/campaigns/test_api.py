@@ -17,7 +17,7 @@ import tomli_w
 
 import mcnav
 from mcnav.config.read import read_campaign
-from mcnav.notebook import RunResult
+from mcnav.frames.runs import RunResult
 from mcnav.store.run_folder import RunFolder
 
 OUTPUTS = ["altitude", "range", "altitude_rate", "range_rate"]

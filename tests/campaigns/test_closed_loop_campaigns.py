@@ -12,7 +12,7 @@ import tomli_w
 from scipy import stats
 
 import mcnav
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.contract.samples import Batch
 from mcnav.report.statements.lincov import mean_words

@@ -16,13 +16,13 @@ import scipy.io
 
 import mcnav
 from mcnav.config.read import parse_campaign
-from mcnav.notebook import RunResult
+from mcnav.frames.runs import RunResult
+from mcnav.physics.units import conversion
 from mcnav.report.columns import tables_over_time as over_time
 from mcnav.report.columns.over_time import TimeColumn
 from mcnav.report.exports import arrays as matrices
 from mcnav.report.exports.arrays import Matrix, as_mat
 from mcnav.report.exports.dataset import dataset
-from mcnav.units import conversion
 from tests.campaigns.test_aided import FOLDER, shortened
 from tests.commands import invoke
 from tests.conftest import content

@@ -13,8 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from mcnav._recent import Recent
 from mcnav.analysis.summary import Summary
+from mcnav.caches.recent import Recent
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.errors import RunFolderError
 from mcnav.report.statements import details, verdicts

@@ -15,7 +15,7 @@ from mcnav.config.read import parse_campaign
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import CovarianceQuestion, has_gates
 from mcnav.errors import CampaignError
-from mcnav.notebook import RunResult
+from mcnav.frames.runs import RunResult
 from mcnav.report.document.html import page_html
 from mcnav.report.pages.lincov import statements
 from mcnav.report.pages.lincov_page import page

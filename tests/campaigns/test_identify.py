@@ -13,7 +13,7 @@ import pytest
 from scipy.signal import lfilter
 
 import mcnav
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.studies.identify import IdentifyPlan, identify_logs
 from mcnav.systems.ins.recognition import is_ins
 from tests.commands import invoke

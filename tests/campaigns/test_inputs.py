@@ -26,7 +26,7 @@ from mcnav.entries.inputs import (
     with_unique_names,
 )
 from mcnav.errors import CampaignError, RunFolderError
-from mcnav.progress import Silent
+from mcnav.execution.progress import Silent
 from mcnav.store import inputs as campaign_inputs
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.compare import compare_runs

@@ -12,7 +12,7 @@ import pytest
 
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError
-from mcnav.notebook import open_run
+from mcnav.frames.runs import open_run
 from mcnav.report.statements.linearity import WITHOUT_NOISE
 from mcnav.studies.linearity import linearity_study, write_linearity
 from mcnav.workflow.analyse import report_run, samples_of

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 import tomli_w
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
 from mcnav.contract.recorded import MeasurementFile

@@ -19,8 +19,8 @@ from typing import Any
 
 import pytest
 
-from mcnav import _interrupts
 from mcnav.errors import CampaignError
+from mcnav.execution import interrupts
 from mcnav.studies.lincov import answer_linearly
 from mcnav.studies.live import MOST, LiveCampaign
 from mcnav.studies.live_server import LARGEST, LiveServer, answer_requests
@@ -233,17 +233,17 @@ def test_an_interrupt_is_its_ordinary_end(tmp_path: Path) -> None:
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     try:
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, _interrupts._interrupt)
+            signal.signal(number, interrupts._interrupt)
         Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
         done = invoke("live", CRUISE, cwd=tmp_path)
         assert re.fullmatch(rf"page: http://127\.0\.0\.1:\d+/\S{{32}}/\nCtrl-C ends it\n\nnext: mcnav run {CRUISE}\n",
                             done.stdout)  # fmt: skip
         assert (done.returncode, done.stderr) == (0, "")
-        with _interrupts.until_interrupted():
+        with interrupts.until_interrupted():
             signal.raise_signal(signal.SIGINT)
-        with pytest.raises(KeyboardInterrupt), _interrupts.until_interrupted():
+        with pytest.raises(KeyboardInterrupt), interrupts.until_interrupted():
             signal.raise_signal(signal.SIGTERM)
     finally:
-        _interrupts.interrupts.received.clear()
+        interrupts.interrupts.received.clear()
         signal.signal(signal.SIGINT, before[0])
         signal.signal(signal.SIGTERM, before[1])

@@ -20,7 +20,7 @@ from scipy import stats
 from mcnav.analysis.improvements import largest_share
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError
-from mcnav.notebook import open_run
+from mcnav.frames.runs import open_run
 from mcnav.store.run_files import MANIFEST, as_text, json_digest
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.allocate import allocate

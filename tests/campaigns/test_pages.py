@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from mcnav.docs.pages import PAGES, page_text
 from mcnav.identification.identify import IdentifiedNoise, identify_noise
-from mcnav.pages import PAGES, page_text
 from tests.conftest import ROOT
 from tests.printed import blocks, follow, missing_line, same_text
 

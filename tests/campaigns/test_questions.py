@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mcnav.pages import page_text
+from mcnav.docs.pages import page_text
 from tests.conftest import ROOT
 from tests.printed import Block, Session, blocks
 

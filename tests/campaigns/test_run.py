@@ -18,7 +18,7 @@ import mcnav
 from mcnav.compiled.target import target
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.errors import RunFolderBusy, RunFolderError
-from mcnav.progress import SILENT, Phase
+from mcnav.execution.progress import SILENT, Phase
 from mcnav.runner.runner import run_chunks
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import RunFolder

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mcnav.config.read import read_campaign
-from mcnav.notebook import RunResult
+from mcnav.frames.runs import RunResult
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.compare import compare_runs

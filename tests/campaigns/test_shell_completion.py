@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from mcnav.cli.shell_completion import aids, campaigns, engines, keys, outputs, runs, sources, trajectories
 from mcnav.config.read import read_campaign
 from mcnav.linear.polynomial_engine import MAP
-from mcnav.shell_completion import aids, campaigns, engines, keys, outputs, runs, sources, trajectories
 from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.tables.imu_catalogue import catalogue
 from tests.conftest import ROOT

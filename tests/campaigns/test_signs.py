@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import parse_campaign
-from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.samples import Batch
-from mcnav.pages import page_text
-from mcnav.units import quantity
+from mcnav.docs.pages import page_text
+from mcnav.physics.constants import EARTH_RADIUS
+from mcnav.physics.units import quantity
 
 GRAVITY = 9.80665
 

@@ -11,7 +11,7 @@ from typer.main import get_command
 import mcnav
 from mcnav.cli import app
 from mcnav.config.schema import CampaignTable
-from mcnav.pages import PAGES
+from mcnav.docs.pages import PAGES
 from mcnav.systems.registry import FURTHER_NAMES
 from tests.conftest import ROOT
 

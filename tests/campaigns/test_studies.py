@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import alone, together
+from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult
 from mcnav.errors import CampaignError

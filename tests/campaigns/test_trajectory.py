@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import Result
 
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.physics.constants import STANDARD_GRAVITY
 from tests.commands import in_process
 from tests.unit.config.test_trajectory_file import flight, write_csv
 

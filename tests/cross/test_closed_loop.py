@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.studies.lincov import linear_covariance
 from tests.closed_loops import CAMPAIGNS, campaign

@@ -9,7 +9,7 @@ import pytest
 from scipy import linalg
 from scipy.spatial.transform import Rotation
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch
 from mcnav.systems.closed_loop.rotations import from_matrix, to_matrix, turn_between, turned
 from tests.closed_loops import campaign

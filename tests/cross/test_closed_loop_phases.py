@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch
 from tests.cross.test_closed_loop import campaign, covariance
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError

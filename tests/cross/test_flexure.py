@@ -13,7 +13,7 @@ import pytest
 from scipy import stats
 from scipy.linalg import expm
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError
 from mcnav.systems.ins.aided import AidedNavigation

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.samples import Batch
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.guided.description import FollowingLaw, Guidance, GuidedNavigation, Whose
 from mcnav.systems.reentry.guided.reference import GuidedReferenceEngine, fly_guided, largest_force, simulate_guided
 from mcnav.systems.reentry.navigator import simulate_indicated

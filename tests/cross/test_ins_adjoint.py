@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.ensemble.adjoint import Adjoint
 from mcnav.systems.ins.ensemble.aided import GivenNoise, simulate_aided
 from mcnav.systems.ins.imu.instruments import CONSTANTS, GYRO

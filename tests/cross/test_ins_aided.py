@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.vectors import room
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.ins import aided

@@ -20,7 +20,7 @@ from pyins.util import ACCEL_COLS, DV_COLS, GYRO_COLS, LLA_COLS, RPH_COLS, THETA
 from scipy.spatial.transform import Rotation
 
 import tests.stored_pyins  # noqa: F401
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84, local_axes
 from mcnav.systems.ins.filter.model import Beliefs, FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, Noise

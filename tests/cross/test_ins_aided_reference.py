@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.systems.ins.aided import AidedReferenceEngine, filter_schema
 from mcnav.systems.ins.ensemble.aided import GivenNoise, simulate_aided

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.systems.ins.aided import AidedReferenceEngine
 from mcnav.systems.ins.earth import WGS84, local_axes

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.contract.engine import Engine
 from mcnav.contract.samples import Batch, SimulationResult

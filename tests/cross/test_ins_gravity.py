@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 from scipy.linalg import expm
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.ins.aided import AidedEngine, AidedReferenceEngine
 from mcnav.systems.ins.earth import WGS84, Earth

@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 from scipy.linalg import expm
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84, local_axes
 from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, Noise

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch
 from mcnav.systems.ins.imu.instruments import Imu, Noise
 from mcnav.systems.ins.linear.aided_errors import propagate_closed_loop, smooth_closed_loop

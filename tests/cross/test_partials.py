@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.engine import without_noise
 from mcnav.contract.errors import ScenarioError
 from mcnav.linear.partials import (
@@ -16,6 +15,7 @@ from mcnav.linear.partials import (
     partials_by_independent_sets,
     partials_from_runs,
 )
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.linearized import LinearNavigator
 from mcnav.systems.reentry.scenario import Reentry

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import read_campaign
 from mcnav.contract.engine import has_histories, without_noise
 from mcnav.contract.history import History

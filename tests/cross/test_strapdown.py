@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.systems.closed_loop.sizes import LoopSizes

@@ -35,8 +35,8 @@ from pathlib import Path
 from typing import Final
 from unittest.mock import patch
 
-from mcnav.files import write_whole
-from mcnav.progress import Silent
+from mcnav.execution.progress import Silent
+from mcnav.files.whole import write_whole
 from mcnav.runner.dask_cluster import connect
 from mcnav.store.chunk_files import chunk_name
 from tests.faults.kinds import BACKENDS, DASK, KINDS, SCHEDULER, STORES, Case
@@ -123,7 +123,7 @@ def _killed_in_writing(number: int) -> Iterator[None]:
             os.ftruncate(file, len(content) // 2)
             os.kill(os.getpid(), signal.SIGKILL)
 
-        with patch("mcnav.files.os.fsync", end) if path.name == chunk_name(number) else nullcontext():
+        with patch("mcnav.files.whole.os.fsync", end) if path.name == chunk_name(number) else nullcontext():
             write_whole(path, content)
 
     with patch("mcnav.store.chunk_files.write_whole", write):

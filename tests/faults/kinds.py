@@ -13,7 +13,7 @@ from unittest.mock import patch
 
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.config.templates import new_scenario
-from mcnav.progress import SILENT, Progress
+from mcnav.execution.progress import SILENT, Progress
 from mcnav.runner.dask_cluster import connect
 from mcnav.runner.runner import ChunkExecutor
 from mcnav.store import summaries

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from mcnav.analysis.comparison import Model
 from mcnav.config.read import Campaign
+from mcnav.execution.progress import Silent
 from mcnav.linear.block_sums import Normalization
 from mcnav.linear.polynomial_engine import prepare_engine
-from mcnav.progress import Silent
 from mcnav.runner.chunks import ChunkJob
 from mcnav.runner.draws import DrawPlan
 from mcnav.sampler.designs import block_length

@@ -24,7 +24,7 @@ from typer.testing import Result
 
 from mcnav.config.read import read_campaign
 from mcnav.errors import ClusterError, RunFolderError, TooManyFailures
-from mcnav.progress import SILENT
+from mcnav.execution.progress import SILENT
 from mcnav.runner import dask_cluster as clusters
 from mcnav.runner.chunks import ChunkJob
 from mcnav.runner.dask_cluster import Cluster, connect

@@ -23,7 +23,7 @@ import pytest
 
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.errors import CampaignError, RunFolderError
-from mcnav.parquet import parquet_bytes
+from mcnav.files.parquet import parquet_bytes
 from mcnav.workflow.analyse import report_run, samples_of
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.stored_summary import summary_of

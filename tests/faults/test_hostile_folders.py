@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from mcnav.errors import RunFolderError
-from mcnav.parquet import parquet_bytes
+from mcnav.files.parquet import parquet_bytes
 from mcnav.report.pages.comparison import MOST_INPUTS
 from mcnav.store import chunk_files
 from mcnav.store.chunk_files import MOST_PARTS, table_from

@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 from joblib import Parallel, delayed
 
-from mcnav._stopping import Stopped
-from mcnav._subprocess import side_threads
 from mcnav.contract.engine import without_noise
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.execution.child_processes import side_threads
+from mcnav.execution.stopping import Stopped
 from mcnav.linear.corrections import Corrections
 from mcnav.runner.processes import IsolatedEngine
 from mcnav.runner.worker_processes import end_workers
@@ -174,7 +174,7 @@ def test_a_finalizer_that_is_interrupted_leaves_no_message() -> None:
     code = """
 import _multiprocessing, os
 from joblib.externals.loky.backend.synchronize import SemLock
-from mcnav._subprocess import interrupts_blocked
+from mcnav.execution.child_processes import interrupts_blocked
 
 with interrupts_blocked():
     lock = SemLock(1, 1, 1)

@@ -17,7 +17,7 @@ from mcnav.config.read import read_campaign
 from mcnav.entries import inputs
 from mcnav.entries.inputs import content_of
 from mcnav.errors import CampaignError, RunFolderError
-from mcnav.files import read_whole
+from mcnav.files.whole import read_whole
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.prepare import prepare_system
 from mcnav.workflow.trajectory import describe_campaign

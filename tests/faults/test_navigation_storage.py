@@ -65,7 +65,7 @@ def test_a_disk_that_fills(kind: str, tmp_path: Path, undisturbed: dict[str, dic
     """At each file in turn: one line, what is stored is whole and stays, and the run goes on to the same bits."""
     campaign, run = write_navigation(tmp_path, kind), tmp_path / "run"
     for writes, stored in ((0, 0), (3, 0), (len(BEGIN) + 1, 1), (len(BEGIN) + CHUNKS - 1, CHUNKS)):
-        with patch("mcnav.files.os.fsync", full_after(writes)), pytest.raises(RunFolderError) as full:
+        with patch("mcnav.files.whole.os.fsync", full_after(writes)), pytest.raises(RunFolderError) as full:
             run_navigation(campaign, kind, run)
         assert "No space left on device" in str(full.value)
         assert len(str(full.value).splitlines()) == 1

@@ -19,7 +19,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.errors import RunFolderError
-from mcnav.progress import Silent
+from mcnav.execution.progress import Silent
 from mcnav.runner.chunks import simulate_chunk
 from mcnav.store.chunk_files import verify_chunk
 from mcnav.store.run_files import MANIFEST, as_text, json_digest

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcnav.linear.covariance import propagated_covariance
+from mcnav.physics.units import quantity
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.reentry.ensemble.grid import shared_grid
 from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
@@ -14,7 +15,6 @@ from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.navigator import simulate_indicated
 from mcnav.systems.reentry.outputs import DEVIATIONS
 from mcnav.systems.reentry.scenario import SOURCES
-from mcnav.units import quantity
 from tests.conftest import SIZES, reentry, response
 
 MULTIPLES = st.lists(st.floats(-3.0, 3.0), min_size=len(SIZES), max_size=len(SIZES)).map(np.array)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from mcnav.constants import EARTH_RADIUS, EARTH_RATE
+from mcnav.physics.constants import EARTH_RADIUS, EARTH_RATE
 from mcnav.systems.reentry.table_i import (
     START_AIRSPEED,
     START_ANGLES,

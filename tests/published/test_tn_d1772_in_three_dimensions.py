@@ -11,10 +11,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import parse_campaign
-from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 from mcnav.contract.scenario import Scenario
+from mcnav.physics.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS
 from mcnav.systems.ins.scenario import Ins
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import parse_campaign
-from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
+from mcnav.physics.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS
 from mcnav.systems.ins.scenario import Ins
 from mcnav.systems.reentry.table_i import ALL_ERRORS

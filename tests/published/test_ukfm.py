@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy.linalg import expm
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.numerics.extended_poses import exponential
 from mcnav.validation.reproduce.ukfm import flight, page
 from mcnav.validation.reproduce.ukfm.kernel import FLOOR, LEFT, RIGHT, STANDARD, simulate

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import tests.stored_pyins  # noqa: F401
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.scenario import Ins
 from tests.benchmarks import machine, readme
 from tests.benchmarks.inertial import bounds, compare, engines, growth

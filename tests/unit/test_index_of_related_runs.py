@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from mcnav.cli.next_command import after_index
 from mcnav.config.read import parse_campaign
-from mcnav.next_command import after_index
 from mcnav.workflow.index import write_index
 from tests.conftest import ROOT
 from tests.runs import simulate

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mcnav.config.json_schema.nodes import Node, quantity
-from mcnav.units import dimension_of
+from mcnav.physics.units import dimension_of
 
 
 def by_axes(unit: str, axes: Sequence[str], description: str, example: Any = None, whole: bool = True) -> Node:

@@ -10,7 +10,7 @@ from mcnav.config.distributions import ENTRY
 from mcnav.config.json_schema.models import of_model
 from mcnav.config.json_schema.nodes import Node, reference, table
 from mcnav.contract.quantities import Source
-from mcnav.units import conversion, dimension_of
+from mcnav.physics.units import conversion, dimension_of
 
 
 @cache

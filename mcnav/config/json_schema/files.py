@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from mcnav.config.json_schema.campaign import TITLE, campaign_schema
-from mcnav.files import write_texts
+from mcnav.files.whole import write_texts
 
 SCHEMA_FILE: Final = "mcnav.schema.json"
 

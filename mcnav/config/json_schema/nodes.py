@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
-from mcnav.units import dimension_of
+from mcnav.physics.units import dimension_of
 
 Node = dict[str, Any]
 """Part of a JSON schema."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import write_whole
+from mcnav.files.whole import write_whole
 from mcnav.systems.templates import templates
 
 DIRECTIVES: Final = "#:schema ./mcnav.schema.json\n#:tombi schema.strict = false\n\n"

@@ -11,13 +11,14 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.config.templates import fill_in, place_of, write_new
-from mcnav.constants import STANDARD_GRAVITY
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import is_inside
 from mcnav.errors import CampaignError, Problem, suggestion
+from mcnav.physics.constants import STANDARD_GRAVITY
+from mcnav.physics.units import conversion, quantity
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.scenario import Ins
 from mcnav.systems.ins.sensors.aiding import Sensor
@@ -29,7 +30,6 @@ from mcnav.systems.ins.tables.instrument_tables import INSTRUMENTS
 from mcnav.systems.ins.tables.trajectories import read_trajectory
 from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file
 from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows
-from mcnav.units import conversion, quantity
 
 Platform = Literal["strapdown", "inertial", "level"]
 

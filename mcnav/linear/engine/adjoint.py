@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav._threads import one_thread
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.timeline import Timeline
+from mcnav.execution.threads import one_thread
 from mcnav.linear.engine.checks import check_gains, check_outputs, check_positions
 from mcnav.linear.engine.transitions import Block, bounds, expand
 

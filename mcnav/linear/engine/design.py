@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg.lapack import dposv
 
-from mcnav._threads import one_thread
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import innovation_covariance, step, update
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline, TimelineFilter, add_up_noise
+from mcnav.execution.threads import one_thread
 from mcnav.linear.engine.checks import check_gains, check_positions
 from mcnav.linear.engine.transitions import bounds
-from mcnav.products import innovation_covariance, step, update
 
 
 @dataclass(frozen=True)

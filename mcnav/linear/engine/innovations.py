@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Start, Steps, Timeline, Updates
 from mcnav.linear.engine.checks import check_updates
 from mcnav.linear.engine.design import filter_of
 from mcnav.linear.engine.propagate import Propagated, propagate, readout_maps
-from mcnav.products import transform
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
-from mcnav.products import sum_of_transforms
+from mcnav.arrays.products import sum_of_transforms
+from mcnav.arrays.types import Array, IndexArray
 
 
 @dataclass(frozen=True)

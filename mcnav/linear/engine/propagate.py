@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcnav._threads import one_thread
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import map_covariances, transform
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline
+from mcnav.execution.threads import one_thread
 from mcnav.linear.engine.checks import check_gains, check_outputs, check_positions, check_start
 from mcnav.linear.engine.transitions import TOGETHER, Block, bounds, expand
-from mcnav.products import map_covariances, transform
 
 Maps = Callable[[int], Array]
 """From a position to C, shape (o, n)."""

@@ -28,15 +28,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._threads import one_thread
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import innovation_covariance, transform
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Timeline
+from mcnav.execution.threads import one_thread
 from mcnav.linear.engine.checks import check_positions
 from mcnav.linear.engine.design import Design, filter_of
 from mcnav.linear.engine.innovations import positions_of
 from mcnav.linear.engine.propagate import readout_maps
 from mcnav.linear.engine.transitions import bounds
-from mcnav.products import innovation_covariance, transform
 
 
 @dataclass(frozen=True)

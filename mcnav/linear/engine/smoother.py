@@ -28,15 +28,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcnav._threads import one_thread
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Timeline, TimelineFilter, Updates
+from mcnav.execution.threads import one_thread
 from mcnav.linear.engine.checks import check_positions
 from mcnav.linear.engine.design import Design, filter_of
 from mcnav.linear.engine.noise import Noise
 from mcnav.linear.engine.propagate import propagate
 from mcnav.linear.engine.transitions import bounds, noise_of_steps
-from mcnav.products import transform
 
 SAME_INSTANT: Final = 1e-6
 """Times that differ by no more, s, are the same: a lag is written to fewer digits."""

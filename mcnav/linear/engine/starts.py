@@ -15,15 +15,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcnav._threads import one_thread
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline
+from mcnav.execution.threads import one_thread
 from mcnav.linear.engine.adjoint import take_back
 from mcnav.linear.engine.checks import check_outputs, check_positions
 from mcnav.linear.engine.design import design
 from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.linear.engine.transitions import bounds, expand
-from mcnav.products import transform
 
 
 def start_times(

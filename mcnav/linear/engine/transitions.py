@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Steps, Timeline, add_up_noise
 from mcnav.linear.engine.noise import Noise
 

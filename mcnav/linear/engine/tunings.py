@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._threads import one_thread
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import innovation_covariance, step, update
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import StepNoise, Timeline
+from mcnav.execution.threads import one_thread
 from mcnav.linear.engine.design import filter_of, is_definite
 from mcnav.linear.engine.transitions import bounds
-from mcnav.products import innovation_covariance, step, update
 
 TOGETHER: int = 16
 """Tunings of one pass."""

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.filter_consistency import FilterConsistency, Finding, Honesty, SigmaConsistency
 from mcnav.analysis.filter_remarks import group_words, instant
+from mcnav.arrays.types import Array
 from mcnav.report.columns.output_columns import OutputEntry
 from mcnav.report.document.table import Cell
 from mcnav.report.drawing.strip import Strip

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from mcnav._types import Array
 from mcnav.analysis.summary import Ends, Summary
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import AT_END, FINAL_ERRORS, KINDS, end_words, kinds_of
 from mcnav.report.columns.result_table import ResultColumn, ResultTable, Row, Units, in_units, row_of
 from mcnav.report.document.table import Cell, Column, Table, five_digits

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav.physics.units import conversion
 from mcnav.report.document.table import Column, Table
-from mcnav.units import conversion
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,8 +9,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.summary import Summary
+from mcnav.arrays.types import Array
 from mcnav.contract.failure import message_of
 from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report.columns.faults import faults_table

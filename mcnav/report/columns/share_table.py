@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import KINDS, Output, kinds_of
 from mcnav.report.document.parts import Part, Sentence
 from mcnav.report.document.table import Cell, Column, Table

@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.filter_consistency import (
     Band,
@@ -17,7 +16,8 @@ from mcnav.analysis.filter_consistency import (
     SigmaConsistency,
 )
 from mcnav.analysis.filter_evidence import independent_share
-from mcnav.products import transformed_variances
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 from mcnav.report.columns.over_time import OverTime, TimeColumn
 from mcnav.report.columns.result_table import ResultTable, Units, in_units
 from mcnav.report.results.model import RunAnalysis

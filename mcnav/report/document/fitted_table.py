@@ -19,7 +19,7 @@ from rich.segment import Segment
 from rich.style import Style
 from rich.text import Text
 
-from mcnav.units import printable
+from mcnav.physics.units import printable
 
 UNLIMITED: Final = 1_000_000
 """Width of a pipe."""

@@ -9,7 +9,7 @@ from typing import Final
 
 from markupsafe import Markup
 
-from mcnav.pages import page_text
+from mcnav.docs.pages import page_text
 
 HINTED: Final = (
     "NEES", "NIS", "CEP", "R95", "SEP", "DRMS", "paired", "plain", "white", "innovation", "consistent", "optimistic",

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 RADIUS: Final = 6371.0
 """Radius of the sphere that is drawn, km: the earth's mean radius."""

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.report.drawing.marks import Axis, Band, Line, Mark, Points, Series
 from mcnav.report.drawing.ticks import limits
 

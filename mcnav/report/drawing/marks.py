@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.report.drawing.palette import INK, MUTED, SOURCE_COLOURS, variable
 from mcnav.report.drawing.ticks import limits
 

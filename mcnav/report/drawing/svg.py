@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup, escape
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.report.drawing import marks as m
 from mcnav.report.drawing.palette import GRID, INK, MUTED, PAPER, readable_on, variable
 from mcnav.report.drawing.svg_paths import UNIT, Scale, area_path, dots_path, line_path, outline, rectangle

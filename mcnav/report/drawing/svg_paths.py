@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 UNIT: Final = 20
 """Coordinates to a pixel."""

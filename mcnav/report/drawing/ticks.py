@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.report.format import SUPERSCRIPTS
 
 GAP: Final = 8.0

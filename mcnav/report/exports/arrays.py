@@ -15,8 +15,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
-from mcnav.products import transform
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array
 from mcnav.report.results.model import RunAnalysis
 
 HEADER: Final = 116

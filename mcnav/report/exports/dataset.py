@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.report.columns.result_table import Units, in_units
 from mcnav.report.columns.tables_over_time import over_time
 from mcnav.report.exports import arrays as matrices

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.summary import Summary
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output, Source
+from mcnav.physics.units import conversion
 from mcnav.report.columns.result_table import Row
 from mcnav.report.statements import verdicts
-from mcnav.units import conversion
 
 if TYPE_CHECKING:
     from mcnav.report.pages.comparison import Row as RowOfChange

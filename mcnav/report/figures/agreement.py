@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from mcnav._types import IndexArray
+from mcnav.arrays.types import IndexArray
 from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series, Span, Steps, Text
 from mcnav.report.drawing.palette import AREA, BAND, FLOWN, LINEAR, MUTED

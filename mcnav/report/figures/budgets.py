@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, Span, axis
 from mcnav.report.drawing.palette import INK

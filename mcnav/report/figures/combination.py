@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
 from mcnav.analysis.combinations import Combination
+from mcnav.arrays.types import Array
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Rule, Series, Steps, Text
 from mcnav.report.drawing.palette import AREA, LINEAR

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.summary import Summary
+from mcnav.arrays.types import Array
 from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, axis
 from mcnav.report.drawing.palette import FILTER, FLOWN, INK, LINEAR, SOURCE_COLOURS

@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.filter_remarks import instant
-from mcnav.constants import EARTH_RADIUS
+from mcnav.arrays.types import Array
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.report.drawing.coastline import Box, coast, grid
 from mcnav.report.drawing.figure import HALF, Figure, MovedFigure
 from mcnav.report.drawing.gapped import upward

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import correlations
+from mcnav.arrays.types import Array
 from mcnav.report.drawing.figure import THIRD, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Series, Steps, Text
 from mcnav.report.drawing.palette import AREA, FLOWN, INK, LINEAR, POINT

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistency
 from mcnav.analysis.filter_remarks import group_words, instant
+from mcnav.arrays.types import Array
 from mcnav.report.figures.filter_errors import sigmas
 from mcnav.report.format import rounded
 from mcnav.report.names import humanize

@@ -9,15 +9,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistency
+from mcnav.arrays.types import Array
+from mcnav.physics.units import conversion
 from mcnav.report.drawing.figure import Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Series, Span, axis
 from mcnav.report.drawing.palette import FILTER, FLOWN, LINEAR, POINT
 from mcnav.report.figures.outages import outages, shading_key
 from mcnav.report.names import humanize
 from mcnav.report.results.model import RunAnalysis
-from mcnav.units import conversion
 
 MULTIPLE: Final = 3.0
 """Sigmas from zero to the lines."""

@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
+from mcnav.physics.units import conversion
 from mcnav.report.drawing.figure import THIRD, Figure
 from mcnav.report.drawing.marks import Axis, Band, Line, Panel, Points, Series
 from mcnav.report.drawing.palette import AREA, FLOWN, LINEAR
 from mcnav.report.results.identified import AxisReport
-from mcnav.units import conversion
 
 ESTIMATE: Final = Series("flown", "of the readings, with 95 % interval", FLOWN, "dot")
 WHISKER: Final = Series("flown", "", FLOWN)

@@ -8,16 +8,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.simulation import recorded
 from mcnav.judgement.statistics import sensor_statistics
 from mcnav.judgement.verdict import Judgement
+from mcnav.physics.units import conversion
 from mcnav.report.drawing.figure import Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Band, Line, Mark, Panel, Points, Rule, Series, Steps
 from mcnav.report.drawing.palette import AREA, BAND, FILTER, FLOWN, LINEAR, POINT
 from mcnav.report.names import humanize
-from mcnav.units import conversion
 
 TIME: Final = "time [s]"
 ACROSS: Final = Axis("time", "s", margin=0.02, link="time")

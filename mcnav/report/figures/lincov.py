@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, sizes_over_time
 from mcnav.analysis.linear_covariance import LinearCovariance
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import end_words
-from mcnav.products import transformed_variances
 from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Cells, Line, Mark, Panel, Points, Rule, Series, Span, axis
 from mcnav.report.drawing.palette import FILTER, FLOWN, INK, LINEAR

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.linearity import AloneRange, DispersionRange
+from mcnav.arrays.types import Array
 from mcnav.report.drawing.figure import HALF, THIRD, Figure
 from mcnav.report.drawing.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series
 from mcnav.report.drawing.palette import AREA, FLOWN, INK, LINEAR, MUTED

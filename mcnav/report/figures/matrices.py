@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, correlations
 from mcnav.analysis.verdict import NUMERICAL
+from mcnav.arrays.types import Array
 from mcnav.report.drawing.figure import HALF, THIRD, Figure
 from mcnav.report.drawing.marks import Axis, Cells, Panel, Series
 from mcnav.report.drawing.palette import FLOWN, LINEAR

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.filter_consistency import FilterConsistency
-from mcnav.products import transformed_variances
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 from mcnav.report.drawing.axis_groups import stem
 from mcnav.report.drawing.marks import Series, numbered
 from mcnav.report.drawing.palette import OTHER, SOURCE_COLOURS

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.checked_starts import simulated_rms
 from mcnav.analysis.comparison import Comparison
+from mcnav.arrays.types import Array
 from mcnav.contract.history import StartClock
 from mcnav.contract.quantities import Output, end_words
 from mcnav.linear.start_times import StartTimeStudy

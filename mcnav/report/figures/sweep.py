@@ -12,15 +12,15 @@ import numpy as np
 from contourpy import contour_generator
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure
 from mcnav.analysis.sweep import JustMet, Sweep, Variable
+from mcnav.arrays.types import Array
+from mcnav.physics.units import conversion
 from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Series, Text, numbered
 from mcnav.report.drawing.palette import FILTER, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.drawing.ticks import linear_ticks
 from mcnav.report.format import number
-from mcnav.units import conversion
 
 WIDE: Final = 8.0
 """Largest over smallest value from which on an axis, or the levels of contours, are logarithmic."""

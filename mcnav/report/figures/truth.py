@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output
 from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.gapped import upward

@@ -15,6 +15,7 @@ from mcnav.analysis.run_comparison import Change
 from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import EndWords, end_words
 from mcnav.errors import shortened
+from mcnav.physics.units import conversion
 from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Sentence, Verdict, joined
 from mcnav.report.document.table import CODE, Cell, Column, Table, counted, five_digits
 from mcnav.report.drawing.figure import HALF, Figure
@@ -29,7 +30,6 @@ from mcnav.report.statements import details, verdicts
 from mcnav.report.statements.words import TONES
 from mcnav.statistics.estimates import Estimate
 from mcnav.store.manifest import Manifest
-from mcnav.units import conversion
 
 if TYPE_CHECKING:
     import pandas as pd

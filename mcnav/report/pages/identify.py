@@ -10,6 +10,7 @@ import numpy as np
 from mcnav.identification.fit import PENALTY, Candidate
 from mcnav.identification.goodness import SINGLE, Finding, Goodness
 from mcnav.identification.processes import Model
+from mcnav.physics.units import conversion
 from mcnav.report.document.parts import Heading, Lines, Listing, Note, Page, Part, Section, Sentence, Verdict
 from mcnav.report.document.table import Cell, Column, Table
 from mcnav.report.figures import identify as drawn
@@ -25,7 +26,6 @@ from mcnav.report.results.identified import (
     ParameterRow,
     SigmaRow,
 )
-from mcnav.units import conversion
 
 WORDS: Final = {
     "random_walk": "white noise",

@@ -18,11 +18,11 @@ from mcnav.judgement.verdict import (
     SensorVerdict,
     Statistic,
 )
+from mcnav.physics.units import conversion
 from mcnav.report.document.parts import Lines, Note, Part, Sentence, Verdict, joined
 from mcnav.report.document.table import Cell, Column, Table
 from mcnav.report.format import number
 from mcnav.report.names import humanize
-from mcnav.units import conversion
 
 TWICE: Final = FACTORS.index(2.0)
 

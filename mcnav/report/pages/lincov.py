@@ -14,6 +14,7 @@ from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, causes_at
 from mcnav.analysis.mean_errors import nominal_values
 from mcnav.contract.quantities import KINDS, Output, end_words, kinds_of
+from mcnav.physics.units import conversion
 from mcnav.report.columns.gates import rejection_words
 from mcnav.report.columns.requirements import TONES, NamedRequirement, stated
 from mcnav.report.drawing.axis_groups import stem
@@ -31,7 +32,6 @@ from mcnav.report.statements.lincov import (
     size_words,
     worst_first,
 )
-from mcnav.units import conversion
 
 COARSEST_SHARE: Final = 0.001
 """Smallest share of a variance that is listed."""

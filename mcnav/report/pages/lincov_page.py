@@ -8,12 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.answer_times import as_read, read_axis
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
 from mcnav.analysis.what_if import WhatIf
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import KINDS, end_words, kinds_of
 from mcnav.report.columns.gates import gate_table
 from mcnav.report.columns.share_table import ShareRow, each_cause, share_tables, together

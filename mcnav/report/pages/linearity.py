@@ -11,8 +11,8 @@ import pandas as pd
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.linearity import AloneRange, DispersionRange
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output, Source, end_words
 from mcnav.report.document.parts import Note, Page, Part, Section, Sentence, Verdict, joined
 from mcnav.report.document.table import EMPHASIS, Cell, Column, Table

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.history import History
 from mcnav.contract.quantities import FINAL_ERRORS, Output, Source, end_words
+from mcnav.physics.units import conversion
 from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import Facts, Lines, Note, Page, Part, Section, joined
 from mcnav.report.document.table import Cell, Column, Table
 from mcnav.report.figures.flight import flight
 from mcnav.report.format import number
 from mcnav.report.names import humanize, labels_of
-from mcnav.units import conversion
 
 
 @dataclass(frozen=True)

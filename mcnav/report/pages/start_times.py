@@ -14,6 +14,7 @@ from markupsafe import Markup
 from mcnav.analysis.comparison import Comparison, OutputComparison
 from mcnav.contract.quantities import KINDS, Output, Source, end_words, kinds_of
 from mcnav.linear.start_times import StartTimeStudy
+from mcnav.physics.units import conversion
 from mcnav.report.document.parts import Heading, Note, Page, Part, Section, Sentence, Verdict, joined
 from mcnav.report.document.table import Cell, Column, Table, five_digits, label
 from mcnav.report.figures import start_times as drawn
@@ -21,7 +22,6 @@ from mcnav.report.format import interval, number
 from mcnav.report.names import humanize, labels_of, scale_of
 from mcnav.report.statements.details import NOT_DISTURBED, output_words
 from mcnav.report.statements.start_times import answer, minutes
-from mcnav.units import conversion
 
 CONVENTIONS: Final = {
     "start": "The reference axes are aligned at each start.",

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import DRMS, SIGMA
 from mcnav.analysis.sweep import Point, Sweep, Variable
-from mcnav.files import to_json
+from mcnav.arrays.types import Array
+from mcnav.files.whole import to_json
 from mcnav.report.figures import sweep as drawn
 from mcnav.report.statements.sweep import met_words, verdict_at
 

@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.heading import APART, compare_with_track, heading_remark
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.contract.history import History
+from mcnav.physics.constants import STANDARD_GRAVITY
 from mcnav.report.document.parts import Note, Page, Part, Section, Verdict
 from mcnav.report.document.table import Column, Table, counted
 from mcnav.report.figures.flight import flight

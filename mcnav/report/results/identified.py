@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.allan import AllanDeviation
 from mcnav.identification.fit import AxisFit
 from mcnav.identification.goodness import Goodness

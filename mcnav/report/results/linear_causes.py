@@ -7,7 +7,7 @@ import numpy as np
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.causes import causes_of
 from mcnav.analysis.filter_consistency import MEAN
-from mcnav.products import transformed_variances
+from mcnav.arrays.products import transformed_variances
 from mcnav.report.columns.requirements import NAMED
 from mcnav.report.results.model import RunAnalysis
 

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.budget import ErrorBudget
 from mcnav.analysis.comparison import Comparison, Criterion, Model
 from mcnav.analysis.envelopes import Envelopes, envelopes_from
@@ -25,6 +24,7 @@ from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.analysis.vector_sizes import SampledSize
 from mcnav.analysis.what_if import WhatIf
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import EndWords, end_words, kinds_of

@@ -19,8 +19,8 @@ from mcnav.report.statements.requirements import requirement_in_brief, worst_req
 from mcnav.report.statements.words import listed, more_samples, several
 
 if TYPE_CHECKING:
-    from mcnav._types import Array
     from mcnav.analysis.summary import Beyond, Departure, Ends, FilterSummary, Summary, Unsettled
+    from mcnav.arrays.types import Array
 
 FINEST: Final = 0.1
 """Smallest difference that a sentence states, per cent."""

@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.filter_causes import NEARLY
 from mcnav.analysis.filter_consistency import MEAN, Honesty
@@ -27,6 +26,7 @@ from mcnav.analysis.mean_errors import (
     rounding_of_means,
 )
 from mcnav.analysis.vector_sizes import linear_sizes
+from mcnav.arrays.types import Array
 from mcnav.report.columns.requirements import NAMED
 from mcnav.report.columns.vector_sizes import size_sentence
 from mcnav.report.figures.lincov import cause_labels

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.mean_errors import LargeMean, large_means
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Of
 from mcnav.report.format import number, signed
 from mcnav.report.names import humanize, shown_units

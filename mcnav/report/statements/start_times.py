@@ -12,10 +12,10 @@ from mcnav.analysis.linear_range import limits_of, outputs_beyond
 from mcnav.analysis.mean_errors import LargeMean
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.contract.quantities import Output, kind_of
+from mcnav.physics.units import conversion
 from mcnav.report.format import number, signed
 from mcnav.report.names import humanize
 from mcnav.report.statements.means import DIGITS, against
-from mcnav.units import conversion
 
 if TYPE_CHECKING:
     from mcnav.analysis.comparison import Comparison

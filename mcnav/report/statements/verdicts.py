@@ -16,8 +16,8 @@ from mcnav.report.statements.means import large_means_of
 from mcnav.report.statements.words import TONES, WORST
 
 if TYPE_CHECKING:
-    from mcnav._types import Array
     from mcnav.analysis.summary import Summary, Tally
+    from mcnav.arrays.types import Array
 
 Subject = Literal["means", "requirements", "filter", "smoother", "linear"]
 """Subjects of verdicts, in the order of those of one tone."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import AT_END
 from mcnav.report.columns.output_columns import OutputEntry, entries_of
 from mcnav.report.document.fitted_table import FittedTable, numbers, texts

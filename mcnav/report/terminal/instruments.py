@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from mcnav.physics.units import quantity
 from mcnav.report.document.table import Column, Table
-from mcnav.units import quantity
 
 LISTED: Final = {
     "gyro bias": ("gyro bias",),

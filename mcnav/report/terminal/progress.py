@@ -16,7 +16,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from mcnav.progress import COMPILATION, MEASUREMENT, Phase, Progress, duration
+from mcnav.execution.progress import COMPILATION, MEASUREMENT, Phase, Progress, duration
 
 QUIET_SECONDS: Final = 1.0
 """Time after which progress appears."""

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from mcnav.analysis.summary import Summary
 from mcnav.errors import suggestion
+from mcnav.physics.units import printable
 from mcnav.report.columns.faults import faults_table
 from mcnav.report.columns.filter_columns import groups_table, sensors_table, sigmas_of
 from mcnav.report.columns.result_table import ResultTable, Units
@@ -21,7 +22,6 @@ from mcnav.report.document.terminal_parts import fitted
 from mcnav.report.format import share
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.terminal import terminal
-from mcnav.units import printable
 
 LONGEST: Final = 2_000
 """Characters of a text that are shown."""

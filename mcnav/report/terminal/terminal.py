@@ -10,10 +10,10 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from mcnav._types import Array
 from mcnav.analysis.checked_starts import simulated_rms
 from mcnav.analysis.summary import Summary
 from mcnav.analysis.verdict import combine_verdicts
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output, Source, end_words
 from mcnav.report.columns.output_columns import outputs_of_runs
 from mcnav.report.columns.requirements import requirements_table

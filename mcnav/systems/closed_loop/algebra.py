@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_part, compiled
 from mcnav.compiled.shapes import check_shapes
 from mcnav.compiled.vectors import Vector, load_part, store_part

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.sizes import LoopSizes

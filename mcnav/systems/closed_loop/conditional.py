@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, SENSORS, Noise
 from mcnav.systems.closed_loop.plan import Plan

@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import ScenarioError
-from mcnav.products import transformed_variances
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.soundness import SAMPLES, SMALL_SHARE
 

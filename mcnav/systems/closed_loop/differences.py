@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.closed_loop.algebra import find_departures
 from mcnav.systems.closed_loop.rotations import Space
 

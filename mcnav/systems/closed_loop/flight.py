@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.systems.closed_loop.algebra import combine, propagate, update, whiten
 from mcnav.systems.closed_loop.differences import differentiate_own

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.differences import COLUMNS, Derivatives, TimedMap, columns_of, differentiate_maps
 from mcnav.systems.closed_loop.event import Saltation

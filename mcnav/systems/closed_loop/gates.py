@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.gates import USUAL, GateQuestion
 from mcnav.linear.engine.design import Design
 from mcnav.systems.closed_loop.linear import LinearLoop

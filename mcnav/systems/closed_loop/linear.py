@@ -10,14 +10,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearSystem, Update
 from mcnav.contract.scenario import ScenarioError
 from mcnav.contract.timeline import Instants, Start, Timeline
 from mcnav.linear.engine.design import Design, design
 from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.linear.engine.smoother import smooth
-from mcnav.products import transformed_variances
 from mcnav.systems.closed_loop.nominal_flight import within_step
 from mcnav.systems.closed_loop.timeline import LoopTimeline, LoopTransitions
 from mcnav.systems.closed_loop.transitions import Moment, Transition

@@ -10,7 +10,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.closed_loop.declarations import Correction, Measurement
 from mcnav.systems.closed_loop.methods import Frame, Method
 from mcnav.systems.closed_loop.own_outputs import OwnOutputs

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.sampler.normals import draw_for_samples
 
 PROCESSES: Final = 0x1000

@@ -8,7 +8,7 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Of
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.methods import Frame, Method

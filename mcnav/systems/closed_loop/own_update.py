@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.quantities import as_seen, spread
 from mcnav.systems.closed_loop.rotations import to_matrix

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.algebra import propagate, update
 from mcnav.systems.closed_loop.filter import FilterStates

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
 from mcnav.systems.closed_loop.declarations import Attitude

@@ -8,7 +8,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.declarations import Trigger
 from mcnav.systems.closed_loop.maps import Event, Impulse, Maps, Sensor

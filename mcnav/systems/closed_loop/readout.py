@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Of, Output
 from mcnav.systems.closed_loop.differences import Derivatives, differentiate_map
 from mcnav.systems.closed_loop.maps import Maps

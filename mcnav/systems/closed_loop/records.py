@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.filter_record import BY_SENSOR, FilterSchema
 from mcnav.systems.closed_loop.algebra import factorize, whiten
 from mcnav.systems.closed_loop.filter import FilterStates

@@ -12,7 +12,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 Side = Literal["reference", "body"]
 """Axes in which an attitude's errors are rotation vectors."""

@@ -9,7 +9,7 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.gates import FaultLaw, GateLaw, GateQuestion, RejectionLaws

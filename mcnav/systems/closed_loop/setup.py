@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.systems.closed_loop.filter import FilterStates
 from mcnav.systems.closed_loop.gates import SampleGates

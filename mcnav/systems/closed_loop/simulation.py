@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.closed_loop.flight import Flight

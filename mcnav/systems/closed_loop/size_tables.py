@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Final
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter, ValidationInfo
 from pydantic_core.core_schema import CoreSchema, with_info_plain_validator_function
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.axes import AxisSizes
 from mcnav.entries.quantities import Duration, JsonSchema, Later, Table
 from mcnav.systems.ins.tables.filter import StopsTable

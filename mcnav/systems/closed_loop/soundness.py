@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.differences import COLUMNS

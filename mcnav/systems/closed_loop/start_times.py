@@ -13,13 +13,13 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.scenario import ScenarioError
 from mcnav.contract.timeline import Start
 from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.linear.engine.starts import start_times
-from mcnav.products import transform
 from mcnav.systems.closed_loop.linear import LinearLoop, without_rounding
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.nominal_flight import innovation_shares, linearize

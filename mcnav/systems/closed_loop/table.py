@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from pydantic import TypeAdapter
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.gates import GateQuestion
 from mcnav.contract.quantities import may_be_share
 from mcnav.contract.questions import UNMEASURED

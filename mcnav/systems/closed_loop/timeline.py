@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import (
     FilterSteps,
     Instants,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.linear import Update
 from mcnav.systems.closed_loop.differences import Straight
 from mcnav.systems.closed_loop.event import Saltation

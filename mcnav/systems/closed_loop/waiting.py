@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.closed_loop.flight import Flight
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.setup import Setup

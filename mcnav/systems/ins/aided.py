@@ -9,13 +9,13 @@ from typing import Final, Literal
 
 import numpy as np
 
-from mcnav._subprocess import side_threads
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
+from mcnav.execution.child_processes import side_threads
 from mcnav.linear.engine.propagate import Propagated
 from mcnav.linear.engine.starts import start_times
 from mcnav.systems.ins.ensemble.adjoint import Adjoint, adjoint_of_closed

@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled, inlined, uncontracted
 from mcnav.numerics.elements import stack_elements
 

@@ -15,8 +15,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS, STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
@@ -30,6 +29,7 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, CovarianceQuestion, PlainScenario, ScenarioError
 from mcnav.contract.time_axis import TimeAxis, time_axis
 from mcnav.linear.engine.propagate import Propagated
+from mcnav.physics.constants import EARTH_RADIUS, STANDARD_GRAVITY
 from mcnav.systems.gates import GatedFilter, GatedSensor, fault_laws, gate_laws, rejection_laws
 from mcnav.systems.histories import first_and_last
 from mcnav.systems.ins.aided import (

@@ -13,13 +13,13 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._recent import Recent
-from mcnav._types import Array
+from mcnav.arrays.products import map_covariances, transform
+from mcnav.arrays.types import Array
+from mcnav.caches.recent import Recent
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.timeline import Timeline
 from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.linear.engine.tunings import propagate_tunings
-from mcnav.products import map_covariances, transform
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.imu.instruments import Imu, process_variances
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, close_loop

@@ -10,7 +10,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled
 
 

@@ -18,13 +18,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled
-from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 from mcnav.contract.timeline import Start, Timeline
 from mcnav.linear.engine.propagate import propagate
 from mcnav.linear.engine.starts import start_times
 from mcnav.numerics.integration import integrate
+from mcnav.physics.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 from mcnav.systems.reentry.instruments import Error, indicated_force, measured_force, measured_force_partials
 from mcnav.systems.reentry.navigator import joint_rates, navigation_error
 from mcnav.systems.reentry.outputs import SCALE, FurtherOutput, append_errors, append_partials

@@ -12,11 +12,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled, uncontracted
-from mcnav.constants import EARTH_RADIUS
 from mcnav.numerics.dop853 import LEFT, REACHED, advance, integrate_compiled
 from mcnav.numerics.integration import Diverged
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.instruments import Error, indicated_force, measured_force
 from mcnav.systems.reentry.outputs import SCALE
 from mcnav.systems.reentry.truth import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Trajectory, motion, truth_force

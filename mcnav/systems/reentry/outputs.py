@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS, EARTH_RATE
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output
+from mcnav.physics.constants import EARTH_RADIUS, EARTH_RATE
 
 DEVIATIONS: Final = (
     Output("altitude", "m", "km"),

@@ -15,8 +15,7 @@ from typing import Final, Literal, Self
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE, STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.failure import Failure
 from mcnav.contract.filter_record import FilterSchema
@@ -29,6 +28,7 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, PlainScenario, ScenarioError
 from mcnav.numerics.integration import Diverged
 from mcnav.numerics.power_sums import sum_powers
+from mcnav.physics.constants import EARTH_RADIUS, REENTRY_ALTITUDE, STANDARD_GRAVITY
 from mcnav.systems.histories import with_errors
 from mcnav.systems.reentry.ensemble.grid import Grid
 from mcnav.systems.reentry.ensemble.history_kernel import (

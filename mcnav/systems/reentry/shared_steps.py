@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.numerics.integration import Diverged, integrate
 from mcnav.systems.reentry.navigator import LOWEST_RADIUS, indicated_start, joint_rates
 from mcnav.systems.reentry.truth import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Trajectory

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from mcnav._recent import Recent
-from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
+from mcnav.caches.recent import Recent
 from mcnav.contract.quantities import Output, Source
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import (
@@ -23,6 +22,7 @@ from mcnav.entries.quantities import (
     TimePerLength,
 )
 from mcnav.entries.unions import ByType
+from mcnav.physics.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
 from mcnav.systems.description import ScenarioSpec, ScenarioType
 from mcnav.systems.reentry.guided.description import TRUE_ALTITUDE, TRUTH_OUTPUTS, TRUTH_SOURCES, Guidance
 from mcnav.systems.reentry.guided.following import Following, Gains, Weights

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
-from mcnav.constants import EARTH_RADIUS, EARTH_RATE, TN_GRAVITY
+from mcnav.arrays.types import Array, IndexArray
+from mcnav.physics.constants import EARTH_RADIUS, EARTH_RATE, TN_GRAVITY
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.truth import Trajectory
 from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift

@@ -19,11 +19,11 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled
-from mcnav.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER, REENTRY_ALTITUDE
 from mcnav.numerics.dense_output import DenseOutput
 from mcnav.numerics.integration import integrate
+from mcnav.physics.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER, REENTRY_ALTITUDE
 from mcnav.systems.reentry.atmosphere import LAYER_BOUNDARIES, LAYERS, Layer, layer_density
 from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, Vehicle, aerodynamic_force
 

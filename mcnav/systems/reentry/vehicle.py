@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mcnav.compiled.jit import compiled
-from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RATE
+from mcnav.physics.constants import BALLISTIC_COEFFICIENT, EARTH_RATE
 
 
 @dataclass(frozen=True)

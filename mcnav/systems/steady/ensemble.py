@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import compiled, inlined
 from mcnav.compiled.lanes import SMALLEST_COMPONENT, angle_of_half, half_turn
 from mcnav.compiled.shapes import check_numbers, check_shape

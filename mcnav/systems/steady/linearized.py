@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.timeline import Start, Timeline
 from mcnav.linear.engine.propagate import propagate
 from mcnav.numerics.integration import integrate

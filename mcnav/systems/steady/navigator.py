@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled, uncontracted
 from mcnav.numerics.dop853 import LEFT, REACHED, advance, integrate_compiled
 from mcnav.numerics.integration import Diverged

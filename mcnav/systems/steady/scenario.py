@@ -20,8 +20,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.failure import Failure
 from mcnav.contract.filter_record import FilterSchema
@@ -33,6 +32,7 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Capability, PlainScenario, ScenarioError
 from mcnav.numerics.integration import Diverged
 from mcnav.numerics.refinement import refined_steps
+from mcnav.physics.constants import STANDARD_GRAVITY
 from mcnav.systems.histories import with_errors
 from mcnav.systems.sample_loop import simulate_each
 from mcnav.systems.steady.ensemble import ORDER, highest_rate, simulate_histories

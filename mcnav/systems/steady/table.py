@@ -7,10 +7,10 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from mcnav.constants import EARTH_RADIUS, TN_GRAVITY
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import Acceleration, Duration, Length, Speed, Table
+from mcnav.physics.constants import EARTH_RADIUS, TN_GRAVITY
 from mcnav.systems.description import ScenarioSpec, ScenarioType
 from mcnav.systems.steady.scenario import LONGEST, OUTPUTS, SOURCES, Cruise
 from mcnav.systems.steady.truth import Earth, SteadyFlight

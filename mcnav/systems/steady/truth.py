@@ -19,8 +19,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
+from mcnav.arrays.types import Array
+from mcnav.physics.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 
 
 class Error(IntEnum):

@@ -10,11 +10,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.members import lacks_engine, lacks_scenario
 from mcnav.contract.scenario import Scenario, ScenarioError
+from mcnav.physics.units import conversion
 from mcnav.systems.finite_differences import differentiate
 from mcnav.systems.guard import raised_by
 from mcnav.systems.histories import check_history
@@ -24,7 +25,6 @@ from mcnav.systems.user.scenario import is_users
 from mcnav.systems.user.soundness import LARGEST, SAME, SEED, apart, same
 from mcnav.systems.user.stochastic_engine import StochasticUserEngine
 from mcnav.systems.user.stochastic_scenario import StochasticUserScenario, is_users_with_noise
-from mcnav.units import conversion
 
 TRIED: Final = 16
 """Samples that are simulated."""

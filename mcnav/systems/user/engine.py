@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs

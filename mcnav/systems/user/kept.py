@@ -26,12 +26,12 @@ from typing import Final
 import numpy as np
 from pydantic import ValidationError
 
-from mcnav._types import Array
-from mcnav.cache import VARIABLE, Cache, DamagedError
+from mcnav.arrays.types import Array
+from mcnav.caches.stored import VARIABLE, Cache, DamagedError
 from mcnav.compiled.target import target
 from mcnav.entries.inputs import InputFile, content_of, own_modules
-from mcnav.progress import duration, note
-from mcnav.records import Record
+from mcnav.execution.progress import duration, note
+from mcnav.files.records import Record
 from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.user.code import Loaded, UserScenarioSpec
 

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.cache import Cache
+from mcnav.arrays.types import Array
+from mcnav.caches.stored import Cache
 from mcnav.contract.samples import SimulationResult
 from mcnav.systems.user.code import Loaded, UserScenarioSpec
 from mcnav.systems.user.kept import KeptNumbers, Kind, keep

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.cache import Cache
+from mcnav.caches.stored import Cache
 from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.user import noise_measurement
 from mcnav.systems.user.code import Loaded, UserScenarioSpec

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 INDEPENDENT: Final = 1_000
 """Independent samples of noise from which sigmas have a standard error of 2.2 %; probes do no worse."""

@@ -26,10 +26,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._subprocess import end_with_parent, interrupts_blocked
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.scenario import ScenarioError
-from mcnav.progress import MEASUREMENT
+from mcnav.execution.child_processes import end_with_parent, interrupts_blocked
+from mcnav.execution.progress import MEASUREMENT
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.measured_noise import INDEPENDENT, MeasuredNoise, probe_count
 from mcnav.systems.user.sample_noise import MEASURED, ProbedNoise, ScaledNoise, sample_noise

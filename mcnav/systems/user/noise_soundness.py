@@ -7,7 +7,7 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.user.sample_noise import CHECKED, ScaledNoise, sample_noise

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 REAL: Final = "biuf"
 """Kinds of dtypes that are real numbers: booleans, integers, floating-point numbers."""

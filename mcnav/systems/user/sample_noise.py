@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 SAMPLES: Final = 0
 """Stream of a campaign's samples: the highest word of the counter."""

@@ -19,7 +19,7 @@ from typing import Any, Final, TypeGuard, TypeVar, get_args
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearModel, LinearSystem

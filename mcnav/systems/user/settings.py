@@ -18,7 +18,7 @@ import numpy as np
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile
 from mcnav.entries.values import SettingError, display
-from mcnav.units import UnitError, conversion, quantity
+from mcnav.physics.units import UnitError, conversion, quantity
 
 WORDS: Final[Mapping[type, str]] = {str: "text in quotes", bool: "true or false", int: "a whole number"}
 LISTS: Final[Mapping[type, str]] = {

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import ScenarioError

@@ -19,7 +19,7 @@ from typing import Any, Final, TypeGuard
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs
@@ -27,6 +27,7 @@ from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output
 from mcnav.contract.questions import TimelineParts
 from mcnav.contract.scenario import Scenario, ScenarioError, is_differenced
+from mcnav.physics.units import UnitError, conversion
 from mcnav.systems.finite_differences import SHARES
 from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.sample_loop import SampleFailed, format_exception
@@ -39,7 +40,6 @@ from mcnav.systems.user.scenario import SINGLE_CHUNK, UserScenario
 from mcnav.systems.user.settings import NAME
 from mcnav.systems.user.simulated import Simulated, record_of, schema_of, spread_out
 from mcnav.systems.user.stochastic_engine import StochasticUserEngine
-from mcnav.units import UnitError, conversion
 
 NOISE: Final = "noise"
 """Parameter of ``fly``, and name of a process whose covariance has no name."""

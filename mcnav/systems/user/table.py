@@ -20,7 +20,7 @@ from mcnav.entries.inputs import LONGEST_NAME, InputFile, SourceFile
 from mcnav.entries.quantities import Table
 from mcnav.entries.values import SettingError
 from mcnav.errors import suggestion
-from mcnav.files import INPUTS, TextError, read_whole, text_of
+from mcnav.files.whole import INPUTS, TextError, read_whole, text_of
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.description import CLASS_IN_FILE, ScenarioSpec
 from mcnav.systems.timeouts import current_limit

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import read_campaign
 from mcnav.systems.ins.imu.instruments import CONSTANTS
 from mcnav.systems.ins.imu.sample_noise import SampleNoise

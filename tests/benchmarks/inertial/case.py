@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, indicated_state, navigation_errors
 

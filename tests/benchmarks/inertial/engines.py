@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import without_noise
 from mcnav.contract.samples import Batch
 from mcnav.runner.memory import keep_freed_memory

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import read_campaign
 from mcnav.systems.ins.scenario import Ins, Navigation

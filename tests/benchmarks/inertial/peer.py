@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from tests.benchmarks.inertial.case import Case, Samples
 
 Simulate = Callable[[Samples, int], Array]

@@ -12,8 +12,8 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from mcnav.files import indented_json, to_json
-from mcnav.parquet import parquet_bytes
+from mcnav.files.parquet import parquet_bytes
+from mcnav.files.whole import indented_json, to_json
 from mcnav.store.run_files import json_digest
 from mcnav.store.run_folder import RunFolder
 

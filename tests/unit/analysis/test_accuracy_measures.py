@@ -9,8 +9,8 @@ from mcnav.analysis.accuracy_measures import MeasureError, read_measure, require
 from mcnav.analysis.requirements import Requirement
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Output
+from mcnav.physics.units import conversion
 from mcnav.systems.ins.scenario import NAVIGATION_ERRORS
-from mcnav.units import conversion
 
 PLANE = (Output("range", "m", "km"), Output("cross_range", "m", "km"), Output("range_rate", "m/s", "m/s"))
 ROUND = CovarianceReadings(

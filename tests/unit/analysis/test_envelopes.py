@@ -9,9 +9,9 @@ import pyarrow.parquet as pq
 import pytest
 from scipy import stats
 
-from mcnav._types import Array
 from mcnav.analysis.envelopes import Envelopes, envelopes_from
 from mcnav.analysis.filter_evidence import independent_share
+from mcnav.arrays.types import Array
 from mcnav.contract.history import Epochs
 from mcnav.contract.quantities import Output
 from mcnav.numerics.power_sums import sum_powers_about_zero

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_causes import Departure, largest_departure, neglected_errors
@@ -17,6 +16,7 @@ from mcnav.analysis.filter_decision import combine, decide, outputs_of
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
 from mcnav.analysis.filter_judgement import Rates, find
 from mcnav.analysis.filter_remarks import sentence
+from mcnav.arrays.types import Array
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.quantities import Output
 from mcnav.numerics.power_sums import sum_powers_about_zero

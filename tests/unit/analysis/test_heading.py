@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav._types import Array
 from mcnav.analysis.heading import compare_with_track, heading_remark
+from mcnav.arrays.types import Array
 from mcnav.contract.history import History
 
 TIMES = np.linspace(0.0, 600.0, 401)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav._types import Array
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
+from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearSystem
 
 NAMES = ("position_north", "position_east")

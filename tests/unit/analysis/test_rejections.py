@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav._types import Array
 from mcnav.analysis.rejections import OnLinear, judge_rejections
 from mcnav.analysis.withheld import probability_beyond
+from mcnav.arrays.types import Array
 from mcnav.contract.gates import RejectedErrors, RejectionLaws, RejectionReading
 from mcnav.contract.quantities import Output
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import requirement_measures
 from mcnav.analysis.requirements import Finding, Requirement, requirements_from
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time, largest_linear_quantile
 from mcnav.analysis.samples_needed import Counting, samples_needed
+from mcnav.arrays.types import Array
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Output
 from mcnav.store.manifest import RequirementRecord

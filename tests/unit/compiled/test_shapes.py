@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free
 from mcnav.compiled.vectors import LANES, load, parts_of, room, store
 from mcnav.systems.ins.ensemble.adjoint import run_backwards

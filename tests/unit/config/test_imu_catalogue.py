@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.physics.constants import STANDARD_GRAVITY
+from mcnav.physics.units import quantity
 from mcnav.systems.ins.tables.imu_catalogue import ALLAN_MINIMUM, catalogue, catalogue_units
-from mcnav.units import quantity
 from tests.commands import in_process
 
 GRADES = {"strategic": (1e-4, 1e-3), "navigation": (0.0, 0.01), "tactical": (1.0, 10.0), "consumer": (360.0, 360.0)}

@@ -10,13 +10,13 @@ import pytest
 from jsonschema import Draft7Validator
 from pydantic import Field
 
+from mcnav.cli.shell_completion import outputs
 from mcnav.config.json_schema.campaign import campaign_schema
 from mcnav.config.read import parse_campaign
 from mcnav.contract.quantities import Output, Source
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import Length, Speed
 from mcnav.errors import CampaignError
-from mcnav.shell_completion import outputs
 from mcnav.systems import registry
 from mcnav.systems.description import ScenarioSpec, ScenarioType
 from mcnav.systems.steady.scenario import SOURCES

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.tables import trajectory_file
 from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file

@@ -11,7 +11,7 @@ import pytest
 from jsonschema import Draft7Validator
 from pydantic import Field
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.json_schema.models import of_model
 from mcnav.entries.axes import AxisSizes, OrSizes, units_of
 from mcnav.entries.context import FileContext

@@ -8,7 +8,7 @@ from scipy.fft import dct
 from scipy.stats import binom
 
 from mcnav import identify_noise
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.allan import LAGS, _freedom, allan_deviation, model_variance
 from mcnav.identification.fit import AxisFit, Estimate, fit, relative_covariance
 from mcnav.identification.lattice import resolution

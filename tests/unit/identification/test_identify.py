@@ -10,7 +10,7 @@ from scipy.signal import butter, lfilter
 from scipy.stats import binom
 
 from mcnav import identify_noise
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.identification.fit import IDENTIFIABLE, relative_deviations
 from mcnav.identification.processes import (
     RATE_RANDOM_WALK,

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.judgement.error_table import ErrorTable, effective_number, judge_errors, judge_size, whiteness
 
 

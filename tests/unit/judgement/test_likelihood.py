@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom, multivariate_normal, norm
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.assessment import LEVEL, Assessment, assess
 from mcnav.judgement.likelihood import DROP, estimate_factor, log_likelihood, whiten

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mcnav.constants import STANDARD_GRAVITY
 from mcnav.logs.imu_log import ImuLog, read_imu_log, remark_on_axes
 from mcnav.logs.log_error import LogError
 from mcnav.logs.tables import read_table
+from mcnav.physics.constants import STANDARD_GRAVITY
 
 ROWS = 400
 INTERVAL = 0.005

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853, solve_ivp
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.numerics.dense_output import DenseOutput
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import uncontracted
 from mcnav.numerics.dop853 import LEFT, REACHED, ROOM, TOO_SMALL, advance, integrate_compiled
 from mcnav.numerics.integration import integrate

@@ -7,7 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.power_sums import sums_of
 from mcnav.numerics.power_sums import sum_powers, sum_powers_about_zero
 

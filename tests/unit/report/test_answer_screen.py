@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from rich.text import Text
 
-from mcnav._types import Array
 from mcnav.analysis.summary import Summary
+from mcnav.arrays.types import Array
 from mcnav.report.document.fitted_table import OpenConsole
 from mcnav.report.statements.verdicts import statements
 from mcnav.report.terminal.answer_screen import screen

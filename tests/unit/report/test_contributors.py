@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.report.figures.sources import SHOWN, SMALL, contributors
 
 KINDS = [f"{unit} {kind}" for unit in ("gyro", "accelerometer") for kind in ("bias", "noise", "scale factor")]

@@ -275,7 +275,7 @@ def test_reports_do_without_matplotlib() -> None:
     program = (
         "import sys, mcnav.report.pages.run.page, mcnav.report.pages.start_times, mcnav.report.pages.linearity, "
         "mcnav.report.pages.comparison, mcnav.report.pages.replay, tests.calibration.page, "
-        "mcnav.validation.reproduce.tn_d1772.page, mcnav.notebook, mcnav.cli, "
+        "mcnav.validation.reproduce.tn_d1772.page, mcnav.frames.runs, mcnav.cli, "
         "mcnav.validation.reproduce.story_of_84_minutes.page; sys.exit('matplotlib' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], check=False, timeout=120).returncode == 0

@@ -8,7 +8,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from mcnav.progress import MEASUREMENT, Compilation, Phase
+from mcnav.execution.progress import MEASUREMENT, Compilation, Phase
 from mcnav.report.terminal import progress
 from mcnav.report.terminal.progress import Lines, shown
 

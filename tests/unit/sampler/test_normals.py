@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.vectors import LANES, room
 from mcnav.sampler.normals import draw_for_samples, draw_normals, philox_words
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.errors import NumericalError
 from mcnav.statistics import generalized_chi_square
 from mcnav.statistics.normal_size import NormalSize, size_quantile

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from mcnav.parquet import arrow_array, arrow_table, arrow_texts, numbers_in, parquet_bytes
+from mcnav.files.parquet import arrow_array, arrow_table, arrow_texts, numbers_in, parquet_bytes
 
 NUMBERS = np.array([1.5, np.nan, -0.0, np.inf, 5e-324, 2.0, 3.0, 4.0, 5.0])
 

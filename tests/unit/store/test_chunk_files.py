@@ -11,7 +11,7 @@ import pytest
 
 from mcnav.config.read import read_campaign
 from mcnav.contract.failure import Failure
-from mcnav.parquet import parquet_bytes
+from mcnav.files.parquet import parquet_bytes
 from mcnav.runner.chunks import SampleRange, find_chunk, simulate_chunk
 from mcnav.store.chunk_files import ChunkFile, ChunkTotals, SampleSchema, samples_from, verify_chunk, write_chunk
 from tests.faults.scenarios import chunk_job, write_campaign

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from mcnav.files import to_json
+from mcnav.files.whole import to_json
 from mcnav.store.development import development_in, development_table
 from mcnav.store.manifest import ModelRecord, PartialsRecord, Variable
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mcnav.contract.quantities import Source
+from mcnav.physics.units import conversion
 from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants, aiding_processes
 from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources
-from mcnav.units import conversion
 
 SENSORS = (
     Sensor(

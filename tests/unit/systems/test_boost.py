@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.physics.constants import STANDARD_GRAVITY
 from mcnav.systems.ins.earth import WGS84, Earth, local_axes
 from mcnav.systems.ins.truth.boost import RAMP, Boost, BoostError, Launch, Stage, boost_truth
 from mcnav.systems.ins.truth.rows import rows_from

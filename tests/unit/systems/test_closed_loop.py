@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.closed_loop.maps import Maps

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch
 from mcnav.systems.closed_loop.algebra import combine, factorize, find_departures, propagate, update, whiten
 from mcnav.systems.closed_loop.records import normalized_squares

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError

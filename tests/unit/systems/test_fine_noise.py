@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.imu.fine_noise import SERIES_BELOW, _gauss_markov, _random_walk, draw_noise
 from mcnav.systems.ins.imu.instruments import Imu, Noise
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER, STANDARD_GRAVITY
+from mcnav.arrays.types import Array
+from mcnav.physics.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER, STANDARD_GRAVITY
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.truth.reentry import Plane, reentry_truth
 from mcnav.systems.ins.truth.rows import check_rows, rows_from

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mcnav.constants import EARTH_RADIUS
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.ensemble.grid import shared_grid
 from mcnav.systems.reentry.ensemble.history_kernel import history_grid, history_sums, simulate_histories
 from mcnav.systems.reentry.ensemble.kernel import LANES, simulate_ensemble

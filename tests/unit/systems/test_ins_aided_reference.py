@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.filter.model import FilterModel

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.imu.instruments import Imu, Noise
 from mcnav.systems.ins.linear.aided_errors import ClosedLoopErrors, propagate_closed_loop
 from mcnav.systems.ins.linear.closed_loop import close_loop

@@ -10,7 +10,7 @@ import pytest
 from filterpy.common import van_loan_discretization
 from scipy.spatial.transform import Rotation
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.filter.model import FilterModel
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO

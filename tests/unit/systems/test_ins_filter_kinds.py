@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, logm
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.overrides import override
 from mcnav.config.read import parse_campaign
 from mcnav.config.toml import load_mapping

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.blocks import blocks_of
 from mcnav.compiled.vectors import LANES, PARTS, parts_of, room
 from mcnav.systems.ins.ensemble.filters import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.vectors import LANES, room
 from mcnav.systems.ins.ensemble.filters import SIX, filter_updates
 from mcnav.systems.ins.ensemble.steps import deviations_of

@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import CONSTANTS, GYRO, OUTPUTS
 from mcnav.systems.ins.reference import mechanization

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.vectors import LANES
 from mcnav.systems.ins.ensemble.normalization import (
     NormalizationRooms,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.instruments import AXES, OUTPUTS, Imu, Noise, process_sizes

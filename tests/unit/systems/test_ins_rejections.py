@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.systems.ins.ensemble.filter_system import filter_system
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop

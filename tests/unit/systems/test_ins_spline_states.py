@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.truth.spline_states import SMALL, states_of_splines
 from mcnav.systems.ins.truth.trajectory import Truth, TruthStates

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import MARS, MOON, WGS84, ZONALS, Earth, local_axes
 from mcnav.systems.ins.reference.normal_field import DEEPEST, HEADER, field_constants, normal_gravitation_at
 

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign
 from mcnav.contract.recorded import FilteredRecord, RecordedMeasurements, Recording, RecordingError
 from mcnav.contract.scenario import RecordingScenario, ScenarioError, can_be_recorded

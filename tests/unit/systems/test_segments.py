@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.physics.constants import STANDARD_GRAVITY
 from mcnav.systems.ins.earth import WGS84, Earth, local_axes
 from mcnav.systems.ins.truth.rows import TrajectoryRows, check_rows
 from mcnav.systems.ins.truth.segments import (

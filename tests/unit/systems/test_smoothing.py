@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_lsq_spline
 
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.physics.constants import STANDARD_GRAVITY
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.truth.rows import TrajectoryRows
 from mcnav.systems.ins.truth.smoothing import FIRST_KNOTS, last_decimal, least_squares, spline_within

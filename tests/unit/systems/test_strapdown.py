@@ -10,7 +10,7 @@ import pytest
 import tomli_w
 
 from mcnav import Strapdown
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.config.read import read_campaign
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError

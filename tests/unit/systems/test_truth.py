@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER, REENTRY_ALTITUDE
+from mcnav.physics.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER, REENTRY_ALTITUDE
 from mcnav.systems.reentry.atmosphere import LAYER_BOUNDARIES
 from mcnav.systems.reentry.scenario import Reentry
 from mcnav.systems.reentry.table_i import common_start

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mcnav.constants import EARTH_RADIUS
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.scenario import Flight, Reentry
 from mcnav.systems.reentry.table_i import common_start
 from mcnav.systems.reentry.vehicle import ConstantLift, Vehicle

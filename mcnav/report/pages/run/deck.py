@@ -14,12 +14,13 @@ from typing import Final, Literal
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array, IndexArray
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.what_if import GroupTerm, SizedSystem, WhatIf, grouped_terms
-from mcnav.constants import EARTH_RADIUS
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.quantities import NAVIGATED, TRUE
+from mcnav.physics.constants import EARTH_RADIUS
+from mcnav.physics.units import UnitError, quantity
 from mcnav.report.drawing.coastline import RADIUS, Projection
 from mcnav.report.exports.arrays import filter_covariances, linear_covariances
 from mcnav.report.figures.sources import Contributor, contributors, origins, variance_over_time
@@ -27,7 +28,6 @@ from mcnav.report.format import rounded
 from mcnav.report.names import humanize
 from mcnav.report.pages.run.deck_lanes import Lane, lanes
 from mcnav.report.results.model import RunAnalysis
-from mcnav.units import UnitError, quantity
 
 PROBABILITY: Final = 0.95
 """Probability of an ellipse, for a normal distribution."""

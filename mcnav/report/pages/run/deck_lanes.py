@@ -9,9 +9,9 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.analysis.filter_consistency import SensorConsistency
 from mcnav.analysis.filter_remarks import period
+from mcnav.arrays.types import Array
 from mcnav.report.columns.requirements import requirement_rows
 from mcnav.report.names import humanize
 from mcnav.report.results.model import RunAnalysis

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.methods import Frame, Method, read_method
 from mcnav.systems.closed_loop.quantities import Quantity, as_kept

@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import Earth, local_axes
 
 

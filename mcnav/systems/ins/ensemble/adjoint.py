@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_part, compiled
 from mcnav.compiled.shapes import check_numbers, check_shapes
 from mcnav.compiled.vectors import load, store

@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.blocks import blocks_of
 from mcnav.compiled.jit import allocation_free_loop, allocation_free_part, allocation_free_subroutine, inlined
 from mcnav.compiled.shapes import check_shapes

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.conditions import Conditions
 from mcnav.systems.ins.ensemble.adjoint import Adjoint

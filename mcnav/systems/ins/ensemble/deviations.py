@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import inlined, uncontracted
 from mcnav.compiled.shapes import check_shape
 from mcnav.systems.ins.earth import local_axes

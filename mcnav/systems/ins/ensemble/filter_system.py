@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 from mcnav.systems.ins.linear.covariance import transitions

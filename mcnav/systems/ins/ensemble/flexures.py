@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.ins.filter.model import FilterState
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 from mcnav.systems.ins.sensors.flexure import Flexure

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free, compiled
 from mcnav.compiled.shapes import check_shapes
 from mcnav.compiled.vectors import LANES, Store, load, room, store

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_part, compiled
 from mcnav.compiled.shapes import check_numbers, check_shapes
 from mcnav.compiled.vectors import PART, Vector, load_part, room_of_parts, store_part

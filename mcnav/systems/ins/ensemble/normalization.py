@@ -10,10 +10,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import ROUNDED, map_covariances
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_subroutine, inlined
 from mcnav.compiled.vectors import Vector, load, room, store, where
-from mcnav.products import ROUNDED, map_covariances
 from mcnav.systems.ins.filter.model import NAVIGATION
 
 GROUPS: Final = 6

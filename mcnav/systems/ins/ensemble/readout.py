@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_part, allocation_free_uncontracted, inlined, uncontracted_subroutine
 from mcnav.compiled.lanes import angle_of_half
 from mcnav.compiled.vectors import Vector, load, room, store, where

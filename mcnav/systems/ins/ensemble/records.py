@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_part, allocation_free_subroutine
 from mcnav.compiled.vectors import LANES, load, room, store, where
 from mcnav.systems.ins.ensemble.normalization import (

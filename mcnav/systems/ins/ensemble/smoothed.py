@@ -20,7 +20,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_loop, allocation_free_part
 from mcnav.compiled.vectors import LANES, load, room
 from mcnav.linear.engine.smoother import SAME_INSTANT

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.blocks import THREE
 from mcnav.compiled.jit import allocation_free_part, inlined
 from mcnav.compiled.lanes import half_turn_of_square

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from mcnav._types import Array
-from mcnav.products import map_covariances
+from mcnav.arrays.products import map_covariances
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import OUTPUTS
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.gates import USUAL, GateQuestion
 from mcnav.systems.ins.imu.gravity import DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, Imu

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import compiled
 from mcnav.systems.ins.imu.gravity import DISTURBANCES, GravityDisturbance
 from mcnav.systems.ins.imu.instruments import AXES, Imu, Noise

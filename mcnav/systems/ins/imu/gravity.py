@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 DEFLECTION: Final = "gravity_deflection"
 ANOMALY: Final = "gravity_anomaly"

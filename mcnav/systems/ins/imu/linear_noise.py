@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import compiled
 from mcnav.systems.ins.linear.covariance import output_map
 from mcnav.systems.ins.truth.trajectory import Platform, Truth

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
 
 _CROSS: Final = tuple((AXES.index(reads), AXES.index(along)) for reads, along in CROSS_AXES)

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.ins.imu.fine_noise import boundary_values, draw_noise, gravity_values, gyro_drifts, process_values
 from mcnav.systems.ins.imu.instruments import Imu
 from mcnav.systems.ins.sensors.aiding import Component, Sensor

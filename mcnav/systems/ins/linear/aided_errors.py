@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import map_covariances, transform
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.linear.engine.propagate import propagate
 from mcnav.linear.engine.smoother import smooth
-from mcnav.products import map_covariances, transform
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.gravity import add_by_cause
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs

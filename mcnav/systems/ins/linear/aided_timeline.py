@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import FilterSteps, Instants, Start, StepNoise, Steps, Timeline, TimelineFilter, Updates
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.filter.tables import FilterTables, initial_covariance

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Timeline
 from mcnav.linear.engine.design import Design, design
 from mcnav.systems.ins.filter.model import FilterModel

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import local_axes
 from mcnav.systems.ins.imu.gravity import DISTURBANCES
 from mcnav.systems.ins.imu.instruments import PROCESSES, Imu, Noise, process_sizes

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Instants, Start, Timeline
 from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.linear.engine.starts import start_times

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_part, compiled
 from mcnav.systems.ins.imu.gravity import GravityDisturbance
 from mcnav.systems.ins.linear.quadrature import (

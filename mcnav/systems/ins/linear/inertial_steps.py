@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import StepNoise, Steps
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, of_unit_sizes

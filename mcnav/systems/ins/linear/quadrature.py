@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_part
 from mcnav.systems.ins.truth.trajectory import Truth
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from mcnav._recent import Recent
-from mcnav._types import Array
+from mcnav.arrays.types import Array
+from mcnav.caches.recent import Recent
 from mcnav.systems.ins.imu.instruments import Imu
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.truth.trajectory import Platform, Truth

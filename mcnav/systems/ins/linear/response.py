@@ -25,7 +25,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_part, compiled
 from mcnav.systems.ins.imu.instruments import CROSS_AXES, Imu
 from mcnav.systems.ins.linear.gravity_response import GravityResponses, respond_to_gravity

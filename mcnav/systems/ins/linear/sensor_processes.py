@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
 from mcnav.systems.ins.sensors.flexure import Flexure, flexure_process
 from mcnav.systems.ins.sensors.measurements import Measurements, flexure_rows, white_sigmas

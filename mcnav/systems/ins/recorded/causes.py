@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.recorded import Cause, Offset
 from mcnav.systems.ins.filter.model import NAVIGATION, Beliefs, FilterModel, FilterState, estimated_kinds

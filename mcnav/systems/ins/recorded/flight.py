@@ -14,7 +14,8 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.products import map_covariances, transform
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import (
     FilteredRecord,
     Part,
@@ -25,7 +26,6 @@ from mcnav.contract.recorded import (
     RecordingError,
     Stage,
 )
-from mcnav.products import map_covariances, transform
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.recorded.causes import Campaign, CauseTable, list_offsets, tabulate_causes

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.reference.axes import cross_matrix
 from mcnav.systems.ins.sensors.aiding import Sensor

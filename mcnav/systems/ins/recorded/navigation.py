@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.recorded import FilteredRecord, Recording, RecordingError
 from mcnav.contract.scenario import ScenarioError

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import Recording
 from mcnav.systems.ins.reference.collocation import NODES
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import RecordedTrack
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.reference.mechanization import matrices

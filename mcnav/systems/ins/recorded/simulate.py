@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import RecordedMeasurements, RecordedTrack, Recording
 from mcnav.systems.ins.earth import local_axes
 from mcnav.systems.ins.imu.instruments import Imu

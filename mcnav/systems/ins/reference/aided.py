@@ -25,8 +25,8 @@ from typing import Final
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from mcnav._types import Array, IndexArray
-from mcnav.products import map_covariances
+from mcnav.arrays.products import map_covariances
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.faults import fault_errors
 from mcnav.systems.ins.filter.consistency import SensorCounts, normalized_errors, record_row
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel

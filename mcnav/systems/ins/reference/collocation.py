@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import compiled
 from mcnav.systems.ins.reference.normal_field import normal_gravitation
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, GYRO
 from mcnav.systems.ins.imu.readings import compensate, reading_errors, response_matrix
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel

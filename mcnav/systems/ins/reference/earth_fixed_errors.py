@@ -27,7 +27,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import compiled
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel, FilterState
 from mcnav.systems.ins.imu.gravity import DISTURBANCES

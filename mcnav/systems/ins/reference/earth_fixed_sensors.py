@@ -25,7 +25,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterState
 from mcnav.systems.ins.imu.instruments import AXES

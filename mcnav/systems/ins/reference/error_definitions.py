@@ -33,7 +33,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.numerics.extended_poses import exponential
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY, cross_matrix
 

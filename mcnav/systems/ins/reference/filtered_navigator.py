@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY

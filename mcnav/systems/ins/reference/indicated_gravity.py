@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, GravityStates
 from mcnav.systems.ins.reference.normal_field import normal_gravitation_at

@@ -28,7 +28,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.numerics.extended_poses import logarithm
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY

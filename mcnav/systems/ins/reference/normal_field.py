@@ -23,7 +23,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled
 from mcnav.systems.ins.earth import Earth
 

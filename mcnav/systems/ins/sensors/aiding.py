@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.recorded import MeasurementFile
 from mcnav.systems.faults import Fault, gate_limit
 from mcnav.systems.ins.imu.instruments import AXES

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_part, uncontracted_subroutine
 from mcnav.compiled.lanes import angle_of_half
 from mcnav.compiled.vectors import Vector, load, store, where

@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 from pydantic import ValidationError
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.axes import AxisSizes
 from mcnav.entries.context import FileContext
 from mcnav.systems.ins.earth import Earth

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.reference.local_frame import LocalFrame
 

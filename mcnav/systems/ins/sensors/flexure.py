@@ -24,7 +24,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.imu.instruments import AXES
 
 OF_CRITICAL_DAMPING: Final = 2.146193220620583

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_part
 from mcnav.compiled.vectors import Vector
 from mcnav.entries.context import FileContext

@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_part, uncontracted_subroutine
 from mcnav.compiled.vectors import Vector
 from mcnav.systems.ins.imu.instruments import AXES

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.faults import fault_errors
 from mcnav.systems.ins.imu.instruments import GYRO
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants

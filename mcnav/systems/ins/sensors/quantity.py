@@ -15,14 +15,14 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.context import FileContext
+from mcnav.physics.units import DIMENSIONS, UnitError, quantity
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.sensors.comparison import Comparison, Difference
 from mcnav.systems.ins.sensors.innovation import Innovation
 from mcnav.systems.ins.sensors.surroundings import Surroundings
 from mcnav.systems.ins.truth.trajectory import Truth
-from mcnav.units import DIMENSIONS, UnitError, quantity
 
 LEVEL_AXES: Final = ("north", "east", "down")
 
@@ -169,7 +169,7 @@ class QuantityDefinition:
         elif not hasattr(self.innovation, "py_func"):
             wrong = "innovation must be compiled: decorate it with allocation_free_part"
         elif self.unit not in DIMENSIONS:
-            wrong = f"unit {self.unit!r} is not among DIMENSIONS in mcnav/units.py; add it there and in mcnav/units.txt"
+            wrong = f"unit {self.unit!r} is not among DIMENSIONS in mcnav/physics/units.py; add it there and in mcnav/physics/units.txt"
         else:
             functions = {"geometry": self.geometry, "innovation": self.innovation.py_func, "compare": self.compare}
             wrong = next(filter(None, (wrong_parameters(*each) for each in functions.items())), None)

@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_part
 from mcnav.compiled.vectors import Vector, load
 from mcnav.systems.ins.reference.axes import ATTITUDE, VELOCITY, cross_matrix

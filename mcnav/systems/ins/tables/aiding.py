@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from pydantic import TypeAdapter
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.inputs import InputFile
 from mcnav.entries.validation import validate, validate_entry

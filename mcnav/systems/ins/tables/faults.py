@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 import numpy as np
 from pydantic import Field, TypeAdapter
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.questions import UNMEASURED
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import Duration, Table, Written

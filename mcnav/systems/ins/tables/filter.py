@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, WithJsonSchema
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.gates import USUAL, GateQuestion
 from mcnav.contract.quantities import Source
 from mcnav.entries.axes import within

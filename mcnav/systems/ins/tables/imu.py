@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 from pydantic import Field
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import OneOf, Table
 from mcnav.entries.validation import validate

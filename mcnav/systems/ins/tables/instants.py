@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PlainValidator, WithJsonSchema
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.mistakes import Mistake, refuse, told
 from mcnav.entries.quantities import UNIT, Duration, Table
-from mcnav.units import UnitError, quantity
+from mcnav.physics.units import UnitError, quantity
 
 if TYPE_CHECKING:
     from mcnav.systems.ins.scenario import Navigation

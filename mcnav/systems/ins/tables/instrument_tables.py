@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Final, Generic, TypeVar
 
 from pydantic import Field
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.axes import AxisSizes, OrSizes, fault_of_size, within
 from mcnav.entries.quantities import Table
 from mcnav.entries.rules import ExactlyOne, Rule, SomeButOne

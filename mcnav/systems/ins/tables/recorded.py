@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._recent import Recent
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
+from mcnav.caches.recent import Recent
 from mcnav.contract.recorded import MeasurementFile
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import read_file

@@ -17,7 +17,7 @@ from mcnav.entries.inputs import InputFile
 from mcnav.entries.quantities import AngularRate, Duration, GravitationalParameter, Later, Length, Table
 from mcnav.entries.unions import ByForm
 from mcnav.entries.validation import validate, validate_entry
-from mcnav.files import INPUTS
+from mcnav.files.whole import INPUTS
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
 from mcnav.systems.ins.earth import BODIES, WGS84, Earth

@@ -9,9 +9,9 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from mcnav.entries.quantities import UNIT, AngularRate, Duration, Length, Table
 from mcnav.entries.rules import NotBoth, Rule
 from mcnav.entries.unions import ByKey
+from mcnav.physics.units import UnitError, quantity
 from mcnav.systems.ins.tables.motion import Angle, Forward, Latitude, Longitude, Pull
 from mcnav.systems.ins.truth import segments as flown
-from mcnav.units import UnitError, quantity
 
 Steepness = Annotated[Angle, Field(gt=0.0, le=1.4)]
 """Climb angle and bank: up to 80 deg."""

@@ -11,19 +11,19 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, WithJsonSchema, create_model
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.axes import AxisSizes, Fault, within
 from mcnav.entries.mistakes import Mistake, told
 from mcnav.entries.quantities import UNIT, Later, OneOf, QuantityIn, Table
 from mcnav.entries.rules import SomeOf
 from mcnav.entries.unions import ByTypeIn, Either
 from mcnav.entries.validation import AnyTable
+from mcnav.physics.units import dimension_of, printable, quantity
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.sensors.quantity import OFFSETS, FurtherKey, QuantityDefinition, SensorType
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR
 from mcnav.systems.ins.tables.instants import InstantRule, InstantsTable
-from mcnav.units import dimension_of, printable, quantity
 
 MULTIPLE: Final = 1e9
 """Multiple of an error's usual size, and share of it, beyond which a size is refused: a slip of the pen."""

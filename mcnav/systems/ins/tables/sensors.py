@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import Table
 from mcnav.systems.ins.sensors.flexure import MOST_TURNS, OF_CRITICAL_DAMPING, Flexure

@@ -17,13 +17,13 @@ from typing import Final, Literal
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.errors import CampaignError
-from mcnav.files import read_whole
+from mcnav.files.whole import read_whole
 from mcnav.logs.column_names import named
 from mcnav.logs.px4 import POSITIONS
 from mcnav.logs.track import Track, read_track
+from mcnav.physics.constants import STANDARD_GRAVITY
 from mcnav.systems.ins.earth import WGS84, Earth, local_axes
 from mcnav.systems.ins.tables.trajectory_file import LARGEST_FILE, read_trajectory_file
 from mcnav.systems.ins.tables.trajectory_tables import FileTable

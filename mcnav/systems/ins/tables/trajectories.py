@@ -31,14 +31,14 @@ from typing import Any, Final
 import numpy as np
 from pydantic import TypeAdapter
 
-from mcnav._recent import Recent
+from mcnav.caches.recent import Recent
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import read_file
 from mcnav.entries.inputs import InputFile
 from mcnav.entries.quantities import Table
 from mcnav.entries.validation import validate_entry
 from mcnav.entries.values import SettingError
-from mcnav.files import INPUTS
+from mcnav.files.whole import INPUTS
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.tables.tracks import FileRows, read_rows
 from mcnav.systems.ins.tables.trajectory_file import LARGEST_FILE

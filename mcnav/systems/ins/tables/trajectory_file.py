@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.entries.near_files import near_file
 from mcnav.errors import suggestion
-from mcnav.files import TextError, read_whole, text_of
-from mcnav.parquet import numbers_in
+from mcnav.files.parquet import numbers_in
+from mcnav.files.whole import TextError, read_whole, text_of
+from mcnav.physics.units import UnitError, printable, quantity
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.tables.trajectory_formats import foreign_format, why_no_header
 from mcnav.systems.ins.truth.rows import (
@@ -34,7 +35,6 @@ from mcnav.systems.ins.truth.rows import (
     check_rows,
 )
 from mcnav.systems.ins.truth.smoothing import last_decimal
-from mcnav.units import UnitError, printable, quantity
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Final
 
+from mcnav.physics.units import printable
 from mcnav.systems.ins.truth.rows import COLUMNS
-from mcnav.units import printable
 
 EXPECTED: Final = (
     "expected CSV or parquet with the columns time [s], lat, lon [deg], alt [m], roll, pitch, heading [deg]"

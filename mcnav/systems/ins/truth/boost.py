@@ -18,7 +18,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.numerics.integration import integrate
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.truth.quintic import LONGEST_STEP, earth_fixed_quintic, row_times

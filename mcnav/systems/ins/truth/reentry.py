@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.truth.quintic import earth_fixed_quintic, row_times
 from mcnav.systems.ins.truth.trajectory import Truth

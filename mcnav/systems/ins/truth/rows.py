@@ -11,12 +11,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.arrays.types import Array
+from mcnav.physics.constants import STANDARD_GRAVITY
+from mcnav.physics.units import printable
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.truth.smoothing import is_rough, spline_within
 from mcnav.systems.ins.truth.trajectory import Truth
-from mcnav.units import printable
 
 LONGEST_MESSAGE: Final = 600
 """Characters."""

@@ -21,9 +21,9 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled, inlined
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.physics.constants import STANDARD_GRAVITY
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.truth.rows import POLE_DISTANCE, TrajectoryRows
 

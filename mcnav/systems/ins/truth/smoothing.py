@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline, CubicHermiteSpline

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.truth.rows import TrajectoryRows
 

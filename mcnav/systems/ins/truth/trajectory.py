@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.truth.spline_states import Instants, Splines, SplineStates, intervals, states_of_splines
 

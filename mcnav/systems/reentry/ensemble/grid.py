@@ -24,9 +24,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import uncontracted
-from mcnav.constants import GRAVITATIONAL_PARAMETER
+from mcnav.physics.constants import GRAVITATIONAL_PARAMETER
 from mcnav.systems.reentry.ensemble.transition import Response, Tables
 
 DEGREE: Final = 6

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled, reduced_math
 from mcnav.compiled.lanes import SMALLEST_COMPONENT
 from mcnav.compiled.shapes import check_shape

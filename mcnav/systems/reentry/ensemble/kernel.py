@@ -27,11 +27,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled
 from mcnav.compiled.lanes import SMALLEST_COMPONENT, angle_of_half, gravity_remainder, half_turn
 from mcnav.compiled.shapes import check_shape
-from mcnav.constants import EARTH_RADIUS
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.ensemble.grid import MEMORY, Grid
 from mcnav.systems.reentry.instruments import Error
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.numerics.refinement import largest_share
 from mcnav.systems.reentry.ensemble.grid import Grid, shared_grid
 from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble

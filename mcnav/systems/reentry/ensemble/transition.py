@@ -19,12 +19,12 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled
-from mcnav.constants import GRAVITATIONAL_PARAMETER
 from mcnav.numerics.dense_output import DenseOutput
 from mcnav.numerics.elements import stack_elements
 from mcnav.numerics.integration import integrate
+from mcnav.physics.constants import GRAVITATIONAL_PARAMETER
 from mcnav.systems.reentry.truth import Phase, Trajectory, motion, truth_force
 
 COLUMNS: Final = 6

@@ -13,10 +13,10 @@ from typing import Final, Literal
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS
+from mcnav.arrays.types import Array
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.quantities import Output, Source
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.navigator import LOWEST_RADIUS
 from mcnav.systems.reentry.outputs import FurtherOutput
 from mcnav.systems.reentry.truth import LONGEST_FLIGHT, Trajectory

@@ -25,8 +25,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS
+from mcnav.arrays.types import Array
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.guided.description import FollowingLaw
 from mcnav.systems.reentry.truth import Phase, Trajectory, truth_rates
 

@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled
-from mcnav.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER
 from mcnav.numerics.integration import integrate
+from mcnav.physics.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER
 from mcnav.systems.reentry.atmosphere import GEOPOTENTIAL_RADIUS, HYDROSTATIC_GRADIENT
 from mcnav.systems.reentry.guided.description import Ending, GuidedError, GuidedNavigation
 from mcnav.systems.reentry.guided.ensemble.kernel import SOURCES, Steps, simulate_steps

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.guided.description import TRUE_ALTITUDE, TRUTH_OUTPUTS, GuidedNavigation
 from mcnav.systems.reentry.guided.ensemble.kernel import Flights
 from mcnav.systems.reentry.guided.linear import LinearFlight, Reading

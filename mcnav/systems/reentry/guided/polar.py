@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import compiled, uncontracted
-from mcnav.constants import EARTH_RADIUS
 from mcnav.numerics.dop853 import advance
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.atmosphere import layer_density
 from mcnav.systems.reentry.guided.description import GuidedNavigation
 from mcnav.systems.reentry.instruments import indicated_force, measured_force

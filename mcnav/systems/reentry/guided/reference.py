@@ -15,13 +15,13 @@ from typing import Any, Final
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS
+from mcnav.arrays.types import Array
 from mcnav.contract.failure import Failure
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.numerics.dop853 import LEFT, REACHED, Steps, integrate_compiled
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.guided.description import Ending, GuidedError, GuidedNavigation, start_states
 from mcnav.systems.reentry.guided.polar import (
     advance_guided,

@@ -7,14 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch
-from mcnav.products import transformed_variances
+from mcnav.physics.units import conversion
 from mcnav.systems.reentry.guided.linear import LinearFlight
-from mcnav.units import conversion
 
 FLIGHTS: Final = 128
 SEED: Final = 1772

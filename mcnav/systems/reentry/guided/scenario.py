@@ -9,8 +9,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs, History, Panel
@@ -21,6 +20,7 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import PlainScenario, ScenarioError
 from mcnav.linear.engine.propagate import propagate
 from mcnav.numerics.power_sums import sum_powers
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.histories import with_errors
 from mcnav.systems.reentry.guided.description import TRUTH_SOURCES, Ending, Guidance, GuidedNavigation
 from mcnav.systems.reentry.guided.ensemble.kernel import SOURCES, simulate_flights, simulate_steps

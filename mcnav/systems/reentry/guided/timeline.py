@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.timeline import Start, Timeline
 from mcnav.linear.engine.starts import start_times
 from mcnav.systems.reentry.guided.description import GuidedError

@@ -21,8 +21,8 @@ import pandas as pd
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from mcnav._types import Array
-from mcnav.products import transform
+from mcnav.arrays.products import transform
+from mcnav.arrays.types import Array
 from mcnav.validation.reproduce.story_of_84_minutes.numbers import PERIOD, RADIUS, RATIO, ROUND
 
 GROWTH: Final = float(np.sqrt(2.0) * 2.0 * np.pi / PERIOD)

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.reentry.instruments import indicated_force
 from mcnav.systems.steady.truth import Earth
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.steady.ensemble import simulate_ensemble
 from mcnav.systems.steady.linearized import linearize
 from mcnav.systems.steady.truth import Earth, Error, SteadyFlight

@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import DOP853, solve_ivp
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.validation.reproduce.story_of_84_minutes.numbers import (
     MILE,
     MINUTE,

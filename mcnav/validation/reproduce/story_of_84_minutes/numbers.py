@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import brentq
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.steady.ensemble import simulate_ensemble
 from mcnav.systems.steady.linearized import linearize
 from mcnav.systems.steady.navigator import simulate_indicated

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from mcnav.files import write_texts
+from mcnav.files.whole import write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import Beside, Heading, MarkKey, Note, Page, Part, Section, Sentence
 from mcnav.report.document.table import CODE, Cell, Column, Table, counts_in_words

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.validation.reproduce.story_of_84_minutes import schuler
 from mcnav.validation.reproduce.story_of_84_minutes.numbers import (
     DISTANCE,

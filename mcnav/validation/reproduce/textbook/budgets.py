@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84
 from mcnav.systems.ins.imu.instruments import Imu, Noise
 from mcnav.validation.reproduce.textbook.free import DEGREE, HOUR, NAUTICAL_MILE

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import without_noise
 from mcnav.systems.ins.imu.instruments import OUTPUTS
 from mcnav.systems.ins.scenario import Ins

@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch
+from mcnav.physics.constants import STANDARD_GRAVITY
 from mcnav.statistics.mean_square import mean_square_intervals
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.filter.model import Beliefs, FilterModel

@@ -13,7 +13,7 @@ from typing import Final
 import pandas as pd
 from markupsafe import Markup
 
-from mcnav.files import write_texts
+from mcnav.files.whole import write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import Listing, MarkKey, Note, Page, Section, Sentence
 from mcnav.report.document.table import Cell, Column, Table, counts_in_words

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.physics.constants import STANDARD_GRAVITY
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import Imu
 from mcnav.validation.reproduce.textbook import closed_forms

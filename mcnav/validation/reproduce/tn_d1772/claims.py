@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.linearity import alone
-from mcnav.constants import GRAVITATIONAL_PARAMETER
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import without_noise
 from mcnav.contract.quantities import source_labels
 from mcnav.linear.partials import Propagate, partials_at_later_starts
+from mcnav.physics.constants import GRAVITATIONAL_PARAMETER
 from mcnav.report.names import humanize
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.navigator import simulate_indicated

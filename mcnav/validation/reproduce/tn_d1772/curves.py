@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import without_noise
 from mcnav.linear.start_times import study_start_times
+from mcnav.physics.constants import EARTH_RADIUS, REENTRY_ALTITUDE
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.outputs import DEVIATIONS
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry

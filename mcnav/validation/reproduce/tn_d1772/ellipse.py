@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import GRAVITATIONAL_PARAMETER
+from mcnav.arrays.types import Array
+from mcnav.physics.constants import GRAVITATIONAL_PARAMETER
 
 
 @dataclass(frozen=True)

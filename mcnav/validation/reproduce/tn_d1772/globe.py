@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.physics.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.filter.model import Beliefs, FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu

@@ -15,9 +15,9 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from mcnav._types import Array
-from mcnav.constants import REENTRY_ALTITUDE
+from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch
+from mcnav.physics.constants import REENTRY_ALTITUDE
 from mcnav.systems.reentry.guided.description import Guidance, GuidedError, Whose
 from mcnav.systems.reentry.guided.following import Following
 from mcnav.systems.reentry.guided.scenario import GuidedReentry

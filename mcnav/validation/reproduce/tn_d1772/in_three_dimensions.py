@@ -12,10 +12,10 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from mcnav._types import Array
-from mcnav.constants import REENTRY_ALTITUDE
+from mcnav.arrays.products import transform, transformed_variances
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import without_noise
-from mcnav.products import transform, transformed_variances
+from mcnav.physics.constants import REENTRY_ALTITUDE
 from mcnav.statistics.mean_square import mean_square_intervals
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS
 from mcnav.systems.ins.scenario import Ins

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from mcnav.files import write_texts
+from mcnav.files.whole import write_texts
 from mcnav.report.document import table as shown
 from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import MarkKey, Note, Page, Part, Section, Sentence, joined

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
+from mcnav.arrays.types import Array
+from mcnav.physics.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.outputs import DEVIATIONS
 from mcnav.systems.reentry.table_i import ALL_ERRORS, ERRORS, TABLE_I

@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.report.drawing.figure import THIRD, Figure
 from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Series, Span
 from mcnav.report.drawing.palette import BAND, FLOWN, INK, LINEAR

@@ -10,11 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RATE, TN_GRAVITY
+from mcnav.arrays.types import Array
 from mcnav.contract.engine import without_noise
 from mcnav.contract.linear import LinearModel
 from mcnav.linear.partials import Propagate
+from mcnav.physics.constants import EARTH_RATE, TN_GRAVITY
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.table_i import COLUMNS, ERRORS, TABLE_I, among_all, range_from_reentry, start_state
 from mcnav.systems.reentry.truth import Trajectory, airspeed_and_angle

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 DURATION: Final = 30.0
 STEP: Final = 0.01

@@ -24,7 +24,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_subroutine as subroutine
 from mcnav.compiled.jit import compiled
 from mcnav.numerics.extended_poses import exponential, logarithm

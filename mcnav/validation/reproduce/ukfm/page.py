@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from mcnav._types import Array
-from mcnav.files import write_texts
+from mcnav.arrays.types import Array
+from mcnav.files.whole import write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import MarkKey, Note, Page, Part, Section, Sentence
 from mcnav.report.document.table import Cell, Column, Table, counts_in_words

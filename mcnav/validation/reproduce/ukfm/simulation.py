@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.validation.reproduce.ukfm import flight
 from mcnav.validation.reproduce.ukfm.kernel import SCORES, simulate
 from mcnav.validation.reproduce.ukfm.printed import AS_PRINTED, MEANT, RUNS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84, local_axes
 from tests.benchmarks.inertial.case import Case
 from tests.benchmarks.inertial.peers.compiled_filter import STATES

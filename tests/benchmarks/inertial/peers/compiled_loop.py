@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from tests.benchmarks.inertial.case import READING, Case, Samples
 from tests.benchmarks.inertial.peer import Peer, Simulate
 from tests.benchmarks.inertial.peers.arrange import initial_covariance, level_axes, quaternions, returned

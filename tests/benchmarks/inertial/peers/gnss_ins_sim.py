@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from gnss_ins_sim.sim import imu_model, ins_sim
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from tests.benchmarks.inertial.case import READING, Case, Samples
 from tests.benchmarks.inertial.peer import Peer, Simulate
 

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from tests.benchmarks.inertial.case import READING, Case, Samples
 from tests.benchmarks.inertial.equations import EARTH_RATE, MU, reading_step
 from tests.benchmarks.inertial.peer import Peer, Simulate

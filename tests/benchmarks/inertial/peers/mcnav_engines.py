@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.config.read import read_campaign
 from mcnav.contract.samples import Batch
 from mcnav.systems.ins.aided import AidedEngine, AidedReferenceEngine

@@ -18,7 +18,7 @@ from pyins.measurements import NedVelocity, Position
 from pyins.util import DV_COLS, LLA_COLS, RPH_COLS, THETA_COLS, TRAJECTORY_COLS, VEL_COLS
 from scipy.spatial.transform import Rotation
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84, local_axes
 from tests.benchmarks.inertial.case import READING, Case, Samples
 from tests.benchmarks.inertial.peer import Peer, Simulate

@@ -7,6 +7,7 @@ import pytest
 from filterpy.kalman import KalmanFilter
 from scipy.linalg import solve_discrete_are
 
+from mcnav.arrays.products import transform
 from mcnav.contract.timeline import Start, StepNoise, Steps
 from mcnav.linear.covariance import propagated_covariance
 from mcnav.linear.engine.adjoint import adjoint
@@ -15,7 +16,6 @@ from mcnav.linear.engine.innovations import innovation_laws
 from mcnav.linear.engine.propagate import propagate
 from mcnav.linear.engine.rejections import WhitenedFilter, rejected_errors
 from mcnav.linear.engine.smoother import smooth
-from mcnav.products import transform
 from tests.timelines import constant_velocity, timeline_of
 
 ROUNDING = 1e-12

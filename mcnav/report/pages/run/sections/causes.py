@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.variance_breakdown import TERMS, VarianceBreakdown
+from mcnav.arrays.types import Array
 from mcnav.report.document import formulas
 from mcnav.report.document.parts import Folded, Section, Sentence, joined
 from mcnav.report.document.table import STRONG, Column, Table

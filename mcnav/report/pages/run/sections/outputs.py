@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.report.columns.output_columns import outputs_table
 from mcnav.report.columns.percentiles import percentiles_table
 from mcnav.report.columns.requirements import allowed_by_requirement, requirements_table

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from markupsafe import Markup
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.report.document.parts import Folded, Heading, Note, Part, Sentence
 from mcnav.report.document.table import STRONG, Column, Table
 from mcnav.report.figures.sources import SHOWN, flown_shares

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.comparison import correlations
+from mcnav.arrays.types import Array
 from mcnav.report.document.parts import Section, headed, joined
 from mcnav.report.document.table import Column, Table
 from mcnav.report.drawing.figure import Figure

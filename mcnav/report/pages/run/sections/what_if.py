@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.analysis.changeable_campaign import MARK, ChangeableCampaign
 from mcnav.analysis.what_if import LimitedErrors, WhatIf
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output
+from mcnav.physics.units import conversion
 from mcnav.report.columns.requirements import NamedRequirement, stated
 from mcnav.report.document.parts import Folded, Note, Part, Section, Sentence, WhatIfPart
 from mcnav.report.format import number
 from mcnav.report.names import humanize
 from mcnav.report.statements import verdicts
 from mcnav.store.manifest import Variable
-from mcnav.units import conversion
 
 if TYPE_CHECKING:
     from mcnav.analysis.summary import Summary

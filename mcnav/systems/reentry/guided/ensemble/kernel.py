@@ -14,11 +14,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free, allocation_free_part
 from mcnav.compiled.shapes import check_shape
 from mcnav.compiled.vectors import PART, room_of_parts
-from mcnav.constants import EARTH_RADIUS
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.guided.description import Ending, GuidedNavigation, start_states
 from mcnav.systems.reentry.guided.ensemble.series import (
     CONSTANTS,

@@ -24,10 +24,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_part
 from mcnav.compiled.vectors import PART, Vector, load_part, store_part
-from mcnav.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER
+from mcnav.physics.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER
 from mcnav.systems.reentry.atmosphere import GEOPOTENTIAL_RADIUS, HYDROSTATIC_GRADIENT, layer_density
 from mcnav.systems.reentry.guided.description import GuidedError
 from mcnav.systems.reentry.guided.ensemble.tables import (

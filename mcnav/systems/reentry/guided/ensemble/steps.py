@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free_part
 from mcnav.compiled.vectors import PART, Vector, load_part, store_part
-from mcnav.constants import EARTH_RADIUS
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.guided.description import Ending, GuidedError
 from mcnav.systems.reentry.guided.ensemble.series import (
     ANGLE,

@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
-from mcnav.constants import EARTH_RADIUS
+from mcnav.arrays.types import Array
+from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.reentry.guided.description import GuidedNavigation
 from mcnav.systems.reentry.truth import altitude_bands
 from mcnav.systems.reentry.vehicle import ConstantLift, VariableLift

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from mcnav._streams import HANDLER, POWERS, tolerate
 from mcnav.cli.printing import escaped
-from mcnav.files import TextError, text_of
-from mcnav.pages import PAGES, page_text
+from mcnav.docs.pages import PAGES, page_text
+from mcnav.execution.streams import HANDLER, POWERS, tolerate
+from mcnav.files.whole import TextError, text_of
 from tests.forked import run_forked
 from tests.processes import run_to_end
 

@@ -10,10 +10,10 @@ from unittest.mock import patch
 import pytest
 from typer.main import get_command
 
-from mcnav._interrupts import interrupts
 from mcnav.cli import app, vary
 from mcnav.cli.former import FORMER, current
 from mcnav.cli.program import GROUPS
+from mcnav.execution.interrupts import interrupts
 from tests.commands import invoke
 from tests.conftest import ROOT
 

@@ -22,11 +22,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from mcnav._threads import one_thread
 from mcnav.config.documents import Description
 from mcnav.config.read import campaign_from
 from mcnav.config.sweep_values import POINTS
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, suggestion
+from mcnav.execution.threads import one_thread
 from mcnav.report.columns.output_columns import outputs_frame
 from mcnav.report.columns.result_table import Units
 from mcnav.report.columns.tables_over_time import epochs

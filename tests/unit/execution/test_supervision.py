@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from mcnav import _supervision
-from mcnav._interrupts import Interrupts
-from mcnav._supervision import LAST_WORDS, PASSED_ON, Notes, names_code
+from mcnav.execution import supervision
+from mcnav.execution.interrupts import Interrupts
+from mcnav.execution.supervision import LAST_WORDS, PASSED_ON, Notes, names_code
 from mcnav.systems.guard import CodeMisbehaved
 from tests.conftest import ROOT
 
@@ -17,7 +17,7 @@ from tests.conftest import ROOT
 @pytest.fixture
 def notes(monkeypatch: pytest.MonkeyPatch) -> Notes:
     made = Notes()
-    monkeypatch.setattr(_supervision, "_own", [made])
+    monkeypatch.setattr(supervision, "_own", [made])
     return made
 
 

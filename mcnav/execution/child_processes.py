@@ -13,7 +13,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, Final
 
-from mcnav._streams import tolerate
+from mcnav.execution.streams import tolerate
 
 _PR_SET_PDEATHSIG: Final = 1
 _workers: Final[list[int]] = []

@@ -100,14 +100,16 @@ def units_of_page(words: Words, incomplete: str) -> list[str]:
 def aids(incomplete: str) -> list[str]:
     """Return types of sensors."""
     texts = (
-        file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parent.glob("systems/ins/sensors/*.py"))
+        file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parents[1].glob("systems/ins/sensors/*.py"))
     )
     return _beginning([name for text in texts for name in SENSOR.findall(text)], incomplete)
 
 
 def engines(incomplete: str) -> list[str]:
     """Return the engines of all types of scenarios."""
-    texts = (file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parent.glob("systems/*/*scenario.py")))
+    texts = (
+        file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parents[1].glob("systems/*/*scenario.py"))
+    )
     listed = [names for text in texts for defined in ENGINES.findall(text) for names in TUPLE.findall(defined)]
     names = [name.strip('" ') for each in listed for name in each.split(",") if name]
     return _beginning(dict.fromkeys((*names, MAP)), incomplete)
@@ -122,7 +124,7 @@ def filter_kinds(incomplete: str) -> list[str]:
 
 def examples(incomplete: str) -> list[str]:
     """Return the example campaigns, which lie in the package or in the checkout."""
-    package = Path(__file__).parent
+    package = Path(__file__).parents[1]
     folders = (package / "campaigns", package.parent / "campaigns")
     folder = next((each for each in folders if each.is_dir()), None)
     return _beginning(sorted(path.stem for path in folder.glob("*.toml")) if folder else (), incomplete)

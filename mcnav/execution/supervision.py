@@ -139,7 +139,7 @@ def supervise() -> int | None:
 
 def _attach(notes: Notes, supervisor: int) -> None:
     """Attach this process to its supervisor, which it does not outlive."""
-    from mcnav._subprocess import follow_parent
+    from mcnav.execution.child_processes import follow_parent
 
     _own.append(notes)
     follow_parent(supervisor)

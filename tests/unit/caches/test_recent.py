@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mcnav._recent import Recent
+from mcnav.caches.recent import Recent
 from mcnav.config.read import read_campaign
 from mcnav.systems.ins.imu.instruments import Imu, Noise
 from mcnav.systems.ins.linear.recent_responses import recent_responses
 from mcnav.systems.ins.linear.response import respond
 from mcnav.systems.ins.scenario import Ins, Navigation
 
-FLIGHT = Path(__file__).parents[2] / "campaigns" / "15_flight_navigation_grade.toml"
+FLIGHT = Path(__file__).parents[3] / "campaigns" / "15_flight_navigation_grade.toml"
 
 QUANTIZED = Noise(quantization=np.full(3, 1e-6))
 OTHERS = {

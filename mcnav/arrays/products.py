@@ -1,6 +1,6 @@
 """Products of covariances: the only ones of the form ``M P M'`` of the package.
 
-Kernels of samples, reference engines, and what is named in ``tests/unit/test_products.py`` have their own.
+Kernels of samples, reference engines, and what is named in ``tests/unit/arrays/test_products.py`` have their own.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav.arrays.types import Array
 
 ROUNDED: Final = 1e-14
 """Share of the variance that a sum would have without cancellation, up to which its own is rounding.

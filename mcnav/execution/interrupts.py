@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from mcnav import _supervision
+from mcnav.execution import supervision
 
 INTERRUPTED: Final = 130
 TERMINATED: Final = 143
@@ -55,8 +55,8 @@ class Interrupts:
         Of the signals that the supervisor has passed on, any number came from the terminal as well.
         """
         self.arrived += 1
-        notes = _supervision.own_notes()
-        passed_on = 0 if notes is None else notes.numbers[_supervision.PASSED_ON]
+        notes = supervision.own_notes()
+        passed_on = 0 if notes is None else notes.numbers[supervision.PASSED_ON]
         before, self.counted = self.counted, max(self.counted, passed_on, self.arrived - passed_on)
         return self.counted > before
 
@@ -82,7 +82,7 @@ def listen() -> None:
 def interruptible() -> Iterator[None]:
     """After a signal, end the process with one message, however the block ends and whatever its threads do."""
     listen()
-    _supervision.unblock_signals()
+    supervision.unblock_signals()
     try:
         yield
     finally:
@@ -95,7 +95,7 @@ def _interrupt(number: int, frame: object) -> None:
         return
     interrupts.received.append(number)
     if len(interrupts.received) > 1:  # files are written whole, and workers end with this process
-        _supervision.end(interrupts.status)
+        supervision.end(interrupts.status)
     if not interrupts.deferred:
         raise KeyboardInterrupt
 
@@ -145,4 +145,4 @@ def _end() -> None:
     atexit._run_exitfuncs()  # temporary folders, semaphores; an ordinary exit would join threads first
     with suppress(OSError):
         sys.stdout.flush()
-    _supervision.end(interrupts.status)
+    supervision.end(interrupts.status)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from mcnav import cache
-from mcnav.cache import Cache, DamagedError
+from mcnav.caches import stored
+from mcnav.caches.stored import Cache, DamagedError
 
 
 def test_results_are_read_as_written_and_the_oldest_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -20,7 +20,7 @@ def test_results_are_read_as_written_and_the_oldest_go(tmp_path: Path, monkeypat
         assert kept.write(name, name.encode() * 9)
         os.utime(folder / name, (1e9 - age, 1e9 - age))
     assert kept.read("b") == b"b" * 9
-    monkeypatch.setattr(cache, "MOST_FILES", 3)
+    monkeypatch.setattr(stored, "MOST_FILES", 3)
     for name, time in ((".e.0123456789ab.tmp", 1e9), (".e.ba9876543210.tmp", 4e9)):
         (folder / name).touch()
         os.utime(folder / name, (time, time))
@@ -29,5 +29,5 @@ def test_results_are_read_as_written_and_the_oldest_go(tmp_path: Path, monkeypat
     (folder / "b").write_bytes((folder / "b").read_bytes() + b"b")
     with pytest.raises(DamagedError, match=f"{folder / 'b'} is damaged"):
         kept.read("b")
-    monkeypatch.setattr(cache, "LARGEST", 5)
+    monkeypatch.setattr(stored, "LARGEST", 5)
     assert not kept.write("f", b"too long")

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from mcnav.files import is_temporary, read_whole, write_whole
+from mcnav.files.whole import is_temporary, read_whole, write_whole
 
 VARIABLE: Final = "MCNAV_CACHE_DIR"
 

@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from mcnav._types import Array
-from mcnav.files import to_json
+from mcnav.arrays.types import Array
+from mcnav.files.whole import to_json
 
 Json = dict[str, Any]
 """A table of a JSON file."""

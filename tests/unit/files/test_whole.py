@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from mcnav.files import indented_json, to_json
+from mcnav.files.whole import indented_json, to_json
 
 
 def test_numbers_that_are_not_finite_are_null() -> None:

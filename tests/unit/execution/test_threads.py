@@ -9,8 +9,8 @@ from unittest.mock import patch
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from mcnav import _threads
-from mcnav._threads import one_thread
+from mcnav.execution import threads
+from mcnav.execution.threads import one_thread
 
 
 def _threads_of_blas() -> set[int]:
@@ -29,7 +29,7 @@ def test_one_thread_within_and_as_many_as_before_afterwards() -> None:
 
 
 def test_libraries_are_looked_for_when_modules_were_imported(monkeypatch: pytest.MonkeyPatch) -> None:
-    with patch.object(_threads, "ThreadpoolController", wraps=_threads.ThreadpoolController) as looked:
+    with patch.object(threads, "ThreadpoolController", wraps=threads.ThreadpoolController) as looked:
         with one_thread():
             pass
         found = looked.call_count

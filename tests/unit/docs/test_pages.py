@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mcnav.cli.start import docs
-from mcnav.pages import PAGES, Page
+from mcnav.docs.pages import PAGES, Page
 from tests.conftest import ROOT
 
 PACKAGE = ROOT / "mcnav"

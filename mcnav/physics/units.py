@@ -194,7 +194,7 @@ def _registry() -> pint.UnitRegistry[float]:
 
 @lru_cache
 def _definitions() -> list[str]:
-    return files("mcnav").joinpath("units.txt").read_text(encoding="utf-8").splitlines()
+    return files("mcnav").joinpath("physics/units.txt").read_text(encoding="utf-8").splitlines()
 
 
 @lru_cache
@@ -317,7 +317,7 @@ def quantity(text: object, unit: str, shares: bool = False) -> float:
     >>> quantity("5 km", "rad/s")
     Traceback (most recent call last):
     ...
-    mcnav.units.UnitError: got '5 km', which is a length; expected an angular rate such as "0.2 deg/h"
+    mcnav.physics.units.UnitError: got '5 km', which is a length; expected an angular rate such as "0.2 deg/h"
     """
     words, example = dimension_of(unit)
     expected = f'expected {words} such as "{example}"' + (' or a share such as "1 %"' if shares else "")

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from mcnav import next_command
-from mcnav.cli import app
+from mcnav.cli import app, next_command
 
 PROGRAM: Any = get_command(app)
 CAMPAIGN, FOLDER = Path("my campaigns/mine.toml"), Path("reports/mine")

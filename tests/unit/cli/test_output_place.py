@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from mcnav.cli.output_place import ENDINGS, output_file, output_folder
 from mcnav.errors import CampaignError
-from mcnav.output_place import ENDINGS, output_file, output_folder
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

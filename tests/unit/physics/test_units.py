@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from mcnav import units
-from mcnav.units import DIMENSIONS, USUAL, UnitError, conversion, quantity
+from mcnav.physics import units
+from mcnav.physics.units import DIMENSIONS, USUAL, UnitError, conversion, quantity
 from tests.processes import run_to_end
 
 ARCSEC = math.pi / 648_000.0
@@ -162,7 +162,7 @@ def test_usual_units_are_converted_as_by_pint(unit: str, usual: str) -> None:
 
 
 def test_usual_units_are_read_without_pint() -> None:
-    program = "import sys; from mcnav.units import quantity; quantity('2 deg/h', 'rad/s'); print('pint' in sys.modules)"
+    program = "import sys; from mcnav.physics.units import quantity; quantity('2 deg/h', 'rad/s'); print('pint' in sys.modules)"
     assert run_to_end([sys.executable, "-c", program]).stdout == "False\n"
 
 
@@ -173,7 +173,7 @@ def test_examples_are_of_their_kind() -> None:
 
 @pytest.mark.parametrize("first", ["", "import dask.base; "])
 def test_units_do_not_load_dask_but_leave_it_usable(first: str) -> None:
-    program = f"{first}import sys; from mcnav.units import conversion; conversion('lb', 'kg')\n" + (
+    program = f"{first}import sys; from mcnav.physics.units import conversion; conversion('lb', 'kg')\n" + (
         "print('dask' in sys.modules); import dask.base; print(dask.base.is_dask_collection(1))"
     )
     finished = run_to_end([sys.executable, "-c", program])
