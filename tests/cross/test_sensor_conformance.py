@@ -249,7 +249,7 @@ def test_a_quantity_that_no_file_defines_is_refused() -> None:
         ({"geometry": lambda along: None},
          r"quantity 'altitude': geometry must have the parameters \(along, axis\), and has \(along\)"),
         ({"compare": lambda: None}, r"quantity 'altitude': compare must have the parameters \(at\), and has \(\)"),
-        ({"unit": "Pa"}, "quantity 'altitude': unit 'Pa' is not among DIMENSIONS in mcnav/physics/units.py; add it there"),
+        ({"unit": "Pa"}, "quantity 'altitude': unit 'Pa' is not among DIMENSIONS in mcnav/physics/units.py"),
         ({"shown_in": "s"}, "quantity 'altitude': shown_in 's': got '1 s', which is a time; expected a length"),
     ],
 )  # fmt: skip

@@ -148,11 +148,12 @@ def test_objects_are_used_without_a_folder_to_write_to_and_not_after_a_change(tm
     """
     package = tmp_path / "installed" / "mcnav"
     package.mkdir(parents=True)
-    (package / "sampler").mkdir()
-    others = ("__init__.py", "constants.py", "files.py", "products.py", "progress.py", "_types.py")
-    for name in {*others, *objects.FILES}:
+    for name in ("__init__.py", *objects.FILES):
+        (package / name).parent.mkdir(exist_ok=True)
         shutil.copy(ROOT / "mcnav" / name, package / name)
-    shutil.copytree(ROOT / "mcnav" / "compiled", package / "compiled", ignore=shutil.ignore_patterns("__pycache__"))
+    for room in ("compiled", "files", "execution", "arrays"):
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / "mcnav" / room, package / room, ignore=ignored, dirs_exist_ok=True)
     (package.parent / "__pycache__").touch()
     nowhere = tmp_path / "no_folder"
     nowhere.touch()

@@ -162,7 +162,8 @@ def test_usual_units_are_converted_as_by_pint(unit: str, usual: str) -> None:
 
 
 def test_usual_units_are_read_without_pint() -> None:
-    program = "import sys; from mcnav.physics.units import quantity; quantity('2 deg/h', 'rad/s'); print('pint' in sys.modules)"
+    program = "import sys; from mcnav.physics.units import quantity; quantity('2 deg/h', 'rad/s'); "
+    program += "print('pint' in sys.modules)"
     assert run_to_end([sys.executable, "-c", program]).stdout == "False\n"
 
 

@@ -169,7 +169,7 @@ class QuantityDefinition:
         elif not hasattr(self.innovation, "py_func"):
             wrong = "innovation must be compiled: decorate it with allocation_free_part"
         elif self.unit not in DIMENSIONS:
-            wrong = f"unit {self.unit!r} is not among DIMENSIONS in mcnav/physics/units.py; add it there and in mcnav/physics/units.txt"
+            wrong = f"unit {self.unit!r} is not among DIMENSIONS in mcnav/physics/units.py and units.txt beside it"
         else:
             functions = {"geometry": self.geometry, "innovation": self.innovation.py_func, "compare": self.compare}
             wrong = next(filter(None, (wrong_parameters(*each) for each in functions.items())), None)
