@@ -37,7 +37,7 @@ from mcnav.workflow.corrections import compute_corrections
 from mcnav.workflow.exceedance import estimate_exceedances
 from mcnav.workflow.linear_extremes import range_note
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
-from mcnav.workflow.recorded_model import summary_frame
+from mcnav.workflow.recorded_model import RecordedModel, summary_frame
 from mcnav.workflow.stopping import Execution
 from mcnav.workflow.stored_samples import doubt_samples, tables_over_time
 
@@ -122,7 +122,7 @@ def run_campaign(
         begun = _begin(campaign, folder, engine_name, fresh, force)
         execution = Execution(begun.job, jobs, progress, begun.notices.append, most_failures, executor)
         system, code = begun.system, campaign.code is not None
-        if words := range_note(system.model, system.linear):
+        if words := range_note(RecordedModel(system.model, system.linear)):
             note(words)
         with _computed_beside(lambda: _compute_beside(system), before=code) as beside:
             manifest, record = _simulate(execution, begun.manifest, campaign.until)
