@@ -1,10 +1,10 @@
 """Examination of linear analysis by a few dozen simulations: where it holds, where it does not, where they cannot say.
 
-The variance of an output is ``V = C + E[2 z d + d^2]`` with z its linear value and d its departure from that, both about
-their means. A polynomial of d (`mcnav.linear.departure_model`), whose expectation is known, is a control variate: V is
-its variance plus the mean over check simulations of what the polynomial misses. Where there is noise, the same errors
-are simulated with noise besides; with e what that adds to the departure, and z and d with the noise's linear part,
-their mean of ``2 (z + d) e + e^2`` is added. The bounds are Student's, of the independent pairs of check simulations.
+The variance of an output is ``V = C + E[2 z d + d^2]``, with z its linear value and d its departure from that value,
+both about their means. A polynomial of d (`mcnav.linear.departure_model`), whose expectation is known, is a control
+variate: V is its variance plus the mean over check simulations of what the polynomial misses. Where there is noise, the
+same errors are simulated with noise besides. With e what noise adds to the departure, and the linear part of the noise
+in z, the mean of ``2 (z + d) e + e^2`` is added. Bounds are Student's, of the independent pairs of check simulations.
 
 All outputs together are judged by the mean NEES about the linear mean, and by combinations of outputs that linear
 analysis holds fixed (`mcnav.analysis.combinations`).
@@ -21,6 +21,7 @@ from enum import StrEnum
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from mcnav.analysis.combinations import FixedCombination, fixed_combinations
@@ -77,6 +78,25 @@ class ExaminedMatrix:
 
 
 @dataclass(frozen=True)
+class CorrectedMoments:
+    """Mean and sigma of the outputs to fourth order in sigma, shape (outputs,), SI (`mcnav.linear.higher_order`).
+
+    Attributes
+    ----------
+    error : ndarray, shape (outputs,)
+        Uncertainty of sigma: its difference from the examination's, and the half width of that one's bounds.
+    """
+
+    mean: Array
+    sigma: Array
+    error: Array
+
+    def improves(self, linear: Array) -> NDArray[np.bool_]:
+        """Tell which sigmas are known to less than half of their correction of the linear ones, shape (outputs,)."""
+        return np.asarray(self.error < 0.5 * np.abs(self.sigma - linear))
+
+
+@dataclass(frozen=True)
 class Examination:
     """Examination of linear analysis.
 
@@ -90,6 +110,8 @@ class Examination:
         In the order of the scenario.
     joint : ExaminedMatrix or None
         None where no output varies.
+    corrected : CorrectedMoments or None
+        Moments of second order; none where they are not computed.
     """
 
     flights: int
@@ -97,6 +119,7 @@ class Examination:
     tolerance: float
     outputs: tuple[ExaminedSigma, ...]
     joint: ExaminedMatrix | None
+    corrected: CorrectedMoments | None = None
 
     @property
     def decided(self) -> bool:
@@ -199,8 +222,7 @@ def examine(
     linear, given = model.outcome_covariance, whitening(model.judged_covariance)
     squares = _Squares(departure.mean, given)
     missed = squares.of(flights.linear, flights.departures) - squares.of(flights.linear, departure.at(flights.normals))
-    added = _Bounded.of_pairs(missed)
-    added = _Bounded(added.value + _expected(squares, departure, drawn), added.half)
+    added = _Bounded.of_pairs(missed) + _expected(squares, departure, drawn)
     if flights.noise is not None:
         noise, by_noise = flights.noise
         added += _Bounded.of_pairs(squares.of_noise(flights.linear + noise, flights.departures, by_noise))
@@ -241,13 +263,14 @@ def combine(verdicts: Sequence[Linearity]) -> Linearity:
     return Linearity.HOLDS
 
 
-def _expected(squares: _Squares, departure: DepartureModel, drawn: Array | None) -> Array:
-    """Expectation of the polynomial's terms: in closed form for normal errors, else as the mean over draws."""
+def _expected(squares: _Squares, departure: DepartureModel, drawn: Array | None) -> _Bounded:
+    """Return the mean of the polynomial's terms: in closed form for normal errors, else over draws."""
     if drawn is not None:
-        return np.asarray(squares.of(drawn @ departure.axes.slopes.T, departure.at(drawn)).mean(axis=0))
+        return _Bounded.of_pairs(squares.of(drawn @ departure.axes.slopes.T, departure.at(drawn)))
     added, mean = departure.added_covariance, departure.mean
     white = float(np.trace(transform(squares.given.matrix.T, added)))
-    return np.append(np.diag(added), white + float(np.sum((mean @ squares.given.matrix) ** 2)))
+    value = np.append(np.diag(added), white + float(np.sum((mean @ squares.given.matrix) ** 2)))
+    return _Bounded(value, np.zeros_like(value))
 
 
 def _ratios(variance: float, added: float, half: float) -> tuple[float, float, float]:

@@ -3,7 +3,7 @@
 In standard normals x along rotated axes, with ``s = mean + A x`` and ``A A^T = S``, the departure of an output from
 its linear value is ``d(x) = y(s) - y_0 - P s``. The axes are the right singular vectors of ``P S^(1/2)``, its rows over
 the linear sigmas: a thin direction of the ellipsoid bends with the large ones, which come first. Simulations are the
-nominal one, ``+-sqrt(3)`` along each axis, and ``+-sqrt(3)`` along both axes of the three leading pairs. They are the
+nominal one, ``+-sqrt(3)`` along each axis, and ``+-sqrt(3)`` along both axes of each pair of leading axes. They are the
 nodes of the Gauss-Hermite rule of three points, so that
 
     H_ii = (d+ + d- - 2 d_0) / 3,    H_ij = (d++ - d+- - d-+ + d--) / 12,    J'_i = (d+ - d-) / (2 sqrt(3))
@@ -31,9 +31,6 @@ from mcnav.linear.higher_order import principal_directions
 NODE: Final = float(np.sqrt(3.0))
 """Outer node of the Gauss-Hermite rule of three points."""
 
-LEADING: Final = 3
-"""Leading axes whose pairs are simulated."""
-
 SIGNS: Final = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
 
 
@@ -48,21 +45,24 @@ class RotatedAxes:
         A: errors of one sigma along each axis.
     slopes : ndarray, shape (outputs, r)
         J: the linear outputs along each axis.
+    leading : int
+        Leading axes whose pairs are simulated.
     """
 
     mean: Array
     loadings: Array
     slopes: Array
+    leading: int
 
     @classmethod
-    def of(cls, partials: Array, mean: Array, covariance: Array, sigma: Array) -> RotatedAxes:
+    def of(cls, partials: Array, mean: Array, covariance: Array, sigma: Array, leading: int) -> RotatedAxes:
         """Rotate the axes of a covariance, shape (sources, sources), for outputs with linear sigmas (outputs,)."""
         directions = principal_directions(covariance)
         moving = sigma > 0.0
         scaled = (partials[moving] @ directions) / sigma[moving, None]
         rotation = np.linalg.svd(scaled, full_matrices=True)[2].T
         loadings = directions @ rotation
-        return cls(mean, loadings, partials @ loadings)
+        return cls(mean, loadings, partials @ loadings, min(leading, loadings.shape[1]))
 
     @property
     def rank(self) -> int:
@@ -72,7 +72,7 @@ class RotatedAxes:
     @property
     def pairs(self) -> list[tuple[int, int]]:
         """The pairs of leading axes."""
-        return list(combinations(range(min(LEADING, self.rank)), 2))
+        return list(combinations(range(self.leading), 2))
 
     def errors_at(self, normals: Array) -> Array:
         """Return errors of the sources, shape (n, sources), at normals along the axes, shape (n, r)."""

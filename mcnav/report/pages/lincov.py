@@ -21,6 +21,7 @@ from mcnav.report.drawing.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.format import number
 from mcnav.report.names import scale_of
+from mcnav.report.statements.examination import examination_words
 from mcnav.report.statements.lincov import (
     cause_words,
     filter_words,
@@ -80,7 +81,7 @@ def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
     """List what linear analysis says, in sentences with their tones: mean errors above one sigma, then the worst."""
     answer = as_read(answer)
     large = list(large_mean_words(answer))
-    said = [*range_words(answer), *rejection_words(answer), *filter_words(answer)]
+    said = [*examination_words(answer), *range_words(answer), *rejection_words(answer), *filter_words(answer)]
     if answer.beyond is None or any(each.judged for each in answer.requirements):
         said.append(headline(answer))
     return [*large, *worst_first([*said, *([] if large else mean_words(answer)), *size_words(answer)])]
