@@ -75,7 +75,7 @@ def lincov(
 
     times = None if at is None else read_times(at)
     target = output_folder(folder, Path("reports") / f"{campaign.stem}_lincov")
-    result, files = write_lincov(read_campaign(campaign), target, times, examine)
+    result, files = write_lincov(read_campaign(campaign), target, times, examine=examine)
     if form != "table":
         tables = exported(result)
         print_rows(form, tables["sigmas"], tables)
@@ -143,6 +143,13 @@ def judge(
         list[str] | None,
         typer.Option("--unit", metavar="NAME=UNIT", help="Unit of the readings, such as gyro=deg/s; repeat."),
     ] = None,
+    begin: Annotated[
+        float | None,
+        typer.Option("--from", metavar="S", help="Where the part that is judged begins, s after the first reading."),
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option("--to", metavar="S", help="Where it ends, s after the first reading.")
+    ] = None,
     records: Annotated[int, typer.Option(min=200, max=100_000, help="Simulated records to compare with.")] = 1000,
     record: Annotated[
         bool,
@@ -187,7 +194,7 @@ def judge(
         given = {name: Path(file) for name, file in pairs_of(measurements, "measurements", "gnss=gnss.pos").items()}
         columns, units = pairs_of(column, "column", "gyro_x=wx"), pairs_of(unit, "unit", "gyro=deg/s")
         target = output_folder(folder, Path("reports") / f"{campaign.stem}_judge")
-        described = RecordingFiles(imu, given, reference, start, columns, units)
+        described = RecordingFiles(imu, given, reference, start, columns, units, begin, end)
         judgement, files = write_judgement(read_campaign(campaign), described, target, records)
         out.print(printed(judged.terminal(judgement)))
     out.print()

@@ -23,6 +23,7 @@ from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_t
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
 from mcnav.analysis.rejections import RejectionAnswer
+from mcnav.analysis.remedies import Remedies
 from mcnav.analysis.requirements import requirements_from, smallest_limits
 from mcnav.analysis.vector_sizes import linear_sizes
 from mcnav.analysis.what_if import WhatIf
@@ -263,24 +264,33 @@ def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearSystem | None]:
 def read_times(written: str) -> Array:
     """Read times separated by commas, such as ``600 s, 25 min``; `CampaignError` when one is none."""
     try:
-        return np.array([quantity(each.strip(), "s") for each in written.split(",")])
+        return np.array([quantity(piece.strip(), "s") for piece in written.split(",")])
     except UnitError as wrong:
         raise CampaignError([Problem("--at", "", str(wrong))]) from None
 
 
 def write_lincov(
-    campaign: Campaign, path: Path, times: Array | None = None, examine: bool | None = None
+    campaign: Campaign,
+    path: Path,
+    times: Array | None = None,
+    all_remedies: bool = False,
+    examine: bool | None = None,
 ) -> tuple[LinearAnswer, list[Path]]:
-    """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`."""
+    """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`.
+
+    ``all_remedies``: whether all that would help is computed where something fails, and not the first alone.
+    """
+    from mcnav.studies.remedies import remedies_of_answer  # which asks for linear answers
+
     covariance = linear_covariance(campaign, times, examine)
-    written = page_html(lincov_page(campaign, covariance))
+    written = page_html(lincov_page(campaign, covariance, remedies_of_answer(campaign, covariance, all_remedies)))
     files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
 
 
-def lincov_page(campaign: Campaign, answer: LinearAnswer) -> Page:
+def lincov_page(campaign: Campaign, answer: LinearAnswer, remedies: Remedies | None = None) -> Page:
     """Return the page on a campaign's linear covariance, with what its reader can change."""
-    return page(answer, _outages(campaign), _what_if(campaign, answer))
+    return page(answer, _outages(campaign), _what_if(campaign, answer), remedies)
 
 
 def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:
@@ -321,21 +331,21 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         "budget": _budget_rows(answer),
         "requirements": [
             {
-                "kind": each.requirement.kind,
-                "outputs": [names[number] for number in each.requirement.outputs],
-                "limits": each.requirement.limits,
-                "probability": each.requirement.probability,
-                "when": each.requirement.when,
-                **({"about": each.requirement.about} if each.requirement.about else {}),
-                "value": each.value,
-                "met": each.met if each.judged else None,
-                "margin": each.margin,
-                **({"exceedance": each.beyond} if math.isfinite(each.beyond) else {}),
-                **({"exceedance_curved": each.curved} if math.isfinite(each.curved) else {}),
-                "time": each.time,
+                "kind": requirement.requirement.kind,
+                "outputs": [names[number] for number in requirement.requirement.outputs],
+                "limits": requirement.requirement.limits,
+                "probability": requirement.requirement.probability,
+                "when": requirement.requirement.when,
+                **({"about": requirement.requirement.about} if requirement.requirement.about else {}),
+                "value": requirement.value,
+                "met": requirement.met if requirement.judged else None,
+                "margin": requirement.margin,
+                **({"exceedance": requirement.beyond} if math.isfinite(requirement.beyond) else {}),
+                **({"exceedance_curved": requirement.curved} if math.isfinite(requirement.curved) else {}),
+                "time": requirement.time,
                 "causes": [asdict(cause) for cause in answer.requirement_causes(number)],
             }
-            for number, each in enumerate(answer.requirements)
+            for number, requirement in enumerate(answer.requirements)
         ],
         **_size_rows(answer, names),
         "mean_by_cause": answer.means,

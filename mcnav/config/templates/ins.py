@@ -51,6 +51,11 @@ AT_REST: Final = """\
 instants = [INSTANTS]  # times at rest, in the trajectory's time, s
 """
 
+LATE: Final = """\
+# delay = "20 ms"  # sigma of a constant delay: how late its measurements are stamped, s
+# jitter = "2 ms"  # sigma of a further delay of each measurement, s
+"""
+
 GATE: Final = """\
 # gate = 0.999  # probability with which an expected measurement is accepted
 """
@@ -317,7 +322,8 @@ def _sensor(kind: SensorType, flight: Flight, times: Mapping[str, str]) -> str:
     """Write the table of a sensor."""
     words = kind.words[0].lower() + kind.words[1:].rstrip(".")
     instants = AT_REST if kind.interval is None else AT_INTERVAL
-    text = f'\n[[aiding]]\ntype = "{kind.name}"  # {words}\n{instants}{kind.template}{GATE}'
+    late = LATE if kind.delays else ""
+    text = f'\n[[aiding]]\ntype = "{kind.name}"  # {words}\n{instants}{kind.template}{late}{GATE}'
     for before, after in {**_instants(kind, flight), **times}.items():
         text = text.replace(before, after)
     return text
@@ -338,11 +344,11 @@ def _instants(kind: SensorType, flight: Flight) -> dict[str, str]:
 def _states(unit: CatalogueUnit, aids: Sequence[str]) -> dict[str, str]:
     """Return what the filter estimates, and what it considers."""
     tables = unit.table
-    biases = [f"{each}_bias" for each in tables if tables[each].keys() & {"bias", INSTABILITY}]
+    biases = [f"{table}_bias" for table in tables if tables[table].keys() & {"bias", INSTABILITY}]
     of_sensors = [f"{aid.replace('-', '_')}_{error}" for aid in aids for error in SENSOR_TYPES[aid].estimated]
     some = [of_sensors[first : first + IN_A_ROW] for first in range(0, len(of_sensors), IN_A_ROW)]
     rows = [["position", "velocity", "attitude"], biases, *some]
-    considered = [f"{each}_{kind}" for each in tables for kind in CONSIDERED if kind in tables[each]]
+    considered = [f"{table}_{kind}" for table in tables for kind in CONSIDERED if kind in tables[table]]
     return {
         "ESTIMATES": "\n".join(f"    {_listed(row)}," for row in rows if row),
         "CONSIDERS": "".join(f"    {_listed([name])},\n" for name in considered),

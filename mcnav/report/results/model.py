@@ -14,6 +14,7 @@ from mcnav.analysis.envelopes import Envelopes, envelopes_from
 from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.linear_range import BeyondRange
+from mcnav.analysis.remedies import Remedies
 from mcnav.analysis.requirement_curves import RequirementCurve, requirement_curve
 from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.requirements_over_time import ErrorHistories
@@ -42,8 +43,8 @@ class RunAnalysis:
     Of a run that stores a summary, ``samples`` are the first ones. ``failures`` gives for each reason how many samples
     failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter, ``smoother`` where
     none follows it, and ``beyond`` where linear errors leave the range in which they have a meaning, none where they do
-    not. ``what_if`` is known where a page is to be written, ``histories`` of the first samples where a requirement
-    holds at epochs, and ``smoothed_histories`` where one of those is on the errors behind a smoother.
+    not. ``what_if`` and ``remedies`` are known where a page is to be written, ``histories`` of the first samples where
+    a requirement holds at epochs, and ``smoothed_histories`` where one of those is on the errors behind a smoother.
     """
 
     folder: RunFolder
@@ -66,6 +67,7 @@ class RunAnalysis:
     histories: ErrorHistories | None = None
     smoothed_histories: ErrorHistories | None = None
     what_if: WhatIf | None = None
+    remedies: Remedies | None = None
 
     @cached_property
     def summary(self) -> Summary:
@@ -123,9 +125,9 @@ class RunAnalysis:
         curvature = Curvature.of_record(self.manifest.model.second_order)
         blocks = self.manifest.sampling_design.blocks(self.samples.index)
         return tuple(
-            tail_curve(each.requirement, self.model, curvature, self.outputs, blocks, self.criterion.confidence)
-            if each.exceedance is not None and not each.requirement.epochs and self.beyond is None else None
-            for each in self.requirements
+            tail_curve(result.requirement, self.model, curvature, self.outputs, blocks, self.criterion.confidence)
+            if result.exceedance is not None and not result.requirement.epochs and self.beyond is None else None
+            for result in self.requirements
         )  # fmt: skip
 
     @property
@@ -195,7 +197,7 @@ class RunAnalysis:
     def looped(self) -> bool:
         """True of a closed loop of the user's: a class of which an output is true dispersion."""
         kind = str(self.manifest.identity.campaign.get("scenario", {}).get("type", ""))
-        return ".py:" in kind and any(each.of == "truth" for each in self.manifest.model.outputs)
+        return ".py:" in kind and any(output.of == "truth" for output in self.manifest.model.outputs)
 
     @property
     def source_names(self) -> list[str]:

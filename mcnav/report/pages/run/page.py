@@ -25,10 +25,10 @@ from mcnav.report.pages.run.sections.answers import FILTERED, answers
 from mcnav.report.pages.run.sections.budget import budget_section
 from mcnav.report.pages.run.sections.causes import causes_section
 from mcnav.report.pages.run.sections.filter import filter_sections
-from mcnav.report.pages.run.sections.improvements import failing_in_run, improvements_section
 from mcnav.report.pages.run.sections.joint import combination_section, joint_section
 from mcnav.report.pages.run.sections.outputs import dispersion_section, requirements_section, sigmas_section
 from mcnav.report.pages.run.sections.provenance import provenance_section, simulated_per_second
+from mcnav.report.pages.run.sections.remedies import ALL_REMEDIES, remedies_section
 from mcnav.report.pages.run.sections.smoother import smoother_section
 from mcnav.report.pages.run.sections.truth import truth_section
 from mcnav.report.pages.run.sections.what_if import linear_fails, what_if_section
@@ -138,7 +138,7 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
         smoother_section(content),
         None if flown is None else Section("flight", flown.title, [flown]),
         budget_section(content, drawn) if dispersed else None,
-        improvements_section(content.what_if, content.manifest.model.outputs, failing_in_run(content)),
+        remedies_section(content.remedies, content.manifest.model.outputs, ALL_REMEDIES),
         what_if_section(content.what_if, content.manifest.model.outputs, content.looped, linear_fails(content.summary)),
         joint_section(content, drawn) if dispersed else None,
         dispersion_section(content, drawn) if dispersed else None,
@@ -190,7 +190,7 @@ def _notes(content: RunAnalysis) -> list[str]:
         f"seed {summary.seed}{took}."
     )
     kind = str(content.manifest.identity.campaign.get("scenario", {}).get("type", ""))
-    causes = [*(each.name for each in content.manifest.model.sources), *content.model.processes]
+    causes = [*(source.name for source in content.manifest.model.sources), *content.model.processes]
     left_out = not_modelled(kind, causes, bool(content.manifest.identity.campaign.get("faults")))
     remarks = (*_further(content), certain_but_small(summary), stopping(summary))
     return [*filter(None, (missing, *remarks, kept, flown, left_out))]

@@ -41,9 +41,9 @@ SECTIONS: Final[dict[Subject, tuple[str, ...]]] = {
 
 FURTHER: Final[dict[Subject, tuple[tuple[str, str], ...]]] = {
     "means": (),
-    "requirements": (("Causes", "budget"), ("What to improve", "improve"), ("What would change it", "what-if")),
+    "requirements": (("Causes", "budget"), ("What would help", "remedies"), ("What would change it", "what-if")),
     "filter": (("What would change it", "what-if"),), "smoother": (),
-    "linear": (("Causes of the errors", "budget"), ("What to improve", "improve")),
+    "linear": (("Causes of the errors", "budget"), ("What would help", "remedies")),
 }  # fmt: skip
 """Questions after each verdict, and the sections that answer them."""
 
@@ -222,7 +222,7 @@ def _linear(summary: Summary, _: str) -> Worst:
         return _jointly(summary)
     verdict, ratios = summary.verdict, summary.sigma_ratio_paired
     known = [i for i, ratio in enumerate(ratios) if ratio is not None and math.isfinite(ratio)]
-    if any(each == "differs" and i not in known for i, each in enumerate(summary.verdicts)):
+    if any(verdict == "differs" and i not in known for i, verdict in enumerate(summary.verdicts)):
         return NOTHING  # the sentence names outputs of which there is no ratio
     picked = [i for i in known if summary.verdicts[i] == verdict] or known
     if not picked:
