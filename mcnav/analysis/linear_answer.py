@@ -166,7 +166,7 @@ class LinearAnswer:
 
     @cached_property
     def correlation(self) -> Array:
-        """Correlation coefficients of the final errors, shape (outputs, outputs); NaN for one without dispersion."""
+        """Correlation of the final errors, shape (outputs, outputs), without unit; NaN for one without dispersion."""
         sizes = np.where(self.sigma > 0.0, self.sigma, np.nan)
         return np.asarray(self.covariance / np.outer(sizes, sizes))
 
@@ -198,7 +198,7 @@ class LinearAnswer:
         return limits_of(output.limit for output in self.outputs)
 
     def readings_beyond(self, covariance: LinearCovariance) -> NDArray[np.bool_]:
-        """Return at which readings linear errors have no meaning, shape (r,)."""
+        """Return at which readings linear errors have no meaning, booleans, shape (r,)."""
         return readings_beyond(self._limits, covariance, None if self.beyond is None else self.beyond.time)
 
     @cached_property
@@ -221,7 +221,7 @@ class LinearAnswer:
 
     @cached_property
     def final_variances(self) -> Mapping[str, Array]:
-        """Part of each cause in the final variances, with half of what its correlations add, shape (outputs,)."""
+        """Part of each cause in the final variances, SI, with half of what its correlations add, shape (outputs,)."""
         parts = np.nan_to_num(self.budget.attributed) * np.diag(self.covariance)[:, None]
         return {name: parts[:, number] for number, name in enumerate(self.causes) if parts[:, number].any()}
 

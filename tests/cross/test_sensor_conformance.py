@@ -176,7 +176,7 @@ def test_engines_and_linear_analysis_agree_on_every_sample(quantity: str) -> Non
     names = (*CONSTANTS, *aiding_constants(of.sensors))
     sizes = sized(of.sensors, SIGMAS)
     usual = QUANTITIES[quantity].usual
-    others = {"scale_factor": 1e-3, "boresight": 1e-4, "map": 1.0}
+    others = {"scale_factor": 1e-3, "boresight": 1e-4, "map": 1.0, "delay": 1e-3}
     own = {
         name: next((size for kind, size in others.items() if kind in name), usual)
         for name in sensor.constants()

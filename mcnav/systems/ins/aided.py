@@ -382,6 +382,7 @@ class AidedReferenceEngine:
             noise.accelerometer,
         )  # fmt: skip
         measured, swings = np.zeros((1, *tables.white.shape)), tables.loop.measurements.swings
+        jitters = np.zeros((1, len(measured[0])))
         for number, sensor in enumerate(navigation.sensors):
             rows = np.flatnonzero(tables.loop.measurements.sensors == number)
             if sensor.name in noise.measurements:
@@ -390,7 +391,9 @@ class AidedReferenceEngine:
                 # what a drift of the gyros adds to the antenna's velocity acts as an error of the measurement
                 drifts = noise.drifts[self.mechanization.updated(number)]
                 measured[0, rows] -= np.einsum("umj,uj->um", swings[rows, :, :3], drifts)
-        return GivenNoise(added, measured)
+            if sensor.name in noise.jitters:
+                jitters[0, rows] = noise.jitters[sensor.name]
+        return GivenNoise(added, measured, jitters)
 
     def _without_noise(self, errors: Array) -> SimulationResult:
         values = np.empty((len(errors), len(OUTPUTS)))

@@ -50,6 +50,7 @@ from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import NoiseResponse
 from mcnav.systems.ins.linear.covariance import LinearErrors
+from mcnav.systems.ins.linear.delay_remarks import remarks_on_delays
 from mcnav.systems.ins.linear.free_timeline import free_errors, free_starts
 from mcnav.systems.ins.linear.recent_responses import recent_responses
 from mcnav.systems.ins.linear.response import StepResponses, respond
@@ -461,8 +462,13 @@ class Ins(PlainScenario):
         return TimelineParts("any time", noise=True, updates=aided, filter=aided, smoother=smoothed)
 
     def remarks_on(self, mean: Array, covariance: Array) -> tuple[str, ...]:
-        """Return `remarks`, whatever the errors."""
-        return self.remarks
+        """Return `remarks`, and what has to be said of delays of these errors."""
+        aided, names = self.navigation.aided, [source.name for source in self.sources]
+        if aided is None:
+            return self.remarks
+        means = dict(zip(names, mean.tolist(), strict=True))
+        sigmas = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+        return (*self.remarks, *remarks_on_delays(aided.loop, aided.places(aided.loop), means, sigmas))
 
     @property
     def engines(self) -> tuple[str, ...]:

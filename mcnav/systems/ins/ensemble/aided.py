@@ -43,6 +43,7 @@ from mcnav.systems.ins.ensemble.filters import (
 from mcnav.systems.ins.ensemble.flexures import SensorFlexure, draw_flexures, sensor_flexures
 from mcnav.systems.ins.ensemble.free import EnsembleTables
 from mcnav.systems.ins.ensemble.gains import SharedGains
+from mcnav.systems.ins.ensemble.lateness import draw_jitters, late_errors
 from mcnav.systems.ins.ensemble.normalization import share_covariances
 from mcnav.systems.ins.ensemble.propagation import propagate_covariances
 from mcnav.systems.ins.ensemble.records import (
@@ -90,7 +91,7 @@ from mcnav.systems.ins.filter.consistency import COUNTS
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import CONSTANTS, IMU_STREAM
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs
-from mcnav.systems.ins.sensors.aiding import gate_limits
+from mcnav.systems.ins.sensors.aiding import aiding_constants, gate_limits
 from mcnav.systems.ins.sensors.measurements import rate_error, white_sigmas
 
 Made = TypeVar("Made")
@@ -192,6 +193,12 @@ class AidedTables:
         return adjoint_of_closed(
             self.loop, self.shared.gains, int(self.ensemble.epochs[-1]), self.ensemble.output_maps[-1]
         )
+
+    @cached_property
+    def delays(self) -> IndexArray:
+        """Number of the constant source that is each sensor's delay, -1 for none, shape (sensors,)."""
+        names = (*CONSTANTS, *aiding_constants(self.loop.sensors))
+        return np.array([names.index(each.delay_name) if each.has_delay else -1 for each in self.loop.sensors])
 
     @cached_property
     def exact(self) -> IndexArray:
@@ -466,10 +473,13 @@ class GivenNoise:
         What the instruments' processes add to psi, v, x and the biases in each step; biases start at zero.
     measured : ndarray, shape (n, U, M)
         What white noise, correlated errors and flexures add to each measurement.
+    jitters : ndarray, shape (n, U), optional
+        By how much each measurement is late besides the sensor's delay, s; none for zero.
     """
 
     added: Array
     measured: Array
+    jitters: Array | None = None
 
 
 def simulate_aided(
@@ -499,6 +509,9 @@ def simulate_aided(
         added, values = draw_flexures(tables.flexures, tables.loop, seed, samples)
         of_samples = of_samples._replace(of_states=of_samples.of_states + values)
         flexed = added.reshape(count, -1)
+    late, of_samples = _measure_late(tables, errors, seed, samples, given, of_samples)
+    if late is not None:
+        flexed = late.reshape(count, -1) + (flexed if flexed.size else 0.0)
     noise = _Noise(
         np.uint64(seed), given is None and bool(shared.factors.any() or shared.sizes.any()), given is None,
         given is None and bool(tables.correlated.any()),
@@ -559,6 +572,7 @@ def _share_errors(tables: AidedTables, errors: Array, samples: IndexArray) -> tu
     of_states[:, exact] = 0.0
     left = errors[:, NAVIGATION:].copy()
     left[:, constants[exact] - NAVIGATION] = 0.0
+    left[:, tables.delays[tables.delays >= 0] - NAVIGATION] = 0.0  # evaluated at times of their own
     instruments, aiding = left[:, : len(CONSTANTS) - NAVIGATION], left[:, len(CONSTANTS) - NAVIGATION :]
     active, active_aiding = np.flatnonzero(instruments.any(axis=0)), np.flatnonzero(aiding.any(axis=0))
     linear = np.einsum("nj,ij->ni", errors[:, :NAVIGATION], of_start[:, :NAVIGATION] @ shared.start_map)
@@ -569,6 +583,29 @@ def _share_errors(tables: AidedTables, errors: Array, samples: IndexArray) -> tu
         deviate(shared.start, errors[:, :9]), linear,
     )  # fmt: skip
     return given, active, active_aiding
+
+
+def _measure_late(
+    tables: AidedTables, errors: Array, seed: int, samples: IndexArray, given: GivenNoise | None, of_samples: _Given
+) -> tuple[Array | None, _Given]:
+    """Measure at the times of late samples: what delays and jitter add to measurements, shape (n, U, M), if anything.
+
+    The linear closed loop of the same draws has the first order of that alone: the difference is taken from it.
+    """
+    loop, epochs = tables.loop, tables.ensemble.epochs
+    numbers = tables.delays[loop.measurements.sensors]
+    delays = np.where(numbers >= 0, errors[:, numbers], 0.0)
+    if given is None and any(sensor.jitter > 0.0 for sensor in loop.sensors):
+        jitters, values = draw_jitters(loop, epochs, seed, samples)
+        delays, of_samples = delays + jitters, of_samples._replace(of_states=of_samples.of_states + values)
+    if given is not None and given.jitters is not None:
+        delays = delays + given.jitters
+    if not delays.any():
+        return None, of_samples
+    late = late_errors(loop, delays)
+    beyond = -delays[:, :, None] * loop.measurements.changes - late
+    linear = of_samples.linear + np.einsum("uoc,nuc->no", tables.adjoint.updates, beyond)
+    return late, of_samples._replace(linear=linear)
 
 
 def _lane_rooms(

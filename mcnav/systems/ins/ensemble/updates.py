@@ -19,7 +19,7 @@ from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErr
 from mcnav.systems.ins.sensors.measurements import Measurements
 from mcnav.systems.ins.sensors.registry import KINDS, QUANTITIES
 
-_INNOVATION: Final = choose_by_kind([quantity.innovation for quantity in QUANTITIES.values()])
+INNOVATION: Final = choose_by_kind([quantity.innovation for quantity in QUANTITIES.values()])
 """The innovation of a component by its kind."""
 
 LARGEST_CORRECTION: Final = 3.0
@@ -295,7 +295,7 @@ def innovate(
     )
     errors = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, own.rotation, own.swing, own.corrected)
     for c in range(m):
-        value = _INNOVATION(tables.kinds[u, c], -load(own.disturbance, c), u, c, shared, errors, rows, wanted)
+        value = INNOVATION(tables.kinds[u, c], -load(own.disturbance, c), u, c, shared, errors, rows, wanted)
         for s in tables.linked:
             value -= tables.state_rows[u, c, s] * load(own.estimate, s)
         store(own.innovation, c, value)

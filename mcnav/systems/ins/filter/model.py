@@ -7,7 +7,7 @@ navigator; of a considered error (Schmidt) the filter has a covariance and no es
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -18,6 +18,7 @@ from mcnav.contract.gates import USUAL, GateQuestion
 from mcnav.systems.ins.imu.gravity import DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, Imu
 from mcnav.systems.ins.sensors.aiding import Sensor
+from mcnav.systems.ins.sensors.delay import WITHOUT_MEMORY
 from mcnav.systems.ins.sensors.flexure import FlexureState
 from mcnav.systems.ins.sensors.quantity import BEAMS, LEVEL_AXES
 
@@ -123,13 +124,25 @@ class FilterModel:
         """States besides the nine of navigation, in order; errors in which it does not believe have none.
 
         A bias stands for all that it consists of: the constant and the rate random walk are one state, the bias
-        instability is another. So do a sensor's bias and its correlated error.
+        instability is another. So do a sensor's bias and its correlated error. Jitter is a state where it is
+        believed.
         """
         states: list[FilterState] = []
         for kinds, considered in ((self.estimates, False), (self.considers, True)):
             for kind in kinds:
                 states += _states_of(kind, self.beliefs, considered)
-        return tuple(states)
+        return (*states, *self._jitters)
+
+    @property
+    def _jitters(self) -> Iterator[FilterState]:
+        """Jitter of sensors: noise that is common to the components of a measurement, and forgotten after it.
+
+        Such a state is considered: estimated or not, it leaves the same gains and covariances of all others.
+        """
+        considered = self.kind == EKF
+        for sensor in self.beliefs.sensors:
+            if sensor.jitter > 0.0:
+                yield FilterState(sensor.jitter_name, sensor.jitter, WITHOUT_MEMORY, 0.0, considered)
 
 
 def _states_of(kind: str, beliefs: Beliefs, considered: bool) -> list[FilterState]:

@@ -14,7 +14,7 @@ from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OU
 from mcnav.systems.ins.linear.covariance import output_map, process_systems
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
-from mcnav.systems.ins.sensors.measurements import Measurements, flexure_rows, rate_error, white_sigmas
+from mcnav.systems.ins.sensors.measurements import Measurements, flexure_rows, jitter_rows, rate_error, white_sigmas
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 
@@ -111,6 +111,10 @@ def tabulate_filter(
                 tables.rows[:, :, place] = -1.0 * (measurements.components == number)
                 added = -np.expm1(-2.0 * np.diff(responses.times) / state.correlation_time)
                 tables.noise[:, NAVIGATION + place, NAVIGATION + place] = state.sigma**2 * added
+        for number, sensor in enumerate(beliefs.sensors):
+            if name == sensor.jitter_name:
+                tables.rows[:, :, place] = jitter_rows(measurements, number)
+                tables.noise[:, NAVIGATION + place, NAVIGATION + place] = state.sigma**2
         if tables.rate_errors[place] >= 0 and measurements.swings.size:
             tables.rows[:, :, place] = measurements.swings[:, :, tables.rate_errors[place]]
     _fill_flexures(tables, states, responses.times, beliefs.sensors, measurements)

@@ -28,6 +28,12 @@ FIRST_STREAM: Final = 18
 FLEXURE_STREAM: Final = (1 << 21) + 1
 """Number of the counter's highest word of flexures."""
 
+JITTER_STREAM: Final = FLEXURE_STREAM + 1
+"""Number of the counter's highest word of jitter."""
+
+DIGITS: Final = 9
+"""Decimals of a second to which times are the same."""
+
 KINDS_OF_STREAM: Final = 6
 """Quantities with one highest word: a quantity that is added changes no sample of the others."""
 
@@ -52,6 +58,8 @@ class SampleNoise:
     drifts : ndarray, shape (S, 3), optional
         Bias instability and rate random walk of the gyros at the ends of the steps, rad/s, for sensors that measure an
         antenna's velocity on a lever arm; none for zero.
+    jitters : mapping of str to ndarray, shape (u,)
+        Delays that each measurement of a sensor has of its own, s.
     """
 
     gyro: Array
@@ -60,6 +68,7 @@ class SampleNoise:
     processes: Mapping[str, Array] = field(default_factory=dict)
     drifts: Array | None = None
     flexures: Mapping[str, Array] = field(default_factory=dict)
+    jitters: Mapping[str, Array] = field(default_factory=dict)
 
 
 def draw_sample_noise(
@@ -86,7 +95,32 @@ def draw_sample_noise(
         processes |= gravity_values(path, imu.gravity, epochs, seed, index)
     drifts = gyro_drifts(imu, step_times, seed, index) if any(swings(sensor) for sensor in sensors) else None
     flexures, bent = draw_flexures(sensors, step_times, epochs, seed, index)
-    return SampleNoise(gyro, accelerometer, measurements, processes | correlated | bent, drifts, flexures)
+    jitters, jittered = draw_jitters(sensors, step_times[epochs], seed, index)
+    states = processes | correlated | bent | jittered
+    return SampleNoise(gyro, accelerometer, measurements, states, drifts, flexures, jitters)
+
+
+def draw_jitters(
+    sensors: Sequence[Sensor], epochs: Array, seed: int, index: int
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Draw the jitter of one sample: independent delays at all times.
+
+    Returns
+    -------
+    tuple of dict
+        Delays of the measurements of each sensor that has jitter, shape (u,), by its name; values at the epochs, shape
+        (m,), by the names of the processes.
+    """
+    jitters, values = {}, {}
+    for number, sensor in enumerate(sensors):
+        if sensor.jitter > 0.0:
+            instants = np.round(np.concatenate([sensor.times, epochs]), DIGITS)  # one jitter at one time
+            _, places = np.unique(instants, return_inverse=True)
+            words = np.array([0, 0, number, JITTER_STREAM], dtype=np.uint64)
+            philox = np.random.Philox(counter=words, key=np.array((seed, index), dtype=np.uint64))
+            drawn = sensor.jitter * np.random.Generator(philox).standard_normal(int(places.max(initial=-1)) + 1)
+            jitters[sensor.name], values[sensor.jitter_name] = np.split(drawn[places], [len(sensor.times)])
+    return jitters, values
 
 
 def draw_flexures(

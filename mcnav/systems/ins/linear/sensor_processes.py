@@ -1,4 +1,4 @@
-"""Processes of aiding sensors as parts of a timeline: white noise, correlated errors, flexure of the structure."""
+"""Processes of aiding sensors as parts of a timeline: white noise, correlated errors, jitter, flexure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mcnav.arrays.types import Array
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
 from mcnav.systems.ins.sensors.flexure import Flexure, flexure_process
-from mcnav.systems.ins.sensors.measurements import Measurements, flexure_rows, white_sigmas
+from mcnav.systems.ins.sensors.measurements import Measurements, flexure_rows, jitter_rows, white_sigmas
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,8 @@ def sensor_processes(sensors: tuple[Sensor, ...], measured: Measurements, times:
             for axis in sensor.flexure.axes:
                 name = flexure_process(sensor.name, axis)
                 processes[name] = _flexing(sensor.flexure, axis, number, measured, times)
+        if sensor.jitter > 0.0:
+            processes[sensor.jitter_name] = _jittering(jitter_rows(measured, number), len(times))
     return {name: processes[name] for sensor in sensors for name in sensor.processes() if name in processes}
 
 
@@ -68,6 +70,12 @@ def _correlated(component: Component, at: NDArray[np.bool_], times: Array) -> Se
     added = np.asarray(-np.expm1(-2.0 * shares)[:, :, None])
     seen = np.asarray(-1.0 * at[:, :, None])
     return SensorProcess(np.asarray(np.exp(-shares)), added, np.ones((len(times), 1, 1)), seen)
+
+
+def _jittering(responses: Array, times: int) -> SensorProcess:
+    """Return jitter, a delay of which nothing is left after a step."""
+    steps = times - 1
+    return SensorProcess(np.zeros((steps, 1)), np.ones((steps, 1, 1)), np.ones((times, 1, 1)), responses[:, :, None])
 
 
 def _flexing(flexure: Flexure, axis: int, number: int, measured: Measurements, times: Array) -> SensorProcess:

@@ -27,10 +27,11 @@ def simulate_recording(engine: AidedMechanization, errors: Array, seed: int, ind
     flight = AidedFlight(engine, errors, engine.draw(imu, seed, index))
     readings = np.einsum("p,npi->ni", WEIGHTS, flight.measured)
     measurements = {}
-    for model, (offsets, factors, arm) in zip(engine.sensor_models, flight.offsets, strict=True):
+    for number, (model, errors_of_sensor) in enumerate(zip(engine.sensor_models, flight.offsets, strict=True)):
+        offsets, factors, arm = errors_of_sensor
         times = engine.measured(model.sensor)
         rows = [
-            recorded_values(engine.truth.earth, model.sensor, model.true_at(row), offsets[row], factors, arm)
+            recorded_values(engine.truth.earth, model.sensor, flight.true_at(number, row), offsets[row], factors, arm)
             for row in range(len(times))
         ]
         values = {quantity: np.array([row[quantity] for row in rows]) for quantity in rows[0]} if rows else {}

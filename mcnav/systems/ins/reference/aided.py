@@ -52,6 +52,8 @@ from mcnav.systems.ins.reference.nonlinear_updates import (
     update_by_sigma_points,
 )
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.sensors.comparison import TrueState
+from mcnav.systems.ins.sensors.delay import WITHOUT_MEMORY
 from mcnav.systems.ins.truth.gravity import GravityPath
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
@@ -157,13 +159,27 @@ class AidedMechanization:
         """Sensors with the truth at their instants."""
         models = []
         for sensor, believed in zip(self.sensors, self.model.beliefs.sensors, strict=True):
-            times = self.step_times[self._boundaries(self.measured(sensor))]
-            rate = None
-            if self.platform != "strapdown":
-                rate = self.truth.states(times, self.platform, self.start).rate
-            truth = SensorTruth.at(self.truth, self.navigator.earth_fixed(times), times, rate)
+            truth = self._truth_of(sensor, self._stamps(sensor))
             models.append(SensorModel(sensor, believed, truth, self.errors.states, self.truth.earth))
         return tuple(models)
+
+    def _stamps(self, sensor: Sensor) -> Array:
+        return np.asarray(self.step_times[self._boundaries(self.measured(sensor))])
+
+    def _truth_of(self, sensor: Sensor, times: Array) -> SensorTruth:
+        """Return the truth that a sensor measures at times, s."""
+        rate = None
+        if self.platform != "strapdown":
+            rate = self.truth.states(times, self.platform, self.start).rate
+        states = self.navigator.earth_fixed(times)
+        return SensorTruth.at(self.truth, states, times, rate, bool(sensor.lever_arm.any()))
+
+    def late_truth(self, number: int, delays: Array) -> SensorTruth:
+        """Return the truth that a sensor, by its number, measures before its time stamps, by delays, shape (u,), s."""
+        model = self.sensor_models[number]
+        assert model.truth is not None
+        late = self._truth_of(model.sensor, self._stamps(model.sensor) - delays)
+        return late.late(model.truth, delays, self.truth.earth.rotation_rate)
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
@@ -171,7 +187,8 @@ class AidedMechanization:
         times = np.concatenate([[self.start], self.stop_times])
         boundaries, durations = self._boundaries(times), np.diff(self.step_times)
         rates = self.errors.rates_at(np.array([self._fastest]))[0]
-        longest = min([self.longest_filter_step, *(SHARE_OF_CORRELATION / rates[rates > 0.0])])
+        remembered = (rates > 0.0) & (rates < 1.0 / WITHOUT_MEMORY)
+        longest = min([self.longest_filter_step, *(SHARE_OF_CORRELATION / rates[remembered])])
         updates: dict[int, list[tuple[int, int]]] = {}
         for number, sensor in enumerate(self.sensors):
             for row, boundary in enumerate(self._boundaries(self.measured(sensor))):
@@ -277,6 +294,7 @@ class AidedFlight:
         self.navigator = FilteredNavigator(self.earth, navigator.gravitation, self.model, state, engine.start)
         self.counts = [SensorCounts() for _ in engine.sensors]
         self.offsets = list(self._measurement_errors())
+        self.late = tuple(self._late_truths())
 
     def fly(self) -> tuple[Array, Array]:
         """Simulate the sample; results as those of `AidedMechanization.simulate`."""
@@ -310,6 +328,19 @@ class AidedFlight:
             yield model.measurement_errors(self.errors[first:last], noise)
             first = last
 
+    def _late_truths(self) -> Iterator[SensorTruth | None]:
+        """Yield the truth that each sensor measures, where it is not that of the time stamps."""
+        constants = dict(zip((*CONSTANTS, *aiding_constants(self.engine.sensors)), self.errors, strict=True))
+        for number, model in enumerate(self.engine.sensor_models):
+            delays = np.full(len(model.variances), constants.get(model.sensor.delay_name, 0.0))
+            delays = delays + self.noise.jitters.get(model.sensor.name, 0.0)
+            yield self.engine.late_truth(number, delays) if delays.any() else None
+
+    def true_at(self, sensor: int, row: int) -> TrueState:
+        """Return the truth that a sensor measures, both by their numbers."""
+        model, late = self.engine.sensor_models[sensor], self.late[sensor]
+        return model.true_at(row) if late is None else late.at_row(row, model.sensor.lever_arm)
+
     def _advance(self, stop: Stop, steps: FilterSteps) -> None:
         """Integrate the indicated state and the filter's covariance to a stop."""
         here = slice(stop.first, stop.last)
@@ -324,14 +355,15 @@ class AidedFlight:
         """Update the filter by a measurement and correct the navigator."""
         model, navigator = self.engine.sensor_models[sensor], self.navigator
         offsets, factors, arm = self.offsets[sensor]
-        true, measured = model.true_at(row), self._measured_at_end(stop.last - 1)
+        true, stamped = self.true_at(sensor, row), model.true_at(row)
+        measured = self._measured_at_end(stop.last - 1)
         flexures = self.noise.flexures.get(model.sensor.name)
         bent = None if flexures is None else flexures[row]
 
         def measure(state: Array, estimates: Array) -> tuple[Array, Array]:
             indicated = navigator.indicated(navigator.extrapolated(measured, estimates), state)
             innovation, response = model.innovation(
-                true, indicated, estimates, offsets[row], factors, arm, bent, self.known[sensor]
+                true, indicated, estimates, offsets[row], factors, arm, bent, self.known[sensor], stamped
             )
             if not np.all(np.isfinite(innovation)):
                 raise Diverged(f"an innovation of {model.sensor.name} ceased to be finite at {stop.time:.1f} s")

@@ -20,7 +20,7 @@ compensated, and g is what is left of their errors (`mcnav.systems.ins.reference
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,7 +32,8 @@ from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.reference.earth_fixed_errors import InstrumentState, instrument_states
 from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates
 from mcnav.systems.ins.sensors.aiding import Sensor
-from mcnav.systems.ins.sensors.comparison import Comparison, Indicated, TrueState
+from mcnav.systems.ins.sensors.comparison import Comparison, Indicated, Reference, TrueState
+from mcnav.systems.ins.sensors.delay import change_as_indicated, reference_of
 from mcnav.systems.ins.sensors.quantity import OFFSETS
 from mcnav.systems.ins.sensors.registry import QUANTITIES
 from mcnav.systems.ins.truth.trajectory import Truth
@@ -55,6 +56,10 @@ class SensorTruth:
     level : ndarray, shape (u, 3, 3)
         From local to earth-fixed axes.
     altitude : ndarray, shape (u,)
+    swirling : ndarray, shape (u, 3)
+        How the rate of the body over the earth changes, rad/s^2; zero for a sensor without a lever arm.
+    turns : mapping of str to ndarray, shape (u, 3, 3)
+        As `TrueState` has them; empty for measurements of their time stamps.
     """
 
     states: EarthFixedStates
@@ -63,15 +68,21 @@ class SensorTruth:
     gimbals: Array
     level: Array
     altitude: Array
+    swirling: Array
+    turns: Mapping[Reference, Array] = field(default_factory=dict)
 
     @classmethod
-    def at(cls, truth: Truth, states: EarthFixedStates, times: Array, rate: Array | None = None) -> SensorTruth:
+    def at(
+        cls, truth: Truth, states: EarthFixedStates, times: Array, rate: Array | None = None, on_arm: bool = False
+    ) -> SensorTruth:
         """Compute them from the true states at the instants, s.
 
         Parameters
         ----------
         rate : ndarray, shape (u, 3), optional
             Inertial rate of the instruments' platform in its axes; none if they are on the body.
+        on_arm : bool
+            Whether the sensor has a lever arm.
         """
         latitude, longitude, altitude = truth.earth.to_geodetic(states.position).T
         mounting = np.swapaxes(states.axes, -1, -2) @ truth.attitude(times).as_matrix()
@@ -80,14 +91,32 @@ class SensorTruth:
         if rate is not None:
             of_earth = states.axes[:, 2] * truth.earth.rotation_rate
             gimbals = np.einsum("nij,nj->ni", mounting, turning) + of_earth - rate
-        return cls(states, mounting, turning, gimbals, local_axes(latitude, longitude), altitude)
+        swirling = np.asarray(truth.attitude(times, 2)) if on_arm else np.zeros_like(turning)
+        return cls(states, mounting, turning, gimbals, local_axes(latitude, longitude), altitude, swirling)
+
+    def late(self, stamped: SensorTruth, delays: Array, spin: float) -> SensorTruth:
+        """Return the same as the truth of measurements that are stamped later, by delays, shape (u,), s.
+
+        Parameters
+        ----------
+        stamped : SensorTruth
+            At the time stamps.
+        spin : float
+            Rate of the earth, rad/s.
+        """
+        from scipy.spatial.transform import Rotation
+
+        against_stars = Rotation.from_rotvec(-spin * delays[:, None] * np.array([0.0, 0.0, 1.0])).as_matrix()
+        against_local = stamped.level @ np.swapaxes(self.level, -1, -2)
+        return replace(self, turns={"stars": against_stars, "local": against_local})
 
     def at_row(self, row: int, lever_arm: Array) -> TrueState:
         """Return the truth at one of them."""
         states = self.states
         return TrueState(
             states.position[row], states.velocity[row], states.axes[row], self.mounting[row], self.turning[row],
-            self.gimbals[row], self.level[row], float(self.altitude[row]), lever_arm,
+            self.gimbals[row], self.level[row], float(self.altitude[row]), lever_arm, self.swirling[row],
+            {reference: turns[row] for reference, turns in self.turns.items()},
         )  # fmt: skip
 
 
@@ -169,6 +198,12 @@ class SensorModel:
         return np.array(arms).reshape(3, len(self.states))
 
     @cached_property
+    def _delays(self) -> Array:
+        """The filter's states that are delays of the sensor: a constant one, and jitter; shape (q,)."""
+        names = (self.sensor.delay_name, self.sensor.jitter_name)
+        return np.array([float(state.name in names) for state in self.states])
+
+    @cached_property
     def _gyro_states(self) -> tuple[InstrumentState, ...]:
         """The filter's states that are errors of the gyros."""
         return tuple(each for each in instrument_states(self.states) if each.gyro)
@@ -199,7 +234,7 @@ class SensorModel:
 
     def innovation(
         self, true: TrueState, indicated: Indicated, estimates: Array, offset: Array, factors: Array, arm: Array,
-        flexure: Array | None = None, offsets: Mapping[str, Array] | None = None,
+        flexure: Array | None = None, offsets: Mapping[str, Array] | None = None, stamped: TrueState | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
         """Compute an innovation and its response to the filter's states.
 
@@ -207,6 +242,8 @@ class SensorModel:
         ----------
         true : TrueState
             At the measurement.
+        stamped : TrueState, optional
+            At its time stamp; the same unless it is late.
         estimates : ndarray, shape (q,)
             Of the filter's other states; zero for considered ones.
         offset, factors, arm : ndarray
@@ -228,14 +265,17 @@ class SensorModel:
             name: (0.0 if offsets is None else offsets[name]) - states @ estimates
             for name, states in self._offsets.items()
         }
+        stamped = true if stamped is None else stamped
         at = Comparison(
-            true, indicated, used, self._arms, gyros, self.globe.rotation_rate, flexes, self.globe,
-            self.sensor.arrangement, known, self._offsets,
+            true, indicated, stamped.mounting, stamped.gimbals, used, self._arms, gyros, self.globe.rotation_rate,
+            flexes, self.globe, self.sensor.arrangement, known, self._offsets,
         )  # fmt: skip
         added, scaled = self._added @ estimates, self._scaled @ estimates
         response[:, NAVIGATION:] = -self._added
         for quantity, (places, axes) in self._quantities.items():
-            difference = QUANTITIES[quantity].compare(at)
+            reference = reference_of(self.sensor.kind, quantity)
+            turned = true.turns.get(reference)
+            difference = QUANTITIES[quantity].compare(at if turned is None else replace(at, turned=turned))
             innovation[places] = difference.value[axes] + added[places] - offset[places]
             response[places, :NAVIGATION] = difference.navigation[axes]
             if difference.others is not None:
@@ -254,6 +294,10 @@ class SensorModel:
                 innovation[places] += scaled[places] * predicted - factors[places] * true_value
                 response[places, :NAVIGATION] *= 1.0 + scaled[places, None]
                 response[places, NAVIGATION:] -= self._scaled[places] * predicted[:, None]
+            if self._delays.any():
+                changes = change_as_indicated(replace(at, true=stamped), QUANTITIES[quantity], reference)[axes]
+                innovation[places] -= changes * (self._delays @ estimates)
+                response[places, NAVIGATION:] += np.outer(changes, self._delays)
         return innovation, response
 
     @cached_property

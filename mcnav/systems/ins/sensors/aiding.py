@@ -132,6 +132,10 @@ class Sensor:
         Errors of `mcnav.systems.ins.sensors.quantity.OFFSETS` that it may have.
     arrangement : ndarray
         As `mcnav.systems.ins.sensors.quantity.SensorType.arrange` has it.
+    has_delay : bool
+        Whether its measurements may be late.
+    jitter : float
+        Sigma of a delay of its own at each time, s.
     """
 
     name: str
@@ -147,6 +151,18 @@ class Sensor:
     flexure: Flexure | None = None
     offsets: tuple[str, ...] = ()
     arrangement: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    has_delay: bool = True
+    jitter: float = 0.0
+
+    @property
+    def delay_name(self) -> str:
+        """Name of its constant delay, which all that it measures has."""
+        return f"{self.name}_delay"
+
+    @property
+    def jitter_name(self) -> str:
+        """Name of its jitter, a process."""
+        return f"{self.name}_jitter"
 
     def constants(self) -> Iterator[str]:
         """Yield the names of its constant errors in order, whatever their sizes."""
@@ -159,6 +175,8 @@ class Sensor:
             yield from (f"{self.name}_lever_arm_{axis}" for axis in AXES)
         for offset in self.offsets:
             yield from (f"{self.name}_{offset}_{axis}" for axis in OFFSETS[offset][0])
+        if self.has_delay:
+            yield self.delay_name
 
     def since(self, start: float) -> Sensor:
         """Return the same with its measurements after a time alone, s."""
@@ -179,6 +197,7 @@ class Sensor:
         sizes |= {each.error_name("correlated"): each.correlated for each in self.components}
         if self.flexure is not None:
             sizes |= {flexure_process(self.name, axis): self.flexure.sigma[axis] for axis in self.flexure.axes}
+        sizes |= {self.jitter_name: self.jitter}
         return {name: size for name, size in sizes.items() if size > 0.0}
 
 

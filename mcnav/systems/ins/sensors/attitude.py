@@ -65,7 +65,7 @@ def compare(at: Comparison) -> Difference:
 
     navigation = responses(3)
     navigation[:, ATTITUDE] = at.indicated.axes.T
-    value = Rotation.from_matrix(at.true.axes.T @ at.indicated.axes).as_rotvec()
+    value = Rotation.from_matrix((at.turned @ at.true.axes).T @ at.indicated.axes).as_rotvec()
     if not at.flexes:
         return Difference(value, navigation)
     flexure = np.concatenate([at.true.mounting, np.zeros((3, 3))], axis=1)  # the same for the truth and the navigator
@@ -81,6 +81,8 @@ QUANTITY: Final = QuantityDefinition(
     geometry=geometry,
     innovation=innovation,
     compare=compare,
+    reference="stars",
+    of_instruments=True,
 )
 
 SENSOR: Final = SensorType(

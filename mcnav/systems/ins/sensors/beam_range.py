@@ -90,7 +90,7 @@ def innovation(
 def compare(at: Comparison) -> Difference:
     """Return the distances along ``C~ (b + e x b)`` from ``r~ + C~ l~`` less the true ones along ``C b``."""
     true, indicated, beams = at.true, at.indicated, at.arrangement
-    body, true_body = indicated.axes @ true.mounting, true.axes @ true.mounting
+    body, true_body = indicated.axes @ at.mounting, true.axes @ true.mounting
     antenna, true_place = body @ at.arm, true.position + true_body @ true.lever_arm
     used = beams[:, :3] + np.cross(at.offsets["boresight"], beams[:, :3])
     value, true_values, navigation = np.empty(len(beams)), np.empty(len(beams)), responses(len(beams))

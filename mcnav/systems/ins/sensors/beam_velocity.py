@@ -89,10 +89,10 @@ def compare(at: Comparison) -> Difference:
     The rate w~ over the earth is the navigator's own: that of its gyros less the earth's along its axes.
     """
     true, indicated = at.true, at.indicated
-    beams, to_body = at.arrangement[:, :3], (indicated.axes @ true.mounting).T
+    beams, to_body = at.arrangement[:, :3], (indicated.axes @ at.mounting).T
     used = beams + np.cross(at.offsets["boresight"], beams)
     of_earth = np.array([0.0, 0.0, at.rotation_rate])
-    rate = true.mounting.T @ (indicated.reading[:3] + true.gimbals) - to_body @ of_earth
+    rate = at.mounting.T @ (indicated.reading[:3] + at.gimbals) - to_body @ of_earth
     velocity = to_body @ indicated.velocity + np.cross(rate, at.arm)
     of_body = (true.axes @ true.mounting).T @ true.velocity + np.cross(true.turning, true.lever_arm)
     true_velocity, arm = beams @ of_body, cross_matrix(at.arm)
@@ -102,7 +102,7 @@ def compare(at: Comparison) -> Difference:
         to_body @ cross_matrix(indicated.velocity) + arm @ to_body @ cross_matrix(of_earth)
     )
     others = np.cross(beams, velocity) @ at.offset_states["boresight"]
-    others = others + used @ (cross_matrix(rate) @ at.arm_states - arm @ true.mounting.T @ at.gyro_states)
+    others = others + used @ (cross_matrix(rate) @ at.arm_states - arm @ at.mounting.T @ at.gyro_states)
     return Difference(used @ velocity - true_velocity, navigation, others, true=true_velocity)
 
 

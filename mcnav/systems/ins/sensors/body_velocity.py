@@ -57,7 +57,7 @@ def innovation(
 def compare(at: Comparison) -> Difference:
     """Return ``C~^T v~ - C^T v`` with C from the body's axes."""
     true, indicated = at.true, at.indicated
-    to_body = (indicated.axes @ true.mounting).T
+    to_body = (indicated.axes @ at.mounting).T
     true_velocity = np.asarray((true.axes @ true.mounting).T @ true.velocity)
     navigation = responses(3)
     navigation[:, VELOCITY] = to_body

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -11,10 +12,13 @@ from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.reference.local_frame import LocalFrame
 
+Reference: TypeAlias = Literal["earth", "local", "stars"]
+"""Axes against which a quantity is measured: earth-fixed ones, north, east, down of its own place, inertial ones."""
+
 
 @dataclass(frozen=True)
 class TrueState:
-    """The truth.
+    """The truth that is measured.
 
     Attributes
     ----------
@@ -26,6 +30,8 @@ class TrueState:
         From the body's to the instruments' axes.
     turning : ndarray, shape (3,)
         Rate of the body over the earth, in the body's axes, rad/s.
+    swirling : ndarray, shape (3,)
+        How that rate changes, rad/s^2.
     gimbals : ndarray, shape (3,)
         Rate of the body about the instruments' platform, in the instruments' axes, rad/s; zero where there is none.
     level : ndarray, shape (3, 3)
@@ -34,6 +40,9 @@ class TrueState:
         m.
     lever_arm : ndarray, shape (3,)
         m.
+    turns : mapping of str to ndarray, shape (3, 3)
+        Of a measurement of another time than its time stamp: from a reference's axes at that time to those at the
+        stamp, in earth-fixed axes.
     """
 
     position: Array
@@ -45,6 +54,8 @@ class TrueState:
     level: Array
     altitude: float
     lever_arm: Array
+    swirling: Array = field(default_factory=lambda: np.zeros(3))
+    turns: Mapping[Reference, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -76,6 +87,8 @@ class Comparison:
 
     Attributes
     ----------
+    mounting, gimbals : ndarray
+        As `TrueState` has them, at the measurement's time stamp: they are known to the navigator.
     arm : ndarray, shape (3,)
         Lever arm that the navigator uses, m.
     arm_states, gyro_states : ndarray, shape (3, q)
@@ -91,10 +104,14 @@ class Comparison:
     offsets, offset_states : mapping of str to ndarray, shapes (3,), (3, q)
         What the navigator takes less what is true, and its responses to the filter's states, by the names of
         `mcnav.systems.ins.sensors.quantity.OFFSETS`.
+    turned : ndarray, shape (3, 3)
+        What the axes against which the quantity is measured have turned between measurement and time stamp.
     """
 
     true: TrueState
     indicated: Indicated
+    mounting: Array
+    gimbals: Array
     arm: Array
     arm_states: Array
     gyro_states: Array
@@ -104,6 +121,7 @@ class Comparison:
     arrangement: Array = field(default_factory=lambda: np.zeros((0, 3)))
     offsets: Mapping[str, Array] = field(default_factory=dict)
     offset_states: Mapping[str, Array] = field(default_factory=dict)
+    turned: Array = field(default_factory=lambda: np.eye(3))
 
 
 @dataclass(frozen=True)

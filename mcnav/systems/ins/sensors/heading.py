@@ -77,7 +77,7 @@ def innovation(
 def compare(at: Comparison) -> Difference:
     """Return the angle between the forward axes in n, each seen from its own position."""
     true, indicated = at.true, at.indicated
-    forward = indicated.frame.axes.T @ indicated.axes @ true.mounting[:, 0]
+    forward = indicated.frame.axes.T @ indicated.axes @ at.mounting[:, 0]
     true_forward = true.level.T @ true.axes @ true.mounting[:, 0]
     across = true_forward[0] * forward[1] - true_forward[1] * forward[0]
     difference = np.arctan2(across, true_forward[:2] @ forward[:2])

@@ -79,7 +79,7 @@ def compare(at: Comparison) -> Difference:
     """Return ``C~^T e(l~ - r~) - C^T e(l - r)`` with C from the body's axes and the place l~ as the map has it."""
     true, indicated = at.true, at.indicated
     landmark, axes = at.arrangement[0], at.arrangement[1:4]
-    to_body = (indicated.axes @ true.mounting).T
+    to_body = (indicated.axes @ at.mounting).T
     away = landmark + axes @ at.offsets["map"] - indicated.position
     distance = np.linalg.norm(away)
     unit = away / distance

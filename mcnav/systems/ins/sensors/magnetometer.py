@@ -109,7 +109,7 @@ def innovation(
 def compare(at: Comparison) -> Difference:
     """Return ``C~^T B(r~) - C^T B(r)`` with C from the body's axes."""
     true, indicated = at.true, at.indicated
-    to_body = (indicated.axes @ true.mounting).T
+    to_body = (indicated.axes @ at.mounting).T
     field = dipole_field(POLE, indicated.position)
     navigation = responses(3)
     navigation[:, ATTITUDE] = to_body @ cross_matrix(field)

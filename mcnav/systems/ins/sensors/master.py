@@ -15,6 +15,7 @@ SENSOR: Final = SensorType(
     name="master",
     words="Velocity and attitude of a master navigator on the vehicle (transfer alignment).",
     quantities={"velocity": "velocity", "attitude": "attitude"},
+    references={"attitude": "local"},
     lever_arm=True,
     flexure=True,
     interval=1.0,

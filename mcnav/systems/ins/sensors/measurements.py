@@ -16,6 +16,7 @@ from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.faults import fault_errors
 from mcnav.systems.ins.imu.instruments import GYRO
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.sensors.delay import change_along_truth, reference_of
 from mcnav.systems.ins.sensors.flexure import Flexure
 from mcnav.systems.ins.sensors.quantity import OFFSETS, Geometry
 from mcnav.systems.ins.sensors.registry import KINDS, QUANTITIES
@@ -70,6 +71,9 @@ class Measurements:
         Responses of the innovations to them.
     faults : ndarray, shape (U, M)
         What faults add to the measurements.
+    changes : ndarray, shape (U, M)
+        How fast what is measured changes (`mcnav.systems.ins.sensors.delay`): responses of the innovations to a delay
+        of the update's sensor; zero for one that cannot be late.
     flexure : ndarray, shape (U, M, 6)
         Responses of the measured values to the flexure of the update's sensor: to angles about the body's axes and to
         their rates. The last axis is empty where no sensor flexes.
@@ -90,6 +94,7 @@ class Measurements:
     rates: Array
     swings: Array
     faults: Array
+    changes: Array
     flexure: Array
 
     @property
@@ -127,6 +132,9 @@ def measure(truth: Truth, platform: Platform, start: float, sensors: Sequence[Se
                 _fill_rates(tables, rows, of_sensor[1])
             for column, geometry in enumerate(along[number]):
                 tables.components[rows, column] = offset + column
+                if sensor.has_delay:
+                    tables.changes[rows, column] = _change(sensor, column, of_sensor[1], geometry)
+                    tables.constants[rows, column, names[sensor.delay_name]] = tables.changes[rows, column]
                 _fill_component(tables, (rows, column), sensor, geometry, names)
         offset += len(sensor.components)
     order = np.lexsort((tables.sensors, tables.times))
@@ -147,6 +155,11 @@ def flexure_rows(measured: Measurements, number: int, flexure: Flexure, axis: in
     return np.asarray(-of_sensor @ flexure.natural(measured.times - start))
 
 
+def jitter_rows(measured: Measurements, number: int) -> Array:
+    """Return the responses of innovations to the jitter of a sensor, by its number, shape (U, M)."""
+    return np.asarray(measured.changes * (measured.sensors == number)[:, None])
+
+
 def white_sigmas(sensors: Sequence[Sensor], measured: Measurements) -> Array:
     """Return the sigmas of the white noise of all updates, shape (U, M)."""
     components = [component for sensor in sensors for component in sensor.components]
@@ -164,6 +177,12 @@ def _geometries(sensor: Sensor, around: Surroundings) -> tuple[Geometry, ...]:
     return tuple(QUANTITIES[each.quantity].geometry(around, each.axis) for each in sensor.components)
 
 
+def _change(sensor: Sensor, column: int, around: Surroundings, geometry: Geometry) -> Array:
+    """Return how fast what a component measures changes, shape (u,)."""
+    quantity = sensor.components[column].quantity
+    return change_along_truth(around, geometry, QUANTITIES[quantity], reference_of(sensor.kind, quantity))
+
+
 def _no_measurements(sensors: Sequence[Sensor], along: Sequence[Sequence[Geometry]], constants: int) -> Measurements:
     """Return tables of zeros for all updates, sensor by sensor."""
     times = np.concatenate([np.zeros(0), *(sensor.times for sensor in sensors)])
@@ -177,7 +196,8 @@ def _no_measurements(sensors: Sequence[Sensor], along: Sequence[Sequence[Geometr
         np.zeros((total, most, 3)), np.zeros((total, most, max(used, default=0))), np.zeros((total, most, constants)),
         np.zeros((total, 3)), np.zeros((total, most, 9)), np.zeros((total, 3)),
         np.zeros((total, most), dtype=np.bool_), np.zeros((total, 3, gyros)), np.zeros((total, most, gyros)),
-        np.zeros((total, most)), np.zeros((total, most, 6 if any(each.flexure for each in sensors) else 0)),
+        np.zeros((total, most)), np.zeros((total, most)),
+        np.zeros((total, most, 6 if any(each.flexure for each in sensors) else 0)),
     )  # fmt: skip
 
 

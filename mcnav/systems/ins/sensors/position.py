@@ -55,7 +55,7 @@ def innovation(
 def compare(at: Comparison) -> Difference:
     """Return ``n . [r~ + C~ l~ - (r + C l)]`` with the lever arms l along the body's axes."""
     true, indicated = at.true, at.indicated
-    body = indicated.axes @ true.mounting
+    body = indicated.axes @ at.mounting
     antenna, true_antenna = body @ at.arm, true.axes @ true.mounting @ true.lever_arm
     difference = (indicated.position - true.position) + (antenna - true_antenna)
     to_level, navigation = indicated.frame.axes.T, responses(3)

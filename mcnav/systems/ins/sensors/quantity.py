@@ -19,7 +19,7 @@ from mcnav.arrays.types import Array
 from mcnav.entries.context import FileContext
 from mcnav.physics.units import DIMENSIONS, UnitError, quantity
 from mcnav.systems.ins.imu.instruments import AXES
-from mcnav.systems.ins.sensors.comparison import Comparison, Difference
+from mcnav.systems.ins.sensors.comparison import Comparison, Difference, Reference
 from mcnav.systems.ins.sensors.innovation import Innovation
 from mcnav.systems.ins.sensors.surroundings import Surroundings
 from mcnav.systems.ins.truth.trajectory import Truth
@@ -143,6 +143,10 @@ class QuantityDefinition:
         along the truth.
     by_beam : bool
         Whether its axes are the beams of the sensor, of which there may be fewer.
+    reference : str
+        Axes against which it is measured, whose turn is part of its change (`mcnav.systems.ins.sensors.delay`).
+    of_instruments : bool
+        Whether it is measured along the instruments' axes, and not along the body's.
     """
 
     name: str
@@ -157,6 +161,8 @@ class QuantityDefinition:
     swings: bool = False
     fixed_row: bool = False
     by_beam: bool = False
+    reference: Reference = "earth"
+    of_instruments: bool = False
 
     def __post_init__(self) -> None:
         wrong: str | None = None
@@ -218,6 +224,10 @@ class SensorType:
         Between measurements of a new campaign, s; none for instants at rest.
     errors : bool
         Whether it has a bias and a correlated error.
+    delays : bool
+        Whether its measurements may be late, and jitter.
+    references : mapping of str to str
+        Axes against which quantities are measured, of those for which they are not the quantity's own, by quantity.
     lever_arm : bool
         Whether it has an antenna away from the unit.
     flexure : bool
@@ -245,6 +255,8 @@ class SensorType:
     template: str
     interval: float | None
     errors: bool = True
+    delays: bool = True
+    references: Mapping[str, Reference] = field(default_factory=dict)
     lever_arm: bool = False
     flexure: bool = False
     estimated: tuple[str, ...] = ()

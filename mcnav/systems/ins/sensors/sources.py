@@ -15,6 +15,7 @@ from mcnav.systems.ins.sensors.registry import QUANTITIES
 SCALE_FACTOR: Final = ("1", "ppm", 1e-3)
 LEVER_ARM: Final = ("m", "cm", 0.01)
 FLEXURE: Final = ("rad", "mrad", 1e-3)
+DELAY: Final = ("s", "ms", 0.01)
 
 RANDOM: Final[tuple[MeasurementError, ...]] = ("noise", "correlated")
 CONSTANT: Final[tuple[Literal["bias", "scale_factor"], ...]] = ("bias", "scale_factor")
@@ -33,9 +34,11 @@ def _sources(sensor: Sensor) -> Iterator[Source]:
     for offset in sensor.offsets:
         axes, unit, shown_in, usual = OFFSETS[offset]
         known |= {f"{sensor.name}_{offset}_{axis}": (unit, shown_in, usual) for axis in axes}
+    known[sensor.delay_name] = DELAY
     for name in sensor.constants():
         (kind,) = estimated_kinds((name,))
-        later = name not in known and bool(sensor.offsets)  # velocimeters had no lever arm at first
+        # velocimeters had no lever arm at first, and no sensor a delay
+        later = name == sensor.delay_name or (name not in known and bool(sensor.offsets))
         yield Source(name, *known.get(name, LEVER_ARM), group=kind, later=later)
 
 
@@ -51,7 +54,7 @@ def aiding_outputs(sensors: tuple[Sensor, ...]) -> tuple[Output, ...]:
         for sensor in sensors
         for each in sensor.components
         for error in RANDOM
-    }
+    } | {sensor.jitter_name: DELAY for sensor in sensors}
     return tuple(
         Output(name, *units.get(name, FLEXURE)[:2]) for sensor in sensors for name in sensor.processes()
     )  # fmt: skip

@@ -40,6 +40,9 @@ class Surroundings:
         Rate of the body over the earth, in the body's axes, rad/s.
     rate, force : ndarray, shape (u, 3)
         Inertial rate and specific force in the instruments' axes.
+    swirling : ndarray, shape (u, 3)
+        How the rate of the body over the earth changes, in the body's axes, rad/s^2; zero without a lever arm, as
+        nothing else depends on it.
     """
 
     spin: float
@@ -58,6 +61,7 @@ class Surroundings:
     turning: Array
     rate: Array
     force: Array
+    swirling: Array
 
     @classmethod
     def at(
@@ -75,9 +79,10 @@ class Surroundings:
         turning = body.rate - np.einsum("nji,j->ni", body.axes, spin)
         velocity = body.velocity - np.cross(spin, body.position)
         radii = np.stack(earth.curvature_radii(latitude)) + altitude
+        swirling = np.asarray(truth.attitude(times, 2)) if lever_arm.any() else np.zeros_like(turning)
         return cls(
             earth.rotation_rate, earth, arrangement, lever_arm, body.position, velocity, altitude, latitude, radii,
-            turned, level, body.axes, instruments.axes, turning, instruments.rate, instruments.force,
+            turned, level, body.axes, instruments.axes, turning, instruments.rate, instruments.force, swirling,
         )  # fmt: skip
 
     @property

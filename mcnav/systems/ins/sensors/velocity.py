@@ -90,12 +90,12 @@ def innovation(
 def compare(at: Comparison) -> Difference:
     """Return ``n . [v~ + (C~ w~ - W) x C~ l~ - (v + C (w x l))]``; the rate w~ is the navigator's own."""
     true, indicated = at.true, at.indicated
-    body = indicated.axes @ true.mounting
-    antenna, rate = body @ at.arm, indicated.axes @ (indicated.reading[:3] + true.gimbals)
+    body = indicated.axes @ at.mounting
+    antenna, rate = body @ at.arm, indicated.axes @ (indicated.reading[:3] + at.gimbals)
     of_earth = cross_matrix(np.array([0.0, 0.0, at.rotation_rate]))
     turning = cross_matrix(rate) - of_earth
     true_antenna = true.axes @ true.mounting @ (cross_matrix(true.turning) @ true.lever_arm)
-    difference = (indicated.velocity - true.velocity) + (turning @ antenna - true_antenna)
+    difference = (indicated.velocity - at.turned @ true.velocity) + (turning @ antenna - at.turned @ true_antenna)
     to_level, navigation = indicated.frame.axes.T, responses(3)
     of_attitude = of_earth @ cross_matrix(antenna) - cross_matrix(cross_matrix(rate) @ antenna)
     navigation[:, VELOCITY], navigation[:, ATTITUDE] = to_level, to_level @ of_attitude
@@ -121,6 +121,7 @@ QUANTITY: Final = QuantityDefinition(
     compare=compare,
     swings=True,
     fixed_row=True,
+    reference="local",
 )
 
 
@@ -139,6 +140,7 @@ SENSOR: Final = SensorType(
     words="The velocity of a vehicle at rest.",
     quantities={"velocity": "velocity"},
     errors=False,
+    delays=False,
     interval=None,
     bounds_attitude=True,
     limit=limit,

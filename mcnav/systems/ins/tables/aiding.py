@@ -14,7 +14,7 @@ from mcnav.entries.context import FileContext
 from mcnav.entries.inputs import InputFile
 from mcnav.entries.validation import validate, validate_entry
 from mcnav.systems.ins.filter.model import estimated_kinds
-from mcnav.systems.ins.imu.instruments import AXES, CONSTANTS, PROCESSES
+from mcnav.systems.ins.imu.instruments import CONSTANTS, PROCESSES
 from mcnav.systems.ins.scenario import Navigation
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
 from mcnav.systems.ins.sensors.quantity import SensorType
@@ -122,10 +122,7 @@ def _read_sensor(
             context.problem(f"{key}.log", f"{table.log} {missing}")
     _check_measured(entry, kind, errors, key, context)
     components, sigmas = _components(kind, name, errors, of_each)
-    if kind.lever_arm:
-        sized = zip(AXES, errors.lever_arm_error, strict=True)
-        sigmas |= {f"{name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
-    sigmas |= errors.sigmas_of_offsets(name)
+    sigmas |= errors.sigmas_of_sensor(name)
     sensor = Sensor(
         name,
         kind.name,
@@ -139,6 +136,8 @@ def _read_sensor(
         flexure=errors.flexed(None, navigation.end - navigation.start, key, context),
         offsets=kind.offsets,
         arrangement=np.zeros((0, 3)) if arrangement is None else arrangement,
+        has_delay=kind.delays,
+        jitter=errors.jitter or 0.0,
     )
     return sensor, sigmas
 
@@ -255,4 +254,6 @@ def _error_names(sensor: Sensor) -> set[str]:
     processes = {each.error_name(error) for each in sensor.components for error in RANDOM}
     if sensor.flexure is not None:
         processes |= {*sensor.processes(), f"{sensor.name}_flexure"}
+    if sensor.has_delay:
+        processes |= {sensor.jitter_name}
     return processes | set(estimated_kinds(tuple(sensor.constants())))

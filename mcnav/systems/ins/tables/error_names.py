@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.sensors.quantity import OFFSETS
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
-from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR
+from mcnav.systems.ins.sensors.sources import DELAY, LEVER_ARM, SCALE_FACTOR
 from mcnav.systems.ins.tables.sensor_tables import NAME
 
 
@@ -47,5 +47,7 @@ def _suffixes(axes: bool = True) -> Iterator[tuple[str, str]]:
         for offset in kind.offsets:
             along, unit, *_ = OFFSETS[offset]
             yield from ((f"{offset}{axis}", unit) for axis in ("", *(f"_{each}" for each in along if axes)))
+        if kind.delays:
+            yield "delay", DELAY[0]
         if kind.lever_arm:
             yield from ((f"lever_arm{axis}", LEVER_ARM[0]) for axis in ("", *(f"_{each}" for each in AXES if axes)))

@@ -26,7 +26,7 @@ from mcnav.errors import suggestion
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.ins.filter.model import EKF, NAVIGATION, Beliefs, FilterModel, estimated_kinds
 from mcnav.systems.ins.imu.gravity import ANOMALY, CAUSES, DEFLECTION, GravityDisturbance
-from mcnav.systems.ins.imu.instruments import ACCELEROMETER, AXES, GYRO, Imu
+from mcnav.systems.ins.imu.instruments import ACCELEROMETER, GYRO, Imu
 from mcnav.systems.ins.scenario import SOURCES
 from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
@@ -359,13 +359,12 @@ def _believed_sensor(
         sensors, of_component = _believed_component(component, names[component.quantity], errors, key, context)
         components.append(sensors)
         sigmas |= of_component
-    sized = zip(AXES, errors.lever_arm_error, strict=True)
-    sigmas |= {f"{sensor.name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
-    sigmas |= errors.sigmas_of_offsets(sensor.name)
+    sigmas |= errors.sigmas_of_sensor(sensor.name)
     if errors.flexure is not None and sensor.flexure is None:
         context.problem(f"{key}.flexure", "the sensor has none; give it one in [[aiding]], if only of sigma zero")
     flexure = errors.flexed(sensor.flexure, duration, key, context)
-    return replace(sensor, components=tuple(components), flexure=flexure), sigmas
+    jitter = sensor.jitter if errors.jitter is None else errors.jitter
+    return replace(sensor, components=tuple(components), flexure=flexure, jitter=jitter), sigmas
 
 
 def _believed_component(

@@ -37,6 +37,11 @@ LONGEST_LEVER_ARM: Final = 1e5
 LARGEST_FLEXURE: Final = 0.3
 """rad."""
 
+NEVER_LATE: Final = "the vehicle is at rest, and nothing that it measures changes: it cannot be late; leave it out"
+
+LONGEST_DELAY: Final = 60.0
+"""Sigma of a delay, s."""
+
 MOST_SENSORS: Final = 100
 
 NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
@@ -170,7 +175,16 @@ def _errors(kind: SensorType, believed: bool = False) -> Fields:
         fields[f"{offset}_error"] = _sizes(unit, axes, fault, f"Sigma of the error of the {offset}.")
     if kind.flexure:
         fields["flexure"] = _flexure()
+    if kind.delays:
+        fields["delay"] = _delay("Sigma of a constant delay: how much later than it was measured a value is stamped.")
+        fields["jitter"] = _delay("Sigma of a delay of its own of each measurement, common to all that it measures.")
     return fields
+
+
+def _delay(description: str) -> tuple[Any, Any]:
+    size = Annotated[float, QuantityIn("s")]
+    described = Field(ge=0.0, le=LONGEST_DELAY, description=description, examples=["20 ms"])
+    return Annotated[size | None, described], None
 
 
 def _lever_arm() -> tuple[Any, Any]:
@@ -227,15 +241,21 @@ def _sensor_table(kind: SensorType) -> type[SensorTable]:
         base=SensorTable,
         rules=(ClassVar[Any], (InstantRule(), MeasuresOne(tuple(kind.quantities)))),
         called=(ClassVar[str], f"type {kind.name}"),
+        refused=_refused(kind),
         type=(Annotated[Literal[kind.name], Field(description=kind.words)], ...),
         **_errors(kind),
         **{key: _further(each) for key, each in kind.further.items()},
     )
 
 
+def _refused(kind: SensorType) -> tuple[Any, Any]:
+    """Return the keys that a type of sensor refuses with a reason."""
+    return ClassVar[Mapping[str, str]], {} if kind.delays else dict.fromkeys(("delay", "jitter"), NEVER_LATE)
+
+
 def _believed_table(kind: SensorType) -> type[Table]:
     fields = {key: field for key, field in _errors(kind, believed=True).items() if key != "lever_arm"}
-    return _model(f"believed {kind.name} sensor", base=Table, **fields)
+    return _model(f"believed {kind.name} sensor", base=Table, refused=_refused(kind), **fields)
 
 
 class Tables(Mapping[str, type[Table]]):

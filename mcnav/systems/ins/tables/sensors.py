@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mcnav.arrays.types import Array
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import Table
+from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.sensors.flexure import MOST_TURNS, OF_CRITICAL_DAMPING, Flexure
 from mcnav.systems.ins.sensors.quantity import OFFSETS, SensorType
 from mcnav.systems.ins.sensors.registry import QUANTITIES
@@ -51,6 +52,8 @@ class SensorErrors:
     flexure : FlexureTable or None
     offsets : mapping of str to ndarray, shape (3,)
         Sigmas of the errors of `OFFSETS`; NaN where none is given.
+    delay, jitter : float or None
+        Sigmas, s; none where none is given.
     """
 
     sizes: Mapping[str, ErrorSizes]
@@ -58,15 +61,24 @@ class SensorErrors:
     lever_arm_error: Array
     flexure: FlexureTable | None
     offsets: Mapping[str, Array]
+    delay: float | None
+    jitter: float | None
 
-    def sigmas_of_offsets(self, name: str) -> dict[str, float]:
-        """Return the sigmas of a sensor's errors of `OFFSETS` that are given, by source."""
-        return {
-            f"{name}_{offset}_{axis}": float(size)
-            for offset, sizes in self.offsets.items()
-            for axis, size in zip(OFFSETS[offset][0], sizes, strict=True)
-            if not np.isnan(size)
-        }
+    def sigmas_of_sensor(self, name: str) -> dict[str, float]:
+        """Return the sigmas that are given of a sensor's constant errors which are not of a quantity, by source."""
+        arm = zip(AXES, self.lever_arm_error, strict=True)
+        sigmas = {f"{name}_lever_arm_{axis}": float(size) for axis, size in arm if not np.isnan(size)}
+        delay = {} if self.delay is None else {f"{name}_delay": self.delay}
+        return (
+            sigmas
+            | delay
+            | {
+                f"{name}_{offset}_{axis}": float(size)
+                for offset, sizes in self.offsets.items()
+                for axis, size in zip(OFFSETS[offset][0], sizes, strict=True)
+                if not np.isnan(size)
+            }
+        )
 
     def flexed(self, known: Flexure | None, duration: float, key: str, context: FileContext) -> Flexure | None:
         """Return the flexure, with the sizes of another one where none are given; mistakes go to the context.
@@ -123,7 +135,8 @@ def errors_of(table: Table, kind: SensorType) -> SensorErrors:
         sizes[measured] = ErrorSizes(noise, bias, scale, sigma, time)
     return SensorErrors(
         sizes, given("lever_arm", 3), given("lever_arm_error", 3), getattr(table, "flexure", None),
-        {offset: given(f"{offset}_error", 3) for offset in kind.offsets},
+        {offset: given(f"{offset}_error", 3) for offset in kind.offsets}, getattr(table, "delay", None),
+        getattr(table, "jitter", None),
     )  # fmt: skip
 
 

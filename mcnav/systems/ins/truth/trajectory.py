@@ -65,11 +65,16 @@ class HeldAttitude:
     rotation: Rotation
 
     def __call__(self, time: Array | float, order: int = 0) -> Any:
-        """Compute the rotation from body to earth-fixed axes, or (order 1) its rate in body axes, rad/s."""
+        """Compute the rotation from body to earth-fixed axes, or its rate in body axes, rad/s (order 1), or its change.
+
+        The rate is constant in these axes (order 2).
+        """
         from scipy.spatial.transform import Rotation
 
         angle = -self.rotation_rate * (np.asarray(time, dtype=float) - self.instant)
         turned = Rotation.from_rotvec(angle[..., None] * np.array([0.0, 0.0, 1.0])) * self.rotation
+        if order > 1:
+            return np.zeros((*angle.shape, 3))
         return turned if order == 0 else -self.rotation_rate * turned.as_matrix()[..., 2, :]
 
 
