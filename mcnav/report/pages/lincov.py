@@ -21,7 +21,7 @@ from mcnav.report.document.parts import Findings
 from mcnav.report.drawing.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels, short_name
 from mcnav.report.format import number
-from mcnav.report.names import scale_of
+from mcnav.report.names import scale_of, unit_words
 from mcnav.report.statements.lincov import (
     cause_words,
     filter_words,
@@ -46,7 +46,7 @@ INITIAL: Final = "initial"
 
 def units_shown(outputs: Sequence[Output]) -> dict[str, tuple[float, str]]:
     """Return for each output, by name, the factor from SI and the unit shown."""
-    return {output.name: (conversion(output.unit, output.shown_in), output.shown_in) for output in outputs}
+    return {output.name: (conversion(output.unit, output.shown_in), unit_words(output.shown_in)) for output in outputs}
 
 
 def finding(row: LinearRequirement) -> str:

@@ -152,9 +152,9 @@ def _others(others: Sequence[Statement], tiles: Mapping[str, Tile]) -> Findings 
 
 
 def _requirements(content: RunAnalysis, said: bool) -> Findings | None:
-    """List the worst requirements with their estimates; none where there is none, or sentences have the only one."""
-    rows = sorted(requirement_rows(content.summary, "shown", content.time_unit), key=worst_first)
-    if len(rows) < (2 if said else 1):
+    """List the worst requirements with their estimates but the first, if sentences have it; none where none is left."""
+    rows = sorted(requirement_rows(content.summary, "shown", content.time_unit), key=worst_first)[1 if said else 0 :]
+    if not rows:
         return None
     more = len(rows) - REQUIREMENTS if len(rows) > REQUIREMENTS + 1 else 0
     listed = rows[:REQUIREMENTS] if more else rows
