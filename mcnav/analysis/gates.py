@@ -14,6 +14,7 @@ from mcnav.arrays.types import Array
 from mcnav.contract.gates import FaultLaw, GateLaw, GateQuestion
 from mcnav.contract.scenario import Scenario, has_gates
 from mcnav.statistics.gates import LARGEST, GatedError, acceptance, check_stopped, largest_of, smallest_stopped
+from mcnav.statistics.refusals import or_withheld
 
 SIGMAS: Final = 4.0
 """Limit of an output without a requirement of its own, in true sigmas after the measurement."""
@@ -79,12 +80,13 @@ class GateAnswer:
 def answer_gates(
     laws: Sequence[GateLaw], question: GateQuestion, requirements: Sequence[Requirement]
 ) -> tuple[GateAnswer, ...]:
-    """Answer for each component of each sensor that has a gate."""
+    """Answer for each component of each sensor that has a gate, but for those whose numbers a check refuses."""
     limits = _limits(requirements)
-    return tuple(
-        _answer(law, component, question.probability, limits)
+    answers = [
+        or_withheld(_answer, law, component, question.probability, limits, instead=None)
         for law in laws for component in range(len(law.components))
-    )  # fmt: skip
+    ]  # fmt: skip
+    return tuple(answer for answer in answers if answer is not None)
 
 
 def _limits(requirements: Sequence[Requirement]) -> Mapping[int, float]:
@@ -176,9 +178,13 @@ class FaultPrediction:
 
 
 def predict_faults(scenario: Scenario, mean: Array, covariance: Array) -> list[tuple[FaultLaw, FaultPrediction]]:
-    """Predict what gates stop of a scenario's faults, with errors of a mean and covariance; nothing without gates."""
+    """Predict what gates stop of a scenario's faults, with errors of a mean and covariance; nothing without gates.
+
+    A fault of which a check refuses the probabilities is left out.
+    """
     laws = scenario.fault_laws(mean, covariance) if has_gates(scenario) else ()
-    return [(law, predict_fault(law)) for law in laws]
+    predicted = [(law, or_withheld(predict_fault, law, instead=None)) for law in laws]
+    return [(law, prediction) for law, prediction in predicted if prediction is not None]
 
 
 def predict_fault(law: FaultLaw) -> FaultPrediction:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,7 +166,7 @@ class LinearAnswer:
 
     @cached_property
     def correlation(self) -> Array:
-        """Correlation coefficients of the final errors, shape (outputs, outputs); NaN for one without dispersion."""
+        """Correlation of the final errors, shape (outputs, outputs), without unit; NaN for one without dispersion."""
         sizes = np.where(self.sigma > 0.0, self.sigma, np.nan)
         return np.asarray(self.covariance / np.outer(sizes, sizes))
 
@@ -199,7 +198,7 @@ class LinearAnswer:
         return limits_of(output.limit for output in self.outputs)
 
     def readings_beyond(self, covariance: LinearCovariance) -> NDArray[np.bool_]:
-        """Return at which readings linear errors have no meaning, shape (r,)."""
+        """Return at which readings linear errors have no meaning, booleans, shape (r,)."""
         return readings_beyond(self._limits, covariance, None if self.beyond is None else self.beyond.time)
 
     @cached_property
@@ -222,7 +221,7 @@ class LinearAnswer:
 
     @cached_property
     def final_variances(self) -> Mapping[str, Array]:
-        """Part of each cause in the final variances, with half of what its correlations add, shape (outputs,)."""
+        """Part of each cause in the final variances, SI, with half of what its correlations add, shape (outputs,)."""
         parts = np.nan_to_num(self.budget.attributed) * np.diag(self.covariance)[:, None]
         return {name: parts[:, number] for number, name in enumerate(self.causes) if parts[:, number].any()}
 
@@ -317,7 +316,7 @@ def judge_linearly(
     requirements: Sequence[Requirement], mean: Array, covariance: Array, history: Moments | None,
     sizes: Mapping[int, tuple[int, ...]] | None = None, nominal: Array | None = None, origin: Array | None = None,
 ) -> tuple[LinearRequirement, ...]:  # fmt: skip
-    """Judge requirements for normal errors.
+    """Judge requirements for normal errors; not those judged by a number that its check refuses.
 
     Parameters
     ----------
@@ -334,23 +333,12 @@ def judge_linearly(
     """
     fixed = np.zeros_like(mean) if nominal is None else nominal
     return tuple(
-        _judge_or_withhold(
-            each, counted(each, mean, origin), covariance, history, sizes or {}, counted(each, fixed, origin)
+        or_withheld(
+            _judge, each, counted(each, mean, origin), covariance, history, sizes or {}, counted(each, fixed, origin),
+            instead=LinearRequirement(each, math.nan, math.nan),
         )
         for each in requirements
-    )
-
-
-def _judge_or_withhold(requirement: Requirement, *moments: Any) -> LinearRequirement:
-    """Judge a requirement; not at all where a check refuses the number that it is judged by."""
-    judged: list[LinearRequirement] = []
-
-    def judge() -> float:
-        judged.append(_judge(requirement, *moments))
-        return judged[0].value
-
-    value = or_withheld(judge)
-    return judged[0] if judged else LinearRequirement(requirement, value, value)
+    )  # fmt: skip
 
 
 def _judge(

@@ -352,7 +352,7 @@ def _judge_box(
         low = proportions.lower_probability(inside, count, confidence)
         high = proportions.upper_probability(inside + lost, count, confidence)
     finding = Finding.MET if low >= probability else Finding.NOT_MET if high < probability else Finding.UNDECIDED
-    linear = normal_box_probability(*_linear_moments(model, requirement.outputs), limits)
+    linear = or_withheld(normal_box_probability, *_linear_moments(model, requirement.outputs), limits)
     needed = None
     if finding == Finding.UNDECIDED and not remark and count:
         shares = [1.0 - inside / count], [1.0 - (inside + lost) / count]

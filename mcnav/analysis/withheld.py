@@ -17,6 +17,7 @@ from mcnav.arrays.types import Array
 from mcnav.contract.gates import RejectionLaws
 from mcnav.statistics.bisection import root_between
 from mcnav.statistics.gates import GatedError
+from mcnav.statistics.refusals import or_withheld
 
 WIDTH: Final = 1e-9
 """Width of the last bracket of a quantile, as a share of it."""
@@ -41,7 +42,8 @@ def with_rejections(
     if laws is None or rejections is None or rejections.verdict == OnLinear.HOLDS:
         return tuple(judged)
     return tuple(
-        _by_exact_law(each, laws) if rejections.exact and _has_exact_law(each, mean)
+        or_withheld(_by_exact_law, each, laws, instead=_withheld(each))
+        if rejections.exact and _has_exact_law(each, mean)
         else _withheld(each) if each.met or rejections.doubt == "faults"
         else each
         for each in judged

@@ -60,7 +60,7 @@ class History:
 
     Attributes
     ----------
-    columns : mapping of str to ndarray
+    columns : mapping of str to ndarray, shape (n,)
         Keyed ``name [unit]``; all of one length, the first being time.
     events : mapping of str to float
         Named instants, in the unit of the first column.

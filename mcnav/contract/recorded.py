@@ -128,6 +128,10 @@ class Cause:
         Where the campaign has it, such as ``[imu.gyro] angle_random_walk``.
     log_factor : float, optional
         Factor of the sigmas of a log, whose root mean square is the size; the key is that of the factor.
+    absent : bool
+        Whether the campaign does not have it: the size is one from which it is looked for.
+    correlation_time : float
+        Of a Gauss-Markov process that the campaign does not have, s; zero of others.
     """
 
     name: str
@@ -136,6 +140,8 @@ class Cause:
     shown_in: str
     key: str
     log_factor: float | None = None
+    absent: bool = False
+    correlation_time: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ class SimulationResult:
     fallback_count : int
         Samples that left the fast engine's validity and were simulated on the reference path instead.
     linear_values : ndarray, shape (n, outputs), optional
-        The same samples by the linear system, with the same noise; from an engine with noise alone.
+        SI: the same samples by the linear system, with the same noise; from an engine with noise alone.
     history : ndarray, shape (n, m, outputs), optional
         Errors at every epoch, from an engine that computes them with the final ones; it may leave them out where no
         noise is asked for.

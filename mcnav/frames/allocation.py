@@ -94,13 +94,13 @@ class AllocationResult:
 
     @cached_property
     def grade_changes(self) -> pd.DataFrame:
-        """A row a change by one grade of the catalogue: ``moves``, ``finding``, ``value``, ``limit``, in words."""
+        """A row a change by one grade of the catalogue: ``moves``, ``finding``, ``value``, ``limit``: text."""
         columns = ["moves", "finding", "value", "limit", "requirement", "simulated"]
         return pd.DataFrame([vars(row) for row in grade_rows(self.allocation)], columns=columns)
 
     @cached_property
     def requirements(self) -> pd.DataFrame:
-        """The requirements of the campaign as it is, as `LinearResult.requirements`.
+        """A row a requirement of the campaign as it is, with the units of `LinearResult.requirements`.
 
         With a simulation, ``finding`` is that of its samples, ``at_most`` the linear value times what they bound it
         by, as all advice here is scaled, and ``margin`` the limit over it.

@@ -51,7 +51,7 @@ class LinearResult:
 
     @cached_property
     def epochs(self) -> pd.DataFrame:
-        """A row a time and output, as `outputs` and `RunResult.epochs`.
+        """A row a time and output, with the columns and units of `outputs` and `RunResult.epochs`.
 
         Where an update falls on a time, ``update`` tells before from after.
 
@@ -74,7 +74,7 @@ class LinearResult:
 
     @property
     def partials(self) -> pd.DataFrame:
-        """The matrix P, outputs by sources, SI."""
+        """The matrix P, shape (outputs, sources), SI."""
         sources = [source.name for source in self.answer.sources]
         table = pd.DataFrame(self.answer.model.partials, index=self._outputs, columns=sources)
         table.attrs["units"] = {output.name: output.unit for output in self.answer.outputs}
@@ -82,7 +82,7 @@ class LinearResult:
 
     @property
     def covariance(self) -> pd.DataFrame:
-        """Covariance of the outputs at the end: P S P' and what processes of noise add, SI."""
+        """Covariance of the outputs at the end: P S P' and what noise adds, shape (outputs, outputs), SI."""
         table = pd.DataFrame(self.answer.covariance, index=self._outputs, columns=self._outputs)
         table.attrs["units"] = {output.name: output.unit for output in self.answer.outputs}
         return table

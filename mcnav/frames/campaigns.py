@@ -136,10 +136,22 @@ class Campaign:
 
 
 def read_campaign(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Campaign:
-    """Read a campaign file, with top-level entries in place of some of its own.
+    """Read a campaign file.
 
-    Raises `CampaignError`, which lists every mistake.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    overrides : mapping, optional
+        Top-level entries in place of some of its own.
 
+    Raises
+    ------
+    CampaignError
+        Lists every mistake.
+
+    Examples
+    --------
     >>> import mcnav as mc
     >>> mc.read_campaign("reports/first/campaign.toml", {"samples": 500}).samples
     500

@@ -24,6 +24,9 @@ from mcnav.sampler.errors import SAMPLING
 UNLIKE: Final = 10.0
 """Times ``1 / sqrt(n)`` by which the sigma of P times the draws may be off: fourteen standard errors if normal."""
 
+UNRELATED: Final = 0.25
+"""Correlation of an output with its linear outcome below which the two are of different draws: half of the least."""
+
 
 def compare(
     covariance: pd.DataFrame | Array,
@@ -45,9 +48,9 @@ def compare(
     outputs : DataFrame or ndarray, shape (n, outputs)
         Outputs of the samples, SI, as `mcnav.simulate` makes them; a row with NaN is a sample that failed.
     draws : DataFrame or ndarray, shape (n, sources), optional
-        Errors of the same samples.
+        Errors of the same samples, SI.
     partials : DataFrame or ndarray, shape (outputs, sources), optional
-        P.
+        P, SI.
     tolerance : float
         Departure of a sigma ratio from one that counts as agreement.
     confidence : float
@@ -93,7 +96,7 @@ def compare(
             centre = None if mean is None else np.array([mean[name] for name in known.columns])
             plain = compare_covariance(given, outcomes, centre, (tolerance, confidence), design)
             return _of_plain(known, plain, tolerance, confidence)
-        model, errors = _paired_model(known, draws, partials, len(outcomes))
+        model, errors = _paired_model(known, draws, partials, outcomes)
         paired = compare_paired(model, errors, outcomes, Criterion(tolerance, confidence), design)
     return _of_paired(known, paired, tolerance, confidence)
 
@@ -120,6 +123,8 @@ def _numbers(table: pd.DataFrame, name: str) -> Array:
 def _labelled(covariance: pd.DataFrame | Array, outputs: pd.DataFrame | Array) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return covariance and outputs as frames with the same names in the same order; `ValueError` when they differ."""
     if isinstance(outputs, pd.DataFrame):
+        if list(outputs.index) == list(outputs.columns):
+            raise ValueError("outputs must be samples, a row a sample, as mcnav.simulate makes them; got a covariance")
         samples = outputs.drop(columns=REASON, errors="ignore")
     else:
         array = _array(outputs, "outputs")
@@ -145,13 +150,15 @@ def _labelled(covariance: pd.DataFrame | Array, outputs: pd.DataFrame | Array) -
 
 
 def _paired_model(
-    covariance: pd.DataFrame, draws: pd.DataFrame | Array, partials: pd.DataFrame | Array, samples: int
+    covariance: pd.DataFrame, draws: pd.DataFrame | Array, partials: pd.DataFrame | Array, outcomes: Array
 ) -> tuple[Model, Array]:
     """Return the linear model of a paired comparison, and the errors of its samples.
 
     P and the covariance determine the spread of the linear outcomes; nothing else of S is used. `ValueError` when draws
-    and partials do not list the same sources, or the spread of P times the draws is far from the covariance.
+    and partials do not list the same sources, the spread of P times the draws is far from the covariance, or the
+    outputs are of other draws.
     """
+    samples = len(outcomes)
     if isinstance(partials, pd.DataFrame):
         partials = partials.loc[list(covariance.columns)]
         if isinstance(draws, pd.DataFrame):
@@ -179,10 +186,26 @@ def _paired_model(
             f"covariance is not P S P' of these partials and draws for {names}. P times the draws has sigmas that no "
             "sample of this size has by chance"
         )
+    if _unrelated(linear, outcomes):
+        raise ValueError("the outputs are not correlated with P times the draws: give the draws that were simulated")
     # The sources of the comparison are the linear outcomes themselves, so that S need not be known: P is one.
     mean = covariance.attrs.get(MEAN)
     centre = linear.mean(axis=0) if mean is None else np.array([mean[n] for n in covariance.columns]) - offset
     return Model(np.eye(len(covariance)), offset, centre, covariance.to_numpy(float)), linear
+
+
+def _unrelated(linear: Array, outcomes: Array) -> bool:
+    """Return whether outputs, shape (n, outputs), follow none of their linear outcomes of about the same spread.
+
+    An output whose sigma is at most twice the linear one has a correlation of a half or more with it, if P holds.
+    """
+    whole = np.isfinite(outcomes).all(axis=1)
+    pairs = [
+        (first, second)
+        for first, second in zip(linear[whole].T, outcomes[whole].T, strict=True)
+        if 0.0 < second.std() <= 2.0 * first.std()
+    ]
+    return bool(pairs) and all(abs(np.corrcoef(first, second)[0, 1]) < UNRELATED for first, second in pairs)
 
 
 def _row(judgement: Judgement, kind: str, **sigmas: float) -> Mapping[str, Any]:

@@ -32,7 +32,7 @@ class CovarianceVerdict:
 
     Attributes
     ----------
-    frame : DataFrame
+    frame : DataFrame, shape (outputs, columns)
         A row an output, SI, with the columns of `RunResult.outputs`: ``unit``, ``sigma_linear``, ``sigma_plain`` of
         the samples and, where draws and P were given, ``sigma_paired``; ``ratio_paired``, else ``ratio_plain``, the
         simulated over the linear sigma, with ``_from`` and ``_to`` at the confidence of all verdicts together;
@@ -43,9 +43,9 @@ class CovarianceVerdict:
         Verdict on the whole matrix, by mean NEES; empty for a matrix of zeros.
     nees, nees_expected : float
         Mean normalised estimation error squared, paired where it can be, and its expectation.
-    sample_covariance : DataFrame
+    sample_covariance : DataFrame, shape (outputs, outputs)
         Covariance of the successful samples, SI, as `pandas.DataFrame.cov` has it.
-    worst_direction : Series
+    worst_direction : Series, shape (outputs,)
         Weights, in units of the outputs' sigmas, of the combination with the worst sigma ratio.
     worst_ratio : float
         Its sigma ratio. The worst of all directions was chosen, so it has no interval.
@@ -54,7 +54,7 @@ class CovarianceVerdict:
         Whether the sampling noise that samples and linear analysis share was taken out.
     without : tuple of str
         Processes of noise that the system has and P S P' has not.
-    fixed : Series or None
+    fixed : Series, shape (outputs,), or None
         Weights, in units of the outputs' sigmas, of the combination that linear analysis treats as exact and that
         varies most all the same; none where there is none.
     fixed_sigma : float
@@ -167,26 +167,35 @@ class CovarianceVerdict:
 
         Returns matplotlib's axes.
         """
-        import matplotlib.pyplot as plt
-
-        ax = ax or plt.subplots(figsize=(7.0, 1.4 + 0.4 * len(self.frame)), layout="constrained")[1]
-        rows = np.arange(len(self.frame))[::-1] + 1
-        ratio, ends = self.frame[f"ratio_{self._kind}"].to_numpy(float), self._ends
-        known = np.isfinite(ends).all(axis=1)
-        ax.axvspan(1.0 - self.tolerance, 1.0 + self.tolerance, color="0.9", label=f"within {self.tolerance:.0%}")
-        ax.errorbar(
-            ratio[known], rows[known], xerr=np.abs(ends[known].T - ratio[known]), fmt="o", capsize=3,
-            label=f"simulated over linear sigma, {self.confidence:.0%}",
-        )  # fmt: skip
-        ax.plot(ratio[~known], rows[~known], "o", fillstyle="none")
-        names = list(self.frame.index)
+        ax = draw_ratios(self.frame, self._kind, self.tolerance, self.confidence, ax)
         if self.joint:
             ax.plot([self.worst_ratio], [0], "D", color="C1", label="worst direction of the full matrix")
-            rows, names = np.append(rows, 0), [*names, "worst direction"]
-        ax.set_yticks(rows, names)
-        ax.set_xlabel("simulated sigma / linear sigma")
-        ax.legend(loc="best", fontsize="small")
+            ax.set_yticks([*ax.get_yticks(), 0], [*self.frame.index, "worst direction"])
+            ax.legend(loc="best", fontsize="small")
         return ax
+
+
+def draw_ratios(table: pd.DataFrame, kind: str, tolerance: float, confidence: float, ax: Any = None) -> Any:
+    """Draw the sigma ratios of a table, a row an output, with their intervals and the tolerance as a band.
+
+    Returns matplotlib's axes; rows are at len(table), …, 1.
+    """
+    import matplotlib.pyplot as plt
+
+    ax = ax or plt.subplots(figsize=(7.0, 1.4 + 0.4 * len(table)), layout="constrained")[1]
+    rows = np.arange(len(table), 0, -1)
+    ratio, low, high = (table[f"ratio_{kind}{end}"].to_numpy(float) for end in ("", "_from", "_to"))
+    known = np.isfinite(low) & np.isfinite(high)
+    ax.axvspan(1.0 - tolerance, 1.0 + tolerance, color="0.9", label=f"within {tolerance:.0%}")
+    ax.errorbar(
+        ratio[known], rows[known], xerr=np.abs(np.array([low, high])[:, known] - ratio[known]), fmt="o", capsize=3,
+        label=f"simulated over linear sigma, {confidence:.0%}",
+    )  # fmt: skip
+    ax.plot(ratio[~known], rows[~known], "o", fillstyle="none")
+    ax.set_yticks(rows, list(table.index))
+    ax.set_xlabel("simulated sigma / linear sigma")
+    ax.legend(loc="best", fontsize="small")
+    return ax
 
 
 def verdicts_of(verdict: str) -> str:

@@ -114,9 +114,9 @@ def propagate_covariance(
     Parameters
     ----------
     partials : DataFrame or ndarray, shape (outputs, sources)
-        P, in which outputs are linear functions of the sources.
+        P, SI unit of the output over that of the source.
     covariance : DataFrame, ndarray, shape (sources, sources), Errors or mapping of sizes
-        S. A frame is put into the order of the columns of P by its names.
+        S, SI. A frame is put into the order of the columns of P by its names.
 
     Returns
     -------
@@ -143,8 +143,9 @@ def propagate_covariance(
     if isinstance(partials, pd.DataFrame) and isinstance(known, pd.DataFrame):
         if set(known.index) != set(known.columns) or set(known.columns) != set(partials.columns):
             raise ValueError(
-                "partials and covariance must list the same sources; got "
-                f"{', '.join(map(str, partials.columns))} and {', '.join(map(str, known.columns))}"
+                "partials and covariance, in this order, must list the same sources; got "
+                f"{', '.join(map(str, partials.columns))} and {', '.join(map(str, known.columns))}, whose rows are "
+                f"{', '.join(map(str, known.index))}"
             )
         known = known.loc[list(partials.columns), list(partials.columns)]
     first, second = _matrix(partials, "partials"), _matrix(known, "covariance")

@@ -27,6 +27,7 @@ from mcnav.config.read import campaign_from
 from mcnav.config.sweep_values import POINTS
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, suggestion
 from mcnav.execution.threads import one_thread
+from mcnav.frames.covariance_verdict import draw_ratios
 from mcnav.report.columns.output_columns import outputs_frame
 from mcnav.report.columns.result_table import Units
 from mcnav.report.columns.tables_over_time import epochs
@@ -103,7 +104,7 @@ class RunResult:
 
     @cached_property
     def samples(self) -> pd.DataFrame:
-        """Every sample in SI, checked: ``index``, ``status``, ``error KEY [unit]``, ``output KEY [unit]``."""
+        """A row a sample in SI, checked: ``index``, ``status``, ``error KEY [unit]``, ``output KEY [unit]``."""
         return samples_of(self.path)
 
     @property
@@ -136,12 +137,12 @@ class RunResult:
 
     @cached_property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """All tables by name, final and over time, as `mcnav export` writes them, in the units shown."""
+        """All tables by name, a row an entry, as `mcnav export` writes them, in the units of their columns."""
         return {name: table.frame() for name, table in result_tables(self.content).items()}
 
     @cached_property
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """P, S, Q and all covariances in SI with names and units; see `mcnav.report.exports.arrays`."""
+        """P, S, Q and all covariances, SI; a row and a column a name; see `mcnav.report.exports.arrays`."""
         return arrays(self.content)
 
     def to_xarray(self, units: Units = "SI") -> xr.Dataset:
@@ -179,7 +180,7 @@ class RunResult:
         return table
 
     def covariance(self, kind: str = "paired", units: str = "SI") -> pd.DataFrame:
-        """Return the final covariance: the unit of a row times that of a column.
+        """Return the final covariance, shape (outputs, outputs): the unit of a row times that of a column.
 
         Parameters
         ----------
@@ -229,6 +230,14 @@ class RunResult:
         if name not in self.drawings:
             raise ValueError(f"the report has no figure {name!r:.60}{suggestion(name, list(self.drawings))}")
         return self.drawings[name].figure()
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the paired sigma ratio of each output with its interval; returns matplotlib's axes.
+
+        `figure` draws all figures of the report.
+        """
+        summary = self.content.summary
+        return draw_ratios(self.outputs, "paired", summary.tolerance, summary.confidence, ax)
 
     @property
     def what_if(self) -> FramedPage | None:
@@ -288,8 +297,15 @@ def _renamed(text: str) -> str:
 def open_run(path: str | Path) -> RunResult:
     """Open a finished run folder.
 
-    Raises `RunFolderError` when there is no such folder, or it holds no run, one that is not finished, or one that is
-    damaged.
+    Parameters
+    ----------
+    path : str or Path
+        The folder.
+
+    Raises
+    ------
+    RunFolderError
+        When there is no such folder, or it holds no run, one that is not finished, or one that is damaged.
 
     Examples
     --------
@@ -317,8 +333,12 @@ def run(
     campaign : str, Path, Campaign or mapping
         A file, what `mcnav.read_campaign` made of one, or a dictionary of a file's shape, whose relative paths are
         found from the current folder.
+    folder : str or Path
+        Run folder; it is made.
+    engine : str, optional
+        ``ensemble`` (the default) or ``reference``.
     jobs : int
-        Workers.
+        Workers; they are started where the samples take some seconds.
     fresh : bool
         Replace an earlier run in the folder.
     force : bool
@@ -350,9 +370,17 @@ def run(
 def run_campaign(
     campaign: Description, path: str | Path, engine: str | None, jobs: int, **options: Any
 ) -> workflow.Run:
-    """Run a campaign in any of the forms that `run` takes, with the options of `mcnav.workflow.run.run_campaign`.
+    """Run a campaign as `run` does, and return what was done in place of the results.
 
-    Raises `CampaignError` and `RunFolderError` as it does.
+    Parameters
+    ----------
+    campaign, path, engine, jobs, **options
+        As `mcnav.workflow.run.run_campaign` takes them; the campaign in any of the forms that `run` takes.
+
+    Raises
+    ------
+    CampaignError, RunFolderError
+        As `run`.
 
     Examples
     --------
@@ -364,9 +392,17 @@ def run_campaign(
 
 
 def check_scenario(campaign: Description) -> list[Check]:
-    """Check the scenario of a campaign in any of the forms that `run` takes; see `mcnav.systems.user.conformance`.
+    """Check the scenario of a campaign against the contract; see `mcnav.systems.user.conformance`.
 
-    Raises `CampaignError` when the campaign cannot be read.
+    Parameters
+    ----------
+    campaign : str, Path, Campaign or mapping
+        In any of the forms that `run` takes.
+
+    Raises
+    ------
+    CampaignError
+        When the campaign cannot be read.
 
     Examples
     --------
@@ -399,6 +435,7 @@ def sweep(
         In any of the forms that `run` takes; the file of a `Campaign` is read again.
     varied : mapping of str to str or sequence
         Ranges such as ``"0.001..1 deg/h"``, lists such as ``"1, 2, 5 deg/h"``, or sequences of quantities, by path.
+        Without a unit they are SI.
     against : str or sequence of str
         Measures, such as ``position_horizontal`` or ``"r95(range, cross_range) < 2 km"``; by default those of the
         requirements, or the usual ones of the scenario.
@@ -411,7 +448,7 @@ def sweep(
 
     Returns
     -------
-    DataFrame
+    DataFrame, shape (points, measures)
         A row for each point, whose index is the keys that are varied, so that ``.plot(logx=True)`` draws the measures
         over them; of two keys, ``table[measure].unstack()`` is a grid. Units are in the names of columns and index, and
         in ``attrs["units"]``. ``attrs["just_met"]`` lists the values at which each limit is just met.

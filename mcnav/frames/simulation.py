@@ -118,8 +118,13 @@ def _checked(draws: Any) -> Array:
 
 
 def _run(system: System, samples: Batch, jobs: int) -> SimulationResult:
-    """Simulate samples in chunks of the system; the first one tells whether further workers are worth their start."""
+    """Simulate samples in chunks of the system; the first one tells whether further workers are worth their start.
+
+    Before it one sample is simulated, so that what happens once, such as compilation, is not taken for its cost.
+    """
     places = [slice(begin, begin + system.chunk) for begin in range(0, len(samples.errors), system.chunk)]
+    if jobs > 1 and len(places) > 2:
+        _simulate(system, samples[:1])
     begun = time.perf_counter()
     results = [_simulate(system, samples[places[0]])]
     left = places[1:]

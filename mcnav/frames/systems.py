@@ -24,6 +24,7 @@ from mcnav.frames.system import System
 from mcnav.physics.units import UnitError, conversion
 from mcnav.sampler.errors import Errors
 from mcnav.systems.guard import CodeMisbehaved
+from mcnav.systems.registry import SCENARIO_TYPES
 
 Simulatable = Description | Callable[[Any], Any] | type | Any
 """What can be simulated: a function, a class or object with ``propagate`` or ``fly``, a scenario, a campaign."""
@@ -82,6 +83,8 @@ def _system_of(
     outputs: str | Sequence[str | Output],
     errors: Errors | None,
 ) -> System:
+    if isinstance(given, str) and given in SCENARIO_TYPES:
+        given = {"type": given}
     if isinstance(given, Mapping) and "scenario" not in given and "type" in given:
         given = {"scenario": given}
     if not isinstance(given, type) and needs_scenario(given):

@@ -92,7 +92,7 @@ class IdentifiedNoise:
     def frame(self) -> pd.DataFrame:
         """The estimates, a row a parameter: ``value`` with ``value_from`` and ``value_to`` at 95 %, ``identified``.
 
-        Units are those of `mcnav.identification.processes`; an end that the record does not show is zero or infinite.
+        SI units, listed in `mcnav.identification.processes`. An end that the record does not show is zero or infinite.
         """
         import pandas as pd
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
-from mcnav.judgement.likelihood import DROP, whiten
-from mcnav.judgement.simulation import Innovations, beside, respond, simulate
+from mcnav.judgement.likelihood import DROP, whiten, without_corrections
+from mcnav.judgement.simulation import Innovations, beside, less_mean, respond, simulate
 from mcnav.judgement.statistics import mean_nees, sensor_statistics
 
 GRID: Final = (0.1, 0.3, 0.6, 0.9, 1.0, 1.1, 1.7, 3.0, 10.0)
@@ -150,20 +150,13 @@ def assess(
         Told how long it will take, s, after the first of what takes longest.
     """
     generator = np.random.default_rng(seed)
-    mean = respond(record, record.mean[:, None])
-    own = Innovations(
-        tuple(each - offset for each, offset in zip(given.values, mean.values, strict=True)),
-        given.errors - mean.errors if len(mean.errors) else given.errors,
-    )
+    own = less_mean(record, given)
     simulated = simulate(record, count, generator)
     causes = range(len(record.causes))
     alone = [simulate(record, trials, generator, cause) for cause in causes]
-    everything = _Everything(_without_mean(record), own, simulated, alone, trials)
+    plain = replace(record, mean=np.zeros_like(record.mean))
+    everything = _Everything(plain, own, simulated, alone, trials)
     return everything.assess(tell)
-
-
-def _without_mean(record: FilteredRecord) -> FilteredRecord:
-    return replace(record, mean=np.zeros_like(record.mean))
 
 
 class _Everything:
@@ -177,7 +170,7 @@ class _Everything:
         self.given, self.count, self.causes = len(own), len(simulated), len(record.causes)
         units = [np.eye(len(record.mean))[:, offset.states] for offset in record.offsets]
         responses = [respond(record, unit) for unit in units]
-        self.columns = beside([own, simulated, *alone, *responses])
+        self.columns = without_corrections(record, beside([own, simulated, *alone, *responses]))
 
     def assess(self, tell: Tell) -> Assessment:
         """Compute everything."""

@@ -1,10 +1,10 @@
 """Likelihood of innovations when sizes of a campaign are multiplied by factors.
 
 The filter that judges knows all errors s of the campaign with the sizes that it is given. The innovations nu of the
-filter that is judged are its measurements; the corrections that this filter made are known. With the mean m and the
-covariance P of s ::
+filter that is judged are its measurements; the corrections that this filter made are known, and taken out of them
+once. With the mean m and the covariance P of s, and the measurements y that are left ::
 
-    r = nu - (H m - E a)      S = H P H^T + R      log-likelihood = -1/2 sum (r^T S^-1 r + log det S)
+    r = y - H m      S = H P H^T + R      log-likelihood = -1/2 sum (r^T S^-1 r + log det S)
 
 S and the gain depend on the sizes alone, so that many records are whitened at once (Kalman filter in innovation form;
 Anderson and Moore 1979, *Optimal Filtering*, section 10.5).
@@ -33,13 +33,35 @@ DROP: Final = 1.920729410347062
 """Fall of the log-likelihood at the ends of a 95 % interval: half the 95 % point of chi-square of one degree."""
 
 
+def without_corrections(record: FilteredRecord, innovations: Innovations) -> Innovations:
+    """Return the innovations that R records would have without the corrections that the filter made.
+
+    With the correction c of the errors s, which obeys c <- F c - [B a; 0] and c <- c - [K nu; 0], they are
+    nu - (H c - E a): measurements of errors that no filter touches.
+    """
+    corrections = np.zeros((len(record.mean), len(innovations)))
+    estimates = np.zeros((len(record.stages[0].decay), len(innovations)))
+    values = []
+    for stage, innovation in zip(record.stages, innovations.values, strict=True):
+        if stage.transition is not None:
+            corrections = stage.transition @ corrections
+            corrections[:9] -= stage.feedback @ estimates
+            estimates = stage.decay[:, None] * estimates
+        values.append(innovation - (stage.response @ corrections - stage.own_response @ estimates))
+        corrections[:9] -= stage.gain[:9] @ innovation
+        estimates = estimates + stage.gain[9:] @ innovation
+    return Innovations(tuple(values), innovations.errors)
+
+
 def whiten(
-    record: FilteredRecord, innovations: Innovations, factors: Sequence[Mapping[int, float]]
+    record: FilteredRecord, measured: Innovations, factors: Sequence[Mapping[int, float]]
 ) -> Iterator[tuple[Array, Array]]:
     """Whiten the innovations of R records, stage by stage, with each of f sets of sizes.
 
     Parameters
     ----------
+    measured : Innovations
+        `without_corrections`.
     factors : sequence of mapping of int to float
         By cause; of others one.
 
@@ -49,18 +71,15 @@ def whiten(
         Whitened innovations, shape (f, c, R), and log det S, shape (f,).
     """
     scale = np.ones((len(factors), len(record.causes) + 1))  # the last column is that of no cause, -1
-    for row, each in zip(scale, factors, strict=True):
-        row[list(each)] = list(each.values())
+    for row, sizes in zip(scale, factors, strict=True):
+        row[list(sizes)] = list(sizes.values())
     initial = scale[:, record.initial_causes]
     covariance = transform(record.to_states, record.initial * initial[:, :, None] * initial[:, None, :])
-    mean = np.repeat(np.repeat(record.mean[:, None], len(innovations), axis=1)[None], len(factors), axis=0)
-    estimates = np.zeros((len(record.stages[0].decay), len(innovations)))
+    mean = np.broadcast_to(record.mean[None, :, None], (len(factors), len(record.mean), len(measured))).copy()
     squared = scale[:, :, None, None] ** 2
-    for stage, innovation in zip(record.stages, innovations.values, strict=True):
+    for stage, innovation in zip(record.stages, measured.values, strict=True):
         if stage.transition is not None:
             mean = stage.transition @ mean
-            mean[:, :9] -= stage.feedback @ estimates
-            estimates = stage.decay[:, None] * estimates
             covariance = transform(stage.transition, covariance)
             for part in stage.processes:
                 covariance[:, *part.block] += part.covariance * squared[:, part.cause]
@@ -71,21 +90,19 @@ def whiten(
             root = np.linalg.cholesky(total)
         except LinAlgError:
             raise LinAlgError(f"the covariance of an innovation lost its definiteness at {stage.time:.6g} s") from None
-        residual = innovation - (stage.response @ mean - stage.own_response @ estimates)
-        whitened = np.linalg.solve(root, residual)
-        half = np.linalg.solve(root, cross)  # S^-1/2 H P
+        inverse = np.linalg.inv(root)
+        whitened = inverse @ (innovation - stage.response @ mean)
+        half = inverse @ cross  # S^-1/2 H P
         back = np.swapaxes(half, -1, -2)
         mean += back @ whitened
         covariance -= back @ half
-        mean[:, :9] -= stage.gain[:9] @ innovation
-        estimates = estimates + stage.gain[9:] @ innovation
         yield whitened, 2.0 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
 
 
-def log_likelihood(record: FilteredRecord, innovations: Innovations, factors: Sequence[Mapping[int, float]]) -> Array:
+def log_likelihood(record: FilteredRecord, measured: Innovations, factors: Sequence[Mapping[int, float]]) -> Array:
     """Compute the log-likelihoods of R records with each of f sets of sizes, but for a constant, shape (f, R)."""
-    total = np.zeros((len(factors), len(innovations)))
-    for whitened, log_determinants in whiten(record, innovations, factors):
+    total = np.zeros((len(factors), len(measured)))
+    for whitened, log_determinants in whiten(record, measured, factors):
         total -= 0.5 * (np.einsum("fcr,fcr->fr", whitened, whitened) + log_determinants[:, None])
     return total
 
@@ -117,10 +134,11 @@ def estimate_factor(record: FilteredRecord, innovations: Innovations, cause: int
     drop : float
         Fall of the log-likelihood at the ends of the interval.
     """
+    measured = without_corrections(record, innovations)
 
     def values(logarithms: Array) -> Array:
         factors = [{cause: float(np.exp(each))} for each in logarithms]
-        likelihoods = log_likelihood(record, innovations, factors)[:, 0]
+        likelihoods = log_likelihood(record, measured, factors)[:, 0]
         if np.isnan(likelihoods).any():
             raise NumericalError(f"the likelihood of a record is not a number for some of the factors {factors}")
         return likelihoods

@@ -87,6 +87,13 @@ def respond(record: FilteredRecord, start: Array) -> Innovations:
     return _propagate(record, start, lambda size, parts: np.zeros((size, start.shape[1])), None)
 
 
+def less_mean(record: FilteredRecord, given: Innovations) -> Innovations:
+    """Take what the mean of the errors brings about out of innovations and errors."""
+    mean = respond(record, record.mean[:, None])
+    values = tuple(value - offset for value, offset in zip(given.values, mean.values, strict=True))
+    return Innovations(values, given.errors - mean.errors if len(mean.errors) else given.errors)
+
+
 def _propagate(
     record: FilteredRecord, start: Array, drawn: Drawn, generator: np.random.Generator | None
 ) -> Innovations:

@@ -102,6 +102,11 @@ def read_table(path: str | Path, topic: str | None = None) -> pd.DataFrame:
     topic : str, optional
         Of a log with several tables: the one that is read.
 
+    Returns
+    -------
+    DataFrame, shape (rows, columns)
+        In the units of the file.
+
     Raises
     ------
     LogError

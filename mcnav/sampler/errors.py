@@ -105,19 +105,19 @@ class Errors:
 
     @cached_property
     def covariance(self) -> pd.DataFrame:
-        """Start covariance S, sources by sources: SI unit of the row times that of the column (TN D-1772, eq. 11)."""
+        """Start covariance S, shape (sources, sources): SI, row times column (TN D-1772, eq. 11)."""
         table = pd.DataFrame(self.model.covariance, index=self.names, columns=self.names)
         table.attrs["units"] = self.units
         return table
 
     @property
     def mean(self) -> pd.Series:
-        """Mean of each source, SI."""
+        """Mean of each source, SI, shape (sources,)."""
         return pd.Series(self.model.mean, index=self.names)
 
     @property
     def standard_deviations(self) -> pd.Series:
-        """One sigma of each source, SI."""
+        """One sigma of each source, SI, shape (sources,)."""
         return pd.Series(self.model.standard_deviations, index=self.names)
 
     def draw(self, samples: int, seed: int = 1, design: str = "random") -> pd.DataFrame:
@@ -168,7 +168,7 @@ class Errors:
         return [{"between": list(between), "coefficient": float(value)} for between, value in self.correlations.items()]
 
     def __repr__(self) -> str:
-        return f"Errors of {len(self.names)} sources: {', '.join(self.names)}"
+        return f"Errors: {', '.join(self.names)}"
 
 
 def as_errors(errors: Errors | Mapping[str, Any] | Sequence[Any]) -> Errors:

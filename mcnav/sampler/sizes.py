@@ -177,10 +177,12 @@ def student_t(sigma: Any, degrees_of_freedom: float) -> ErrorSize:
 
 
 def fixed(value: Any) -> ErrorSize:
-    """Return an error that is known: it has this mean, and no spread.
+    """Return an error that is known: it has the mean ``value``, SI as a float, and no spread.
 
     Raises `ValueError` when it is no size.
 
+    Examples
+    --------
     >>> fixed("50 ms").distribution.mean
     0.05
     """

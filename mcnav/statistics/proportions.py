@@ -7,6 +7,7 @@ from typing import Final
 from scipy import special
 
 from mcnav.errors import NumericalError
+from mcnav.statistics.refusals import or_withheld
 
 BACK: Final = 1e-3
 """Largest difference of the probability of a quantile, computed back, as a share of the smaller tail.
@@ -18,17 +19,19 @@ Rounding of a quantile next to one leaves up to 1e-4.
 def lower_probability(hits: int, count: int, confidence: float) -> float:
     """Bound a probability from below, one-sided, from hits among ``count`` independent trials.
 
+    A bound that does not compute back is withheld, by a note, and zero or one stands for it.
+
     >>> round(lower_probability(59, 59, 0.95), 4)
     0.9505
     """
     _check(hits, count)
-    return 0.0 if hits == 0 else _beta_quantile(hits, count - hits + 1, 1.0 - confidence)
+    return 0.0 if hits == 0 else or_withheld(_beta_quantile, hits, count - hits + 1, 1.0 - confidence, instead=0.0)
 
 
 def upper_probability(hits: int, count: int, confidence: float) -> float:
     """Bound a probability from above, as `lower_probability`."""
     _check(hits, count)
-    return 1.0 if hits == count else _beta_quantile(hits + 1, count - hits, confidence)
+    return 1.0 if hits == count else or_withheld(_beta_quantile, hits + 1, count - hits, confidence, instead=1.0)
 
 
 def probability_interval(hits: int, count: int, confidence: float) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from mcnav.errors import NumericalError
 from mcnav.execution.progress import note
@@ -12,11 +12,13 @@ from mcnav.execution.progress import note
 MOST_SAID: Final = 3
 """Refusals of one process that are noted: a curve may have one at each of its points."""
 
+Answer = TypeVar("Answer")
+
 _said: Final[list[str]] = []
 
 
-def or_withheld(compute: Callable[..., float], *values: Any, instead: float = math.nan) -> float:
-    """Return a function's number or, where a check refuses it, NaN or what stands ``instead``; a note says why.
+def or_withheld(compute: Callable[..., Answer], *values: Any, instead: Any = math.nan) -> Answer:
+    """Return a function's answer or, where a check refuses it, NaN or what stands ``instead``; a note says why.
 
     >>> or_withheld(math.hypot, 3.0, 4.0)
     5.0
@@ -28,4 +30,4 @@ def or_withheld(compute: Callable[..., float], *values: Any, instead: float = ma
         if words not in _said and len(_said) < MOST_SAID:
             _said.append(words)
             note(words)
-        return instead
+        return instead  # type: ignore[no-any-return]

@@ -10,39 +10,31 @@ import numpy as np
 
 from mcnav.analysis.block_moments import ReducedSamples
 from mcnav.analysis.budget import error_budget
-from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored, reduce_summary
+from mcnav.analysis.comparison import compare_reduced, reduce_stored, reduce_summary
 from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.filter_assessment import assess_filter
-from mcnav.analysis.requirements import (
-    requirements_from,
-    smallest_limits,
-)
 from mcnav.analysis.requirements_over_time import ErrorHistories
 from mcnav.analysis.running_ratios import convergence
 from mcnav.analysis.sized_outputs import components_of
 from mcnav.analysis.summary import Summary
 from mcnav.analysis.tails import tails
-from mcnav.analysis.variance_breakdown import predicted_from, split_difference
+from mcnav.analysis.variance_breakdown import split_difference
 from mcnav.analysis.vector_sizes import sampled_sizes
-from mcnav.errors import RunFolderError, reading_file
+from mcnav.errors import reading_file
 from mcnav.execution.child_processes import side_threads
 from mcnav.execution.threads import one_thread
-from mcnav.linear.at_epochs import same_times
 from mcnav.report.results.failures import Failures, failures_in, grouped
 from mcnav.report.results.model import RunAnalysis
-from mcnav.sampler.designs import SamplingDesign
-from mcnav.store.chunk_files import Samples
-from mcnav.store.histories import STORED, origin_in
+from mcnav.store.histories import STORED
 from mcnav.store.manifest import Manifest
-from mcnav.store.run_files import HISTORIES, MANIFEST, REPORT, SMOOTHED
+from mcnav.store.run_files import REPORT
 from mcnav.store.run_files import SUMMARY as SUMMARY_FILE
 from mcnav.store.run_folder import RunFolder
-from mcnav.store.summaries import collect_summary
 from mcnav.workflow.filter_evidence import filter_evidence, smoother_evidence
-from mcnav.workflow.heavy_tails import withheld_outputs
 from mcnav.workflow.judged_requirements import Judge
 from mcnav.workflow.linear_extremes import beyond_range
-from mcnav.workflow.recorded_model import linear_model, linear_moments, summary_frame
+from mcnav.workflow.recorded_model import LinearOverTime, summary_frame
+from mcnav.workflow.stored_run import StoredHistories, StoredRun, read_run
 from mcnav.workflow.what_if import what_if_of_run
 
 if TYPE_CHECKING:
@@ -50,7 +42,7 @@ if TYPE_CHECKING:
 
 
 def report_run(path: str | Path) -> dict[str, Any]:
-    """Analyse a finished run folder again and write its summary and report.
+    """Analyse a finished run folder, ``path``, again; write its report and summary, and return the summary.
 
     Raises `RunFolderError` when the folder holds no finished run, or a part of it is damaged.
 
@@ -68,7 +60,7 @@ def report_run(path: str | Path) -> dict[str, Any]:
 
 
 def samples_of(path: str | Path) -> pd.DataFrame:
-    """Read the samples of a finished run folder as a table, their checksums verified.
+    """Read the samples of a finished run folder, ``path``: a row a sample, their checksums verified.
 
     Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]`` and, of samples with noise,
     ``linear NAME [unit]``, with a filter ``filter NAME [unit]`` and ``nees``; SI units.
@@ -106,97 +98,65 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     RunFolderError
         When the run is not finished or damaged.
     """
-    manifest = folder.finished_manifest() if unfinished is None else unfinished
-    try:
-        model = linear_model(manifest.model)
-        criterion = Criterion(**manifest.criterion.model_dump())
-        described = manifest.to_json()["model"]
-        requirements = requirements_from(manifest.requirements, [output.name for output in manifest.model.outputs])
-        model = replace(model, limits=smallest_limits(requirements, len(model.nominal)))
-        units = [output.unit for output in manifest.model.outputs]
-        predicted = predicted_from(described, len(model.partials))
-        samples = folder.samples(manifest)
-    except (KeyError, TypeError, ValueError) as failure:
-        raise RunFolderError(f"{folder.path / MANIFEST}: is damaged ({failure}); run with --fresh") from None
-    model = replace(model, withheld=withheld_outputs(manifest.model, manifest.heavy_tailed, model, samples))
-    design = manifest.sampling_design
-    blocks = design.blocks(samples.index)
+    run = read_run(folder, unfinished)
+    model, criterion, outputs, blocks = run.model.end, run.criterion, run.samples.outputs, run.blocks
+    units = [output.unit for output in run.manifest.model.outputs]
     with side_threads(1) as beside:
-        in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion)
-        reduced, failures = _reduce(folder, manifest, model, samples)
-        comparison = compare_reduced(model, reduced, criterion, design)
-        filtered = filter_evidence(folder, manifest, comparison.failed, model.floor, model.withheld)
-        smoothed = smoother_evidence(folder, manifest, comparison.failed, model.floor, model.withheld)
-    histories, smoothed_histories = (
-        error_histories(folder, manifest, design, smoothed)
-        if unfinished is None and any(each.epochs and bool(each.of) == smoothed for each in requirements) else None
-        for smoothed in (False, True)
-    )  # fmt: skip
-    beyond = beyond_range(manifest.model, model)
+        in_tails = beside.submit(tails, model, outputs, blocks, units, criterion)
+        reduced, failures = _reduce(run)
+        comparison = compare_reduced(model, reduced, criterion, run.design)
+    filtered, smoothed = filter_evidence(run, comparison.failed), smoother_evidence(run, comparison.failed)
+    beyond = beyond_range(run.model)
     judge = Judge(
-        manifest, requirements, model, criterion, comparison, samples.outputs, blocks, histories, smoothed_histories,
-        beyond,
+        run, comparison, _histories(run, run.histories, run.model.over_time),
+        _histories(run, run.smoothed_histories, run.model.smoothed), beyond,
     )  # fmt: skip
     return RunAnalysis(
         folder=folder,
-        manifest=manifest,
-        samples=samples,
+        manifest=run.manifest,
+        samples=run.samples,
         model=model,
         criterion=criterion,
         comparison=comparison,
         budget=error_budget(model.partials, model.covariance, list(model.processes.values())),
-        causes=split_difference(model, reduced.successful.covariance, comparison, predicted),
-        convergence=convergence(reduced.moments, comparison, design, model.withheld),
+        causes=split_difference(model, reduced.successful.covariance, comparison, run.predicted),
+        convergence=convergence(reduced.moments, comparison, run.design, model.withheld),
         tails=in_tails.result(),
         left_out=failure_bias(model, reduced),
-        requirements=tuple(map(judge.result, requirements)),
+        requirements=tuple(map(judge.result, run.requirements)),
         failures=failures,
         filter=None if filtered is None else assess_filter(filtered, criterion),
         smoother=None if smoothed is None else assess_filter(smoothed, criterion),
         beyond=beyond,
-        sizes=sampled_sizes(model, samples.outputs, blocks, criterion),
-        histories=histories,
-        smoothed_histories=smoothed_histories,
+        sizes=sampled_sizes(model, outputs, blocks, criterion),
+        histories=judge.histories,
+        smoothed_histories=judge.smoothed_histories,
     )
 
 
-def _reduce(folder: RunFolder, manifest: Manifest, model: Model, samples: Samples) -> tuple[ReducedSamples, Failures]:
+def _reduce(run: StoredRun) -> tuple[ReducedSamples, Failures]:
     """Reduce the samples to sums, and group those that failed by reason; where a summary is stored, by its sums."""
+    model, samples = run.model.end, run.samples
     linear = samples.linear if model.processes else None
-    blocks = manifest.sampling_design.blocks(samples.index)
-    reduced = reduce_stored(model, samples.errors, samples.outputs, blocks, linear)
-    frame = summary_frame(manifest, model)
-    if frame is None:
+    reduced = reduce_stored(model, samples.errors, samples.outputs, run.blocks, linear)
+    frame, whole = summary_frame(run.manifest, model), run.summary
+    if frame is None or whole is None:
         return reduced, failures_in(samples.status, samples.index.tolist())
-    whole = collect_summary(folder.chunk_folder, manifest.chunks)
-    failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
+    failures = grouped({reason: (failed.samples, failed.first) for reason, failed in whole.failures.items()})
     return reduce_summary(model, frame, whole.sums, whole.samples, reduced.stored), failures
 
 
-def error_histories(
-    folder: RunFolder, manifest: Manifest, design: SamplingDesign, smoothed: bool = False
-) -> ErrorHistories | None:
-    """Read the histories of a run's first samples, with the linear moments where these are known at the same epochs.
-
-    ``smoothed`` are those behind the smoother.
-    """
-    model, development = manifest.model, manifest.model.development
-    if smoothed:
-        development = None if model.smoother is None else model.smoother.errors
-    names = [f"{output.name} [{output.unit}]" for output in model.outputs]
-    histories = folder.histories(STORED, names, SMOOTHED if smoothed else HISTORIES)
-    if histories is None:
+def _histories(run: StoredRun, stored: StoredHistories | None, linear: LinearOverTime | None) -> ErrorHistories | None:
+    """Put the histories of a run's first samples beside the linear moments, where these are known at their epochs."""
+    if stored is None:
         return None
-    _, times, by_output = histories
-    errors = np.stack([by_output[name] for name in names], axis=2)[: manifest.samples]
-    known = development is not None and same_times(development.times, times)
-    if development is not None and development.processes and development.covariance is None:
-        known = False  # an earlier manifest, without the covariance that noise adds
-    mean, covariance = linear_moments(model, development) if development is not None and known else (None, None)
-    sizes, blocks = components_of(model.outputs), design.blocks(np.arange(len(errors)))
-    moments = folder.epochs()
-    origin = None if moments is None else origin_in(moments[0], names)
-    return ErrorHistories(times, errors, blocks, mean, covariance, STORED, sizes, origin)
+    if linear is not None and (not linear.is_whole or not linear.is_at(stored.times)):
+        linear = None
+    mean, covariance = (None, None) if linear is None else (linear.mean, linear.covariance)
+    return ErrorHistories(
+        stored.times, stored.errors, run.design.blocks(np.arange(len(stored.errors))), mean, covariance, STORED,
+        components_of(run.manifest.model.outputs), stored.origin,
+    )  # fmt: skip
 
 
 def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True) -> Summary:

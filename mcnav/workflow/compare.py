@@ -75,7 +75,7 @@ class RunComparison:
 
     @property
     def inputs(self) -> pd.DataFrame:
-        """Inputs that differ: one row a key, one column a run."""
+        """Inputs that differ, as text with units: one row a key, one column a run."""
         return inputs(self.manifests).set_axis(list(self.titles), axis="columns")
 
     @property
@@ -138,6 +138,11 @@ def compare_runs(paths: Sequence[str | Path | Stored]) -> RunComparison:
     ----------
     paths : sequence of str, Path or RunResult
         Run folders, at least one.
+
+    Returns
+    -------
+    RunComparison
+        ``.outputs``, ``.inputs`` and the page.
 
     Raises
     ------

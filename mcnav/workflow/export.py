@@ -39,7 +39,17 @@ def default_folder(path: Path) -> Path:
 def export_run(path: str | Path, folder: str | Path, units: Units = "shown") -> list[Path]:
     """Write the tables of a finished run as CSV, the numbers behind its figures, and its matrices; return the files.
 
-    See `write_export`. Raises `RunFolderError` when there is no finished run, or it is damaged.
+    Parameters
+    ----------
+    path, folder : str or Path
+        Run folder, and where to write.
+    units : str
+        ``shown`` or ``SI``.
+
+    Raises
+    ------
+    RunFolderError
+        When there is no finished run, or it is damaged.
 
     Examples
     --------

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from mcnav.analysis.budget import error_budget
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of
 from mcnav.analysis.mean_errors import departures
@@ -16,27 +15,26 @@ from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import Requirement, RequirementResult
 from mcnav.report.results.summary import named_range
 from mcnav.report.statements.fields import beyond_range as range_words
-from mcnav.store.manifest import ModelRecord, PartialsRecord
-from mcnav.workflow.recorded_model import linear_moments
+from mcnav.store.manifest import PartialsRecord
+from mcnav.workflow.recorded_model import RecordedModel
 
 
-def beyond_range(record: ModelRecord, model: Model) -> BeyondRange | None:
+def beyond_range(model: RecordedModel) -> BeyondRange | None:
     """Find where the linear errors of a run leave the range in which they have a meaning; none where they do not."""
-    development, over_time = record.development, None
-    if development is not None and len(development.times):
-        mean, covariance = linear_moments(record, development)
-        sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
-        over_time = development.times, mean, sigma
-    limits = limits_of(output.limit for output in record.outputs)
-    return find_beyond(limits, model.outcome_mean, np.sqrt(np.diag(model.outcome_covariance)), over_time)
+    linear, over_time = model.over_time, None
+    if linear is not None and len(linear.record.times):
+        sigma = np.sqrt(np.maximum(np.diagonal(linear.covariance, axis1=1, axis2=2), 0.0))
+        over_time = linear.record.times, linear.mean, sigma
+    limits = limits_of(output.limit for output in model.record.outputs)
+    return find_beyond(limits, model.end.outcome_mean, np.sqrt(np.diag(model.end.outcome_covariance)), over_time)
 
 
-def range_note(record: ModelRecord, model: Model) -> str:
+def range_note(model: RecordedModel) -> str:
     """Say before samples are simulated from when on they are not compared; empty where they are throughout."""
-    beyond = beyond_range(record, model)
+    beyond = beyond_range(model)
     if beyond is None:
         return ""
-    words = range_words(named_range(beyond, record)).removeprefix("No: ").removesuffix(".")
+    words = range_words(named_range(beyond, model.record)).removeprefix("No: ").removesuffix(".")
     return f"{words}; samples from then on are not compared with it"
 
 
@@ -48,24 +46,23 @@ def _meaningless(requirement: Requirement, development: PartialsRecord | None, b
     return bool(development.times[last] >= beyond.time)
 
 
-def explain(
-    result: RequirementResult, record: ModelRecord, model: Model, beyond: BeyondRange | None
-) -> RequirementResult:
+def explain(result: RequirementResult, linear: RecordedModel, beyond: BeyondRange | None) -> RequirementResult:
     """Add to a requirement the linear causes of the errors that it limits; withdraw linear values beyond their range.
 
     Over time they are those at the epoch of its largest estimate.
     """
+    record, model = linear.record, linear.end
     if beyond is not None and _meaningless(result.requirement, record.development, beyond):
         return replace(result, linear=math.nan, linear_meets=False, largest_sigmas=None)
     if result.requirement.epochs:
-        behind = record.smoother if result.requirement.of else None
-        development = record.development if behind is None else behind.errors
-        if development is None or result.time is None:
+        over_time = (linear.smoothed if result.requirement.of else None) or linear.over_time
+        if over_time is None or result.time is None:
             return result
+        development = over_time.record
         at = int(np.argmin(np.abs(development.times - result.time)))
         if not np.isclose(development.times[at], result.time, rtol=1e-9):
             return result
-        mean, covariance = (moments[at] for moments in linear_moments(record, development))
+        mean, covariance = over_time.mean[at], over_time.covariance[at]
         nominal = np.zeros_like(mean) if development.nominal is None else development.nominal[at]
         partials, added = development.partials[at], {name: part[at] for name, part in development.processes.items()}
     else:

@@ -1,29 +1,83 @@
-"""The linear model of a manifest, as the functions of `mcnav.analysis` take it."""
+"""The linear model of a manifest, as the functions of `mcnav.analysis` take it: at the end, and over time."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
 
 from mcnav.analysis.comparison import Model
 from mcnav.arrays.products import transform
 from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearModel
+from mcnav.linear.at_epochs import same_times
 from mcnav.linear.block_sums import Normalization
 from mcnav.store.manifest import Manifest, ModelRecord, PartialsRecord
 from mcnav.store.summaries import SUMMARY
+
+
+@dataclass(frozen=True)
+class LinearOverTime:
+    """Linear errors at n times.
+
+    Attributes
+    ----------
+    record : PartialsRecord
+        Partial derivatives at these times.
+    mean, covariance : ndarray, shapes (n, outputs) and (n, outputs, outputs)
+    """
+
+    record: PartialsRecord
+    mean: Array
+    covariance: Array
+
+    @classmethod
+    def of(cls, model: ModelRecord, record: PartialsRecord) -> LinearOverTime:
+        """Compute the moments for the model's start errors."""
+        covariance = record.covariance
+        if covariance is None:
+            covariance = transform(record.partials, model.start_covariance)
+        mean = record.partials @ model.start_mean
+        return cls(record, mean if record.nominal is None else mean + record.nominal, covariance)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the covariance has what noise adds: that of an earlier manifest has not."""
+        return not self.record.processes or self.record.covariance is not None
+
+    def is_at(self, times: Array) -> bool:
+        """Return whether it is at these times."""
+        return same_times(self.record.times, times)
+
+
+@dataclass(frozen=True)
+class RecordedModel:
+    """The linear model that a manifest records, and the same at the end as samples are compared with it."""
+
+    record: ModelRecord
+    end: Model
+
+    @classmethod
+    def of(cls, record: ModelRecord) -> RecordedModel:
+        """Read the linear model of a manifest."""
+        return cls(record, linear_model(record))
+
+    @cached_property
+    def over_time(self) -> LinearOverTime | None:
+        """Errors over time; none where they are not known."""
+        development = self.record.development
+        return None if development is None else LinearOverTime.of(self.record, development)
+
+    @cached_property
+    def smoothed(self) -> LinearOverTime | None:
+        """Errors behind the smoother over time; none without one."""
+        smoother = self.record.smoother
+        return None if smoother is None else LinearOverTime.of(self.record, smoother.errors)
 
 
 def linear_model(record: ModelRecord) -> Model:
     """Return the linear model of a manifest."""
     linear = LinearModel(record.partials, record.nominal, record.processes or {}, record.origin)
     return Model.of(linear, record.start_mean, record.start_covariance, record.outputs)
-
-
-def linear_moments(model: ModelRecord, development: PartialsRecord) -> tuple[Array, Array]:
-    """Return linear mean and covariance over time, shapes (n, outputs) and (n, outputs, outputs)."""
-    partials, covariance = development.partials, development.covariance
-    if covariance is None:
-        covariance = transform(partials, model.start_covariance)
-    mean = partials @ model.start_mean
-    return mean if development.nominal is None else mean + development.nominal, covariance
 
 
 def summary_frame(manifest: Manifest, model: Model) -> Normalization | None:

@@ -30,7 +30,7 @@ from mcnav.report.columns.requirements import NamedRequirement, stated
 from mcnav.report.names import humanize
 from mcnav.report.pages.replay import Outcome, Replay, files
 from mcnav.runner.draws import DrawPlan
-from mcnav.runner.identity import chunk_digest, identity_of
+from mcnav.runner.identity import DrawnRun, identity_of
 from mcnav.runner.processes import IsolatedEngine
 from mcnav.runner.soundness import isolated
 from mcnav.runner.worker_processes import end_workers
@@ -318,7 +318,7 @@ def _stored(
     summary = manifest.store == SUMMARY
     number = index // (summary_chunk(engine_chunk, draws.samples) if summary else engine_chunk)
     path = folder.chunk_folder / chunk_name(number)
-    identity = chunk_digest(manifest.identity, draws.design, draws.samples)
+    identity = DrawnRun(manifest.identity, draws.design, draws.samples).digest
     if verify_chunk(folder.chunk_folder, number, identity, STORED_ROWS if summary else None) is None:
         if path.exists():
             raise RunFolderError(f"{path}: is damaged, or of another run; run the campaign again to mend it")

@@ -23,7 +23,7 @@ from mcnav.execution.stopping import stopped_by
 from mcnav.execution.threads import one_thread
 from mcnav.linear.polynomial_engine import engine_names
 from mcnav.runner.chunks import ChunkJob
-from mcnav.runner.identity import check_no_foreign_files, check_resumable, chunk_digest, earlier_digests, identity_of
+from mcnav.runner.identity import DrawnRun, check_no_foreign_files, check_resumable, identity_of
 from mcnav.runner.runner import ChunkExecutor
 from mcnav.runner.worker_processes import end_workers_apart
 from mcnav.store.inputs import check_as_read, check_unchanged, file_records
@@ -37,7 +37,7 @@ from mcnav.workflow.corrections import compute_corrections
 from mcnav.workflow.exceedance import estimate_exceedances
 from mcnav.workflow.linear_extremes import range_note
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
-from mcnav.workflow.recorded_model import summary_frame
+from mcnav.workflow.recorded_model import RecordedModel, summary_frame
 from mcnav.workflow.stopping import Execution
 from mcnav.workflow.stored_samples import doubt_samples, tables_over_time
 
@@ -122,7 +122,7 @@ def run_campaign(
         begun = _begin(campaign, folder, engine_name, fresh, force)
         execution = Execution(begun.job, jobs, progress, begun.notices.append, most_failures, executor)
         system, code = begun.system, campaign.code is not None
-        if words := range_note(system.model, system.linear):
+        if words := range_note(RecordedModel(system.model, system.linear)):
             note(words)
         with _computed_beside(lambda: _compute_beside(system), before=code) as beside:
             manifest, record = _simulate(execution, begun.manifest, campaign.until)
@@ -150,9 +150,8 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     inputs = campaign.inputs()
     identity = identity_of(campaign.resolved, engine_name, campaign.code, inputs, campaign.scenario)
     check_as_read(inputs)
-    drawn = campaign.design, campaign.samples
-    notices, processors = ([], target()) if fresh else check_resumable(folder, identity, *drawn)
-    digest, earlier = chunk_digest(identity, *drawn), earlier_digests(identity, *drawn)
+    run = DrawnRun(identity, campaign.design, campaign.samples)
+    notices, processors = ([], target()) if fresh else check_resumable(folder, run)
     system = prepare_system(campaign, engine_name, force)
     if fresh:
         folder.clear([Path(file.path) for file in inputs])
@@ -160,8 +159,8 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     frame = summary_frame(manifest, system.linear)
     folder.begin(manifest, system.history, campaign.stored_files(), inputs)
     job = ChunkJob(
-        system.draws, system.engine, folder, digest, manifest.sample_schema, campaign.sample_timeout, frame,
-        inputs=inputs, earlier=earlier,
+        system.draws, system.engine, folder, run.digest, manifest.sample_schema, campaign.sample_timeout, frame,
+        inputs=inputs, earlier=run.earlier_digests,
     )  # fmt: skip
     return _Begun(system, manifest, job, notices)
 

@@ -11,7 +11,7 @@ from mcnav.store.run_files import SUMMARY, check_exists, read_summary
 
 
 def summary_of(path: str | Path) -> dict[str, Any]:
-    """Read the summary of a finished run folder as `json.load` does; see `mcnav.analysis.summary.Summary`.
+    """Read the summary of a finished run folder, ``path``, as `json.load` does; see `mcnav.analysis.summary.Summary`.
 
     Raises `RunFolderError` when there is none, or it is damaged.
 

@@ -10,7 +10,7 @@ import pytest
 from tests.browser.conftest import KINDS
 from tests.sentences import texts_of, too_long
 
-OF_DOCUMENTS = ("story", "textbook", "tn", "ukfm", "calibration")
+OF_DOCUMENTS = ("textbook", "ukfm", "calibration")
 """Pages that restate publications."""
 
 

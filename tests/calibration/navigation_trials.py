@@ -38,7 +38,7 @@ from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.workflow.filter_evidence import linear_filter
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
-from mcnav.workflow.recorded_model import linear_moments
+from mcnav.workflow.recorded_model import RecordedModel
 from tests.calibration.cells import LEVEL, Cell, Tally, tally
 from tests.calibration.kalman_trials import alarms, covered, detected, out_of_bounds
 
@@ -131,13 +131,13 @@ class _Free:
     """Judgement of campaigns of free navigation, and the true quantiles by linear analysis."""
 
     def __init__(self, system: PreparedSystem) -> None:
-        development = system.model.development
-        assert development is not None
+        linear = RecordedModel(system.model, system.linear).over_time
+        assert linear is not None
         self.model = system.linear
         self.outputs = [output.name for output in system.scenario.outputs]
         # every interval at the level: nine outputs and the matrix share what is left
         self.criterion = Criterion(TOLERANCE, 1.0 - (len(self.outputs) + 1) * (1.0 - LEVEL))
-        self.times, self.moments = development.times, linear_moments(system.model, development)
+        self.times, self.moments = linear.record.times, (linear.mean, linear.covariance)
         self.epochs = tuple(range(1, len(self.times)))
         self.last = Requirement("r95", HORIZONTAL, (linear_quantile(self.model, HORIZONTAL, 0.95),), 0.95)
         largest = largest_linear_quantile(self._histories(np.zeros((1, 1, 1))), HORIZONTAL, self.epochs, 0.95)
@@ -206,7 +206,7 @@ def evidence(system: PreparedSystem, result: SimulationResult, linear: LinearFil
 def _linear(name: str) -> LinearFilter:
     model = prepared(name).model
     assert model.filter is not None
-    linear = linear_filter(model, model.filter, model.development)
+    linear = linear_filter(model, model.filter, RecordedModel(model, prepared(name).linear).over_time)
     assert linear is not None
     return linear
 

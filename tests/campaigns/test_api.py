@@ -19,6 +19,7 @@ import mcnav
 from mcnav.config.read import read_campaign
 from mcnav.frames.runs import RunResult
 from mcnav.store.run_folder import RunFolder
+from tests.docstrings import unsaid
 
 OUTPUTS = ["altitude", "range", "altitude_rate", "range_rate"]
 SOURCES = ["altitude", "misalignment", "gyro_drift"]
@@ -157,7 +158,7 @@ def test_the_names_of_the_package_are_the_public_ones() -> None:
 
 
 @pytest.mark.parametrize("name", mcnav.__all__)
-def test_every_public_object_says_what_it_raises_and_has_an_example_that_is_run(name: str) -> None:
+def test_every_public_object_states_shapes_units_and_errors_and_has_an_example_that_is_run(name: str) -> None:
     """Examples are run by ``--doctest-modules``, unless they are skipped."""
     described = getattr(mcnav, name)
     documentation = inspect.getdoc(described) or ""
@@ -166,6 +167,7 @@ def test_every_public_object_says_what_it_raises_and_has_an_example_that_is_run(
     assert [source for source in run if not source.startswith(("import ", "from "))]
     if inspect.isfunction(described):
         assert "Raises" in documentation
+    assert unsaid(described) == []
 
 
 def test_cards_of_a_notebook_do_not_disturb_each_other(run: RunResult) -> None:

@@ -25,8 +25,8 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.store.totals import Totals, read_totals
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.compare import compare_runs
-from mcnav.workflow.filter_evidence import filter_evidence
 from mcnav.workflow.run import run_campaign
+from mcnav.workflow.stored_run import read_run
 from tests.scalar_filter import SCHEMA, FilterThatBelieves, campaign, steady_variance
 
 
@@ -223,7 +223,7 @@ def test_histories_of_first_samples_come_from_the_chunks(tmp_path: Path, monkeyp
 def test_damaged_sums_are_refused_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Sums of another length, and what is no number of samples."""
     run(tmp_path / "run", 60)
-    folder, manifest = RunFolder(tmp_path / "run"), RunFolder(tmp_path / "run").finished_manifest()
+    folder = RunFolder(tmp_path / "run")
     sums = filter_sums(folder)
     assert sums is not None
     for numbers in (sums.to_numbers()[:-7], np.append(sums.to_numbers()[:-1], np.inf), np.zeros(0)):
@@ -232,5 +232,5 @@ def test_damaged_sums_are_refused_in_a_line(tmp_path: Path, monkeypatch: pytest.
         monkeypatch.setattr("mcnav.store.totals._KNOWN", Recent[Totals](most=1))
         monkeypatch.setattr("mcnav.store.totals.pq.read_metadata", lambda path, described=described: described)
         with pytest.raises(RunFolderError, match="sums of filters are damaged"):
-            filter_evidence(folder, manifest, 0)
+            read_run(folder)
         monkeypatch.undo()

@@ -242,7 +242,9 @@ def test_the_notebook_runs_as_it_stands() -> None:
     names = execute(notebook, cells[:4])
     assert (names["verdict"].verdict, names["verdict"].joint) == ("partly", "differs")
     assert names["verdict"].worst_ratio == pytest.approx(1.143, abs=5e-4)  # as campaign 01 prints it
-    assert execute(notebook, cells)["run"].outputs.loc["range", "verdict"] == "agrees"
+    run = execute(notebook, cells)["run"]
+    assert run.outputs.loc["range", "verdict"] == "agrees"
+    assert [label.get_text() for label in run.plot().get_yticklabels()] == ["range"]
 
 
 @pytest.mark.parametrize(("former", "name"), [("fly", "run"), ("Flown", "Simulated"), ("FlownRun", "RunResult")])

@@ -24,6 +24,7 @@ from mcnav.validation.reproduce.tn_d1772.tables import (
 )
 from tests.conftest import ROOT
 from tests.reproduction import Reproduction
+from tests.sentences import too_long
 from tests.tables import assert_same_tables
 
 
@@ -187,6 +188,7 @@ def test_findings(folder: Path) -> None:
     found = pd.read_csv(folder / "findings.csv")
     assert set(found["verdict"]) <= {"holds", "in part", "does not hold", "not tested", "settled"}
     assert not found["found"].str.contains("nan|inf ").any()
+    assert [sentence for text in (*found["said"], *found["found"]) for sentence in too_long(text)] == []
     twelve = pd.read_csv(folder / "figure_12.csv")
     early = twelve[twelve.iloc[:, 0] <= -10.0]
     best = early.iloc[int(early["altitude, sum of |all| [km]"].argmin()), 0]

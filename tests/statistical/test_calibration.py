@@ -16,6 +16,7 @@ from mcnav.config.read import parse_campaign
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.filter_evidence import filter_evidence
 from mcnav.workflow.run import run_campaign
+from mcnav.workflow.stored_run import read_run
 from tests.calibration import page
 from tests.calibration.cells import Cell, Tally
 from tests.calibration.filter_trials import (
@@ -262,7 +263,7 @@ def test_evidence_is_that_of_a_run(tmp_path: Path) -> None:
     summary = run_campaign(campaign, tmp_path / "run", "ensemble", 1, report=False).summary
     system = prepared(NEGLECTING)
     result = system.engine.simulate(system.draws.batch(0, 100))
-    linear = filter_evidence(RunFolder(tmp_path / "run"), RunFolder(tmp_path / "run").finished_manifest(), 0).linear
+    linear = filter_evidence(read_run(RunFolder(tmp_path / "run")), 0).linear
     found = assess_filter(evidence(system, result, linear), Criterion())
     assert found.verdict.value == summary["filter"]["verdict"]
     assert found.factor == pytest.approx(summary["filter"]["factor"], rel=1e-9)

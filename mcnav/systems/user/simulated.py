@@ -36,11 +36,11 @@ class Innovations:
     times : array_like, shape (k,)
         Instants of the updates in the unit of the epochs, not falling, and none after the last epoch.
     values : array_like, shape (k, size)
-        Measured less predicted, or predicted less measured.
+        Measured less predicted, or predicted less measured, in any unit.
     covariance : array_like, shape (k, size, size)
-        Covariance that the filter expects of them.
+        Covariance that the filter expects of them, in the square of that unit.
     accepted : array_like of bool, shape (k,), optional
-        Updates that the filter used; all unless given.
+        Whether the filter used the update, a number without unit; all unless given.
 
     Examples
     --------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,21 @@ class TestSimulate:
         np.testing.assert_array_equal(one, linear(draws.to_numpy()))
         flown = mc.Errors({"altitude": "5 km"}).draw(20_000, seed=1)
         pd.testing.assert_frame_equal(*(mc.simulate(REENTRY, flown, jobs=jobs) for jobs in (1, 2)), check_exact=True)
+
+    def test_what_happens_once_starts_no_workers(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """A first call that takes ten times what workers cost, as compilation does, is not the cost of a chunk."""
+        monkeypatch.setattr(simulation, "COST", {"loky": 0.05})
+        monkeypatch.setattr(simulation, "_by_workers", None)  # which a call would find out
+        compiled: list[bool] = []
+
+        def slow_at_first(errors: Any) -> Any:
+            if not compiled:
+                time.sleep(0.5)
+                compiled.append(True)
+            return errors[:, :1]
+
+        draws = mc.Errors({"a": 1.0}).draw(100_000, seed=1)
+        assert len(mc.simulate(slow_at_first, draws, jobs=2, outputs=["x"])) == 100_000
 
     def test_a_failed_sample_is_a_row_with_its_reason(self) -> None:
         def fails(errors: Any) -> Any:

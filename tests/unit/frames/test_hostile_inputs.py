@@ -56,6 +56,12 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str]] = {
     "asymmetric": (lambda: mc.propagate_covariance(P, np.triu(np.ones((2, 2)))), "must be symmetric"),
     "swapped": (lambda: mc.propagate_covariance(ERRORS, P), "partials must be a frame or a matrix .* got Errors"),  # type: ignore[arg-type]
     "outputs first": (lambda: mc.compare(DRAWS[["a"]], P), "covariance must be square, outputs by outputs; got shape"),
+    "a covariance": (lambda: mc.compare(P @ P.T, DRAWS.cov()), "outputs must be samples, .*; got a covariance"),
+    "other draws": (
+        lambda: mc.compare(mc.propagate_covariance(P, ERRORS), total(ERRORS.draw(100, seed=2).to_numpy()), DRAWS, P),
+        "not correlated with P times the draws: give the draws that were simulated",
+    ),
+    "a type alone": (lambda: mc.simulate("hover", DRAWS), "scenario.duration: is missing"),
     "one folder": (lambda: mc.compare_runs("run"), "takes a list of run folders, at least one; got 'run'"),
     "no jobs": (lambda: mc.run({"scenario": REENTRY}, "nowhere", jobs=0), "jobs must be a whole number of at least 1"),
     "a key": (lambda: mc.sweep({"scenario": REENTRY}, "errors.a"), "varied must be a mapping"),  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from scipy.stats import binom, multivariate_normal, norm
 from mcnav.arrays.types import Array
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.assessment import LEVEL, Assessment, assess
-from mcnav.judgement.likelihood import DROP, estimate_factor, log_likelihood, whiten
+from mcnav.judgement.likelihood import DROP, estimate_factor, log_likelihood, whiten, without_corrections
 from mcnav.judgement.simulation import Innovations, respond, simulate
 from tests.recorded_flights import scalar_record
 
@@ -25,6 +25,10 @@ P = ((1 - K)^2 q + K^2 r) / (1 - (1 - K)^2) + q; C0 = P + r, C1 = P - K C0.
 def innovations_of(values: Array) -> Innovations:
     """Return innovations of shape (n, R)."""
     return Innovations(tuple(each[None] for each in values), np.zeros((0, 9, values.shape[1])))
+
+
+def likelihoods(record: FilteredRecord, given: Innovations, factors: list[dict[int, float]]) -> Array:
+    return log_likelihood(record, without_corrections(record, given), factors)
 
 
 def response_matrices(count: int, gain: float) -> tuple[Array, Array]:
@@ -56,7 +60,7 @@ def test_log_likelihood_is_that_of_the_whole_normal_vector(factors: dict[int, fl
     walk, noise = response_matrices(count, GAIN)
     covariance = factors.get(0, 1.0) ** 2 * walk @ walk.T + factors.get(1, 1.0) ** 2 * noise @ noise.T
     expected = multivariate_normal(np.zeros(count), covariance).logpdf(values.T) + 0.5 * count * np.log(2.0 * np.pi)
-    np.testing.assert_allclose(log_likelihood(record, innovations_of(values), [factors])[0], expected, rtol=1e-10)
+    np.testing.assert_allclose(likelihoods(record, innovations_of(values), [factors])[0], expected, rtol=1e-10)
 
 
 def test_whitened_innovations_are_independent_of_the_gain() -> None:
@@ -67,7 +71,8 @@ def test_whitened_innovations_are_independent_of_the_gain() -> None:
     for gain in (0.1, 0.6):
         of_walk, of_noise = response_matrices(count, gain)
         values = innovations_of(of_walk @ walk + of_noise @ noise)
-        results.append([each for (each,), _ in whiten(scalar_record(count, gain), values, [{}])])
+        record = scalar_record(count, gain)
+        results.append([each for (each,), _ in whiten(record, without_corrections(record, values), [{}])])
     np.testing.assert_allclose(results[0], results[1], rtol=0.0, atol=1e-12)
 
 
@@ -77,7 +82,7 @@ def test_variances_come_back_from_innovations_of_a_wrong_gain(cause: int, q: flo
     record, factor = scalar_record(100, GAIN), np.sqrt(q * r)
     given = simulate(scalar_record(100, GAIN, q, r), 300, np.random.default_rng(3))
     grid = factor * np.geomspace(0.5, 2.0, 21)
-    table = log_likelihood(record, given, [{cause: float(each)} for each in grid])
+    table = likelihoods(record, given, [{cause: float(each)} for each in grid])
     held = int(np.sum(table.max(axis=0) - table[10] <= DROP))
     assert binom.ppf(1e-4, 300, 0.93) <= held <= binom.isf(1e-4, 300, 0.97)
     estimate = estimate_factor(record, given.chosen(slice(0, 1)), cause)
@@ -90,7 +95,7 @@ def test_variances_come_back_from_innovations_of_a_wrong_gain(cause: int, q: flo
 
 def table_at_one(record: FilteredRecord, given: Innovations, cause: int) -> float:
     """Return the log-likelihood of the first record with all sizes as they are."""
-    return float(log_likelihood(record, given.chosen(slice(0, 1)), [{cause: 1.0}])[0, 0])
+    return float(likelihoods(record, given.chosen(slice(0, 1)), [{cause: 1.0}])[0, 0])
 
 
 def alarms(result: Assessment) -> NDArray[np.bool_]:

@@ -11,7 +11,8 @@ from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign
 from mcnav.contract.recorded import FilteredRecord, RecordedMeasurements, Recording, RecordingError
 from mcnav.contract.scenario import RecordingScenario, ScenarioError, can_be_recorded
-from mcnav.judgement.likelihood import whiten
+from mcnav.judgement.likelihood import whiten, without_corrections
+from mcnav.judgement.reduction import present, with_causes
 from mcnav.judgement.simulation import recorded
 from mcnav.runner.draws import DrawPlan
 from mcnav.systems.ins.earth import WGS84
@@ -89,7 +90,9 @@ def test_innovations_are_those_of_the_same_flight_along_the_truth() -> None:
 def test_all_errors_of_a_complete_filter_whiten_innovations_as_the_filter_does() -> None:
     """The filter estimates all errors that there are, so that nothing is left to the model of all of them."""
     _, _, record = flown()
-    for stage, ((whitened,), _) in zip(record.stages, whiten(record, recorded(record), [{}]), strict=True):
+    record = with_causes(record, present(record))
+    measured = without_corrections(record, recorded(record))
+    for stage, ((whitened,), _) in zip(record.stages, whiten(record, measured, [{}]), strict=True):
         own = np.linalg.solve(np.linalg.cholesky(stage.covariance), stage.innovation)
         np.testing.assert_allclose(whitened[:, 0], own, rtol=0.0, atol=1e-5)
 

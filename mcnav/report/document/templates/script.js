@@ -545,7 +545,7 @@
   all(".glossary script").forEach((place) => {
     const meanings = JSON.parse(place.textContent);
     const keys_ = Object.keys(meanings);
-    const word = new RegExp(`\\b(${keys_.join("|")})(?=s?\\b)`, "gi");
+    const word = new RegExp(`(?<!\\b[A-Z]\\. )\\b(${keys_.join("|")})(?=s?\\b)`, "gi"); // no surname after an initial
     const keyOf = (text) => keys_.find((each) => each === text || (each === each.toLowerCase() && each === text.toLowerCase()));
     const told = set(document.createElement("div"), { class: "meaning", role: "tooltip" });
     told.hidden = true;

@@ -134,29 +134,32 @@ class Strapdown:
         return dict(PROCESSES)
 
     def altitude(self, position: Array) -> Array:
-        """Compute the altitude above the planet's figure at positions, shape (n, 3): shape (n,), m."""
+        """Compute the altitude above the planet's figure, m, shape (n,), of ``position``, m, shape (n, 3)."""
         return self.frame.altitude(position)
 
     def fall(self, position: Array, velocity: Array) -> Array:
-        """Compute the acceleration over the axes without a specific force, shape (n, 3): gravity and Coriolis'."""
+        """Compute gravity and Coriolis, m/s^2, of ``position``, m, and ``velocity``, m/s; shape (n, 3) each."""
         return self.frame.fall(position, velocity)
 
     @staticmethod
     def to_body(attitude: Array, vectors: Array) -> Array:
-        """Turn vectors into body axes: ``C^T v``, shape (n, 3), of attitudes, shape (n, 3, 3)."""
+        """Turn ``vectors``, shape (n, 3), any unit, into body axes: ``C^T v`` of ``attitude``, shape (n, 3, 3)."""
         return turned(attitude.swapaxes(-1, -2), vectors)
 
     @staticmethod
     def from_body(attitude: Array, vectors: Array) -> Array:
-        """Turn vectors from body axes: ``C v``, shape (n, 3), of attitudes, shape (n, 3, 3)."""
+        """Turn ``vectors``, shape (n, 3), any unit, from body axes: ``C v`` of ``attitude``, shape (n, 3, 3)."""
         return turned(attitude, vectors)
 
     def rates(self, truth: Any, force: Array, rate: Array) -> dict[str, Array]:
-        """Compute the rates of position, velocity and attitude of the truth."""
+        """Compute the true rates, SI, of ``force``, m/s^2, and ``rate``, rad/s, in body axes, shape (n, 3) each.
+
+        They are those of position and velocity, shape (n, 3), and of attitude, in its own form.
+        """
         return self.frame.move(truth.position, truth.velocity, truth.attitude, force, rate)
 
     def sense(self, force: Array, rate: Array, parameters: Any, noise: Any) -> dict[str, Array]:
-        """Compute what the instruments read of true specific force and angular rate, each of shape (n, 3)."""
+        """Compute what is read of the true ``force``, m/s^2, and ``rate``, rad/s, in body axes, shape (n, 3)."""
         errors = {name: getattr(parameters, name) for name in ERRORS}
         gyro, accelerometer = _responses(errors, len(force))
         drift = noise.gyro_angle_random_walk + noise.gyro_bias_instability
@@ -167,7 +170,7 @@ class Strapdown:
         }
 
     def navigate(self, estimate: Any, sensed: Any) -> dict[str, Array]:
-        """Compute the rates of position, velocity and attitude from readings, compensated for what is estimated."""
+        """Compute the indicated rates, SI, from readings of shape (n, 3), compensated for what is estimated."""
         force, rate = sensed.force, sensed.rate
         if self.estimates:
             estimated = {name: getattr(estimate, name) for name in self.estimates}

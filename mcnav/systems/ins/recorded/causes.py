@@ -2,7 +2,7 @@
 
 The errors s of a record are the nine of navigation and every constant error, bias instability, rate random walk and
 correlated error that the campaign has. Constant errors that it does not have, and that a record can show, are states of
-no size.
+no size; processes that it does not have are states of a size from which they are looked for.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.recorded import Cause, Offset
 from mcnav.systems.ins.filter.model import NAVIGATION, Beliefs, FilterModel, FilterState, estimated_kinds
-from mcnav.systems.ins.imu.instruments import ACCELEROMETER, GYRO, OUTPUTS, Imu
+from mcnav.systems.ins.imu.instruments import ACCELEROMETER, GYRO, OUTPUTS, Imu, Noise
 from mcnav.systems.ins.reference.earth_fixed_errors import Driving, ErrorModel
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
 from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
@@ -33,6 +33,12 @@ TOGETHER: Final = "navigation errors at the start"
 
 OF_INSTRUMENTS: Final = ("gyro_bias", "accelerometer_bias")
 """Kinds of the instruments' errors that a record can show although the campaign does not have them."""
+
+MISSING_TIME: Final = 30.0
+"""Correlation time of the processes that a campaign does not have, s."""
+
+LEAST: Final = {"gyro": 5e-6, "accelerometer": 1e-3}
+"""Sigma from which a process of instruments without white noise is looked for, rad/s and m/s^2."""
 
 WALKS: Final = {"gyro": "angle_random_walk", "accelerometer": "velocity_random_walk"}
 
@@ -49,6 +55,8 @@ class Campaign:
         Of the sources.
     units : mapping of str to (str, str, float)
         Of sources and processes: SI unit, unit shown, usual size.
+    missing : tuple of str
+        Kinds of Gauss-Markov processes that the campaign does not have, and this one has.
     """
 
     names: tuple[str, ...]
@@ -57,6 +65,7 @@ class Campaign:
     units: Mapping[str, tuple[str, str, float]]
     imu: Imu
     sensors: tuple[Sensor, ...]
+    missing: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -66,7 +75,37 @@ class Campaign:
         """Collect the units of sources and processes."""
         units = {each.name: (each.unit, each.shown_in, each.nominal) for each in sources}
         units |= {each.name: (each.unit, each.shown_in, 1.0) for each in processes}
+        components = [component for sensor in sensors for component in sensor.components]
+        units |= {each.error_name("correlated"): units[each.error_name("noise")] for each in components}
         return cls(tuple(each.name for each in sources), mean, covariance, units, imu, sensors)
+
+    def with_missing(self) -> Campaign:
+        """Return the same with the Gauss-Markov processes that it does not have."""
+        gyro, accelerometer = (
+            noise if noise.instability.any() else _with_instability(noise, LEAST[name])
+            for name, noise in (("gyro", self.imu.gyro), ("accelerometer", self.imu.accelerometer))
+        )
+        missing = [
+            f"{name}_bias_instability"
+            for name, noise, with_it in (
+                ("gyro", self.imu.gyro, gyro), ("accelerometer", self.imu.accelerometer, accelerometer)
+            )
+            if with_it is not noise
+        ]  # fmt: skip
+        known = {each.label for sensor in self.sensors for each in sensor.components if each.correlated > 0.0}
+        labels = {
+            each.label for sensor in self.sensors if SENSOR_TYPES[sensor.kind].errors for each in sensor.components
+        } - known
+        sensors = tuple(
+            replace(sensor, components=tuple(
+                replace(each, correlated=each.noise, correlation_time=MISSING_TIME) if each.label in labels else each
+                for each in sensor.components
+            ))
+            for sensor in self.sensors
+        )  # fmt: skip
+        missing += [f"{label}_correlated" for label in sorted(labels)]
+        return replace(self, imu=replace(self.imu, gyro=gyro, accelerometer=accelerometer), sensors=sensors,
+                       missing=tuple(missing))  # fmt: skip
 
     @cached_property
     def sigmas(self) -> dict[str, float]:
@@ -180,9 +219,19 @@ def _members(states: tuple[FilterState, ...], kind: str) -> list[FilterState]:
     return [state for state in states if estimated_kinds((state.name,))[0] == kind]
 
 
+def _with_instability(noise: Noise, least: float) -> Noise:
+    """Return noise with a process that adds as much within its correlation time as the white noise does."""
+    size = max(float(noise.random_walk.max()) / np.sqrt(2.0 * MISSING_TIME), least)
+    return replace(noise, instability=np.full(3, size), correlation_time=np.full(3, MISSING_TIME))
+
+
 def _cause(campaign: Campaign, kind: str, sizes: list[float], name: str) -> Cause:
     unit, shown_in, _ = campaign.units[name]
-    return Cause(kind, float(max(sizes)), unit, shown_in, key_of(kind, campaign.sensors))
+    absent = kind in campaign.missing
+    return Cause(
+        kind, float(max(sizes)), unit, shown_in, key_of(kind, campaign.sensors), absent=absent,
+        correlation_time=MISSING_TIME if absent else 0.0,
+    )  # fmt: skip
 
 
 def _causes_of_start(campaign: Campaign, causes: list[Cause]) -> Array:

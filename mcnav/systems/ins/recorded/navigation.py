@@ -68,7 +68,7 @@ def filter_recording(
     campaign = Campaign.of(
         tuple(sources[n] for n in kept), tuple(processes), mean[kept], covariance[np.ix_(kept, kept)], aided.imu,
         sensors,
-    )  # fmt: skip
+    ).with_missing()  # fmt: skip
     flight = RecordedFlight(
         aided.truth.earth, recording, sensors, aided.filter, campaign, _start(aided, recording)
     )  # fmt: skip

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
+from mcnav.report.format import number
 from mcnav.systems.steady.truth import Error
 from mcnav.validation.reproduce.findings import Finding
 from mcnav.validation.reproduce.story_of_84_minutes import schuler
@@ -15,12 +16,15 @@ from mcnav.validation.reproduce.story_of_84_minutes.detuned import SHARES
 from mcnav.validation.reproduce.story_of_84_minutes.numbers import (
     CROSS,
     DISTANCE,
+    DRIFT,
     FOOT,
+    GRAVITY,
     MILE,
     MINUTE,
     PERIOD,
     RADIUS,
     RANGE,
+    RATIO,
     TIME,
     cruising,
     simulated,
@@ -46,10 +50,12 @@ def claims(tables: Mapping[str, pd.DataFrame]) -> list[Finding]:
         less_than_a_hundredth(tables["reduction.csv"]),
         drift_by_more_than_a_hundred(),
         bounded_accelerometer_error(),
+        drift_more_serious(),
         drift_grows_linearly(),
         ten_times_as_long(),
         period(tables["periods.csv"]),
         infinite_at_satellite_speed(tables["periods.csv"]),
+        period_of_a_low_satellite(),
         climb(tables["climb.csv"]),
         boost_of_three_minutes(),
         gear_ratio(tables["detuning.csv"]),
@@ -61,6 +67,16 @@ def claims(tables: Mapping[str, pd.DataFrame]) -> list[Finding]:
     ]
 
 
+def answer(frame: pd.DataFrame) -> str:
+    """Answer the document's headline."""
+    end = at_minutes(frame, TIME / MINUTE)
+    return (
+        f"The pendulum reduces the error of the {DISTANCE / MILE:,.0f}-mile cruise to "
+        f"1/{end[f'{ALL_NOW} [1]']:.0f}, not to less than 1/100. Three misprints make the "
+        "factor look larger."
+    )
+
+
 def less_than_a_hundredth(frame: pd.DataFrame) -> Finding:
     """Compare the headline with the reductions."""
     boost, end = (at_minutes(frame, minutes) for minutes in (BOOST / MINUTE, TIME / MINUTE))
@@ -69,12 +85,12 @@ def less_than_a_hundredth(frame: pd.DataFrame) -> Finding:
     return Finding(
         "The pendulum reduced the target error of a 5,000-mile cruise missile to less than 1/100 of what the simple "
         "theory expects.",
-        f"It reduces the error to 1/{end[f'{ALL_NOW} [1]']:.0f} for all error sources together, after "
-        f"{TIME / MINUTE:.0f} min; to 1/{end[f'{ALL_LARGEST} [1]']:.0f} where the largest error so far counts. By "
-        f"error source: accelerometer {end['accelerometer [1]']:.0f}, tilt {end['tilt [1]']:.0f}, launch velocity "
+        f"After {TIME / MINUTE:.0f} min the error is 1/{end[f'{ALL_NOW} [1]']:.0f} for all error sources together, "
+        f"and 1/{end[f'{ALL_LARGEST} [1]']:.0f} where the largest error so far counts. By error source the factor is: "
+        f"accelerometer {end['accelerometer [1]']:.0f}, tilt {end['tilt [1]']:.0f}, launch velocity "
         f"{end['launch velocity [1]']:.0f}, gyro drift {end['gyro drift [1]']:.0f}, azimuth {end['azimuth [1]']:.1f}. "
-        f"After {BOOST / MINUTE:.0f} min it is {boost[f'{ALL_NOW} [1]']:.2f}. The printed numbers give larger ratios "
-        f"({printed}) because of misprints.",
+        f"After {BOOST / MINUTE:.0f} min it is {boost[f'{ALL_NOW} [1]']:.2f}. The printed numbers give larger factors "
+        f"because of misprints: {printed}.",
         "does not hold",
     )
 
@@ -94,9 +110,24 @@ def bounded_accelerometer_error() -> Finding:
     level, inertial = (abs(simulated(cruising(TIME, level=kept), Error.BIAS_X, RANGE)) for kept in (True, False))
     return Finding(
         "The largest error due to an accelerometer is 2 k R, whatever the flight time.",
-        "True for a platform that is kept level: the error returns to zero every period. After two periods the "
-        f"simulated missile has {level / FOOT:.0f} ft, because its period is half a percent longer. On a platform with "
-        f"fixed inertial directions {inertial / FOOT:,.0f} ft remain.",
+        "True for a platform that is kept level: the error returns to zero every period. After two periods "
+        f"{level / FOOT:.0f} ft remain for the simulated missile, whose period is half a percent longer. On a platform "
+        f"with fixed inertial directions {inertial / FOOT:,.0f} ft remain.",
+        "in part",
+    )
+
+
+def drift_more_serious() -> Finding:
+    """Find the flight time from which gyro drift makes a larger error than the accelerometer so far."""
+    times = np.linspace(0.0, TIME, 10_121)[1:]
+    drift = schuler.drift_spherical(DRIFT, RADIUS, RATE, times)
+    bias = np.maximum.accumulate(schuler.bias_spherical(RATIO * RATE**2 * RADIUS, RATE, times))
+    crossing = float(times[np.argmax(drift > bias)]) / MINUTE
+    return Finding(
+        "Gyro drift is an even more serious source of error than the accelerometer.",
+        f"On a cruise, yes: from {crossing:.0f} min on, and after {TIME / MINUTE:.0f} min it is "
+        f"{drift[-1] / bias[-1]:.1f} times as large. In a boost of three minutes the accelerometer makes "
+        f"{bias[179] / drift[179]:.0f} times the error of gyro drift.",
         "in part",
     )
 
@@ -126,7 +157,7 @@ def ten_times_as_long() -> Finding:
     return Finding(
         "Fly ten times as long and the range error is 100 times as great, by gyro drift 1,000 times (Dr. X).",
         f"From 3 to 30 min it is {by_bias:.0f} times as great by an accelerometer, and {by_drift:.0f} times by gyro "
-        "drift: a good rule for a boost and a glide, and wrong for a cruise.",
+        "drift. The rule is good for a boost and a glide, and wrong for a cruise.",
         "in part",
     )
 
@@ -135,10 +166,10 @@ def period(frame: pd.DataFrame) -> Finding:
     """Compare simulated periods with the formula."""
     rest, missile = frame["period along the track, flown [min]"][:2]
     return Finding(
-        "The platform oscillates with 2π√(R/g) = 84.4 min; a missile at speed V has g_eff = g − V²/r in place of g.",
+        "The platform oscillates with 2π√(R/g) = 84.4 min; for a missile at speed V, g − V²/r is in place of g.",
         f"Simulated: {rest:.2f} min at rest and {missile:.2f} min for the missile along its track. From rest to 98 % "
-        f"of orbital speed the formula holds within {frame['difference, share'].abs().max():.0e} of the period. Across "
-        "the track the period stays that of g.",
+        f"of orbital speed the formula holds within {number(float(frame['difference, share'].abs().max()), 1)} of the "
+        "period. Across the track the period stays that of g.",
         "holds",
     )
 
@@ -150,6 +181,18 @@ def infinite_at_satellite_speed(frame: pd.DataFrame) -> Finding:
         "The period approaches infinity as the speed approaches the satellite's.",
         f"At {np.sqrt(last['V^2 / g r']):.2f} of orbital speed the simulated period is "
         f"{last['period along the track, flown [min]']:.0f} min.",
+        "holds",
+    )
+
+
+def period_of_a_low_satellite() -> Finding:
+    """Compare the period of the pendulum with those of circular orbits at the surface and 100 miles above it."""
+    surface, low = (
+        2.0 * np.pi * np.sqrt((RADIUS + height * MILE) ** 3 / (GRAVITY * RADIUS**2)) / MINUTE for height in (0.0, 100.0)
+    )
+    return Finding(
+        "84 minutes is also the period of a low earth satellite (Dr. X).",
+        f"Of one at the surface: {surface:.2f} min. At a height of 100 miles it is {low:.1f} min.",
         "holds",
     )
 
@@ -173,8 +216,8 @@ def boost_of_three_minutes() -> Finding:
 
     return Finding(
         "A boost lasts about three minutes, so that the pendulum is of less importance for ballistic missiles.",
-        f"In three minutes it reduces the error of an accelerometer or a tilt by {share(RATE):.1f} %, and with the 28 "
-        f"min of the climb by {share(np.sqrt(THRUST) * RATE):.1f} %.",
+        f"In three minutes it reduces the error of an accelerometer or a tilt by {share(RATE):.1f} %. With the 28 min "
+        f"of the climb it reduces it by {share(np.sqrt(THRUST) * RATE):.1f} %.",
         "holds",
     )
 
@@ -189,11 +232,11 @@ def gear_ratio(frame: pd.DataFrame) -> Finding:
     )
     return Finding(
         "The gear ratio from distance to platform angle is set to 1/R.",
-        f"In flight it must be. Wrong by 0.1 %, 1 % and 10 % it leaves {ends[0]:.1f}, {ends[1]:.0f} and {ends[2]:.0f} "
-        f"miles after {DISTANCE / MILE:,.0f} miles, because the missile's own travel tilts the platform. At rest it "
-        f"hardly matters: 10 % change the period from {periods[0]:.1f} to {periods[1]:.1f} min, and the largest error "
-        f"due to 1e-4 g from {resting[0]:.2f} to {resting[1]:.2f} miles. The ratio matters because it keeps the "
-        "vehicle's own motion out of the error, not because it makes 84 minutes.",
+        f"In flight it must be. A ratio wrong by 0.1 %, 1 % and 10 % leaves {ends[0]:.1f}, {ends[1]:.0f} and "
+        f"{ends[2]:.0f} miles after {DISTANCE / MILE:,.0f} miles: the missile's own travel tilts the platform. At rest "
+        f"it hardly matters. There 10 % change the period from {periods[0]:.1f} to {periods[1]:.1f} min. The largest "
+        f"error by 10⁻⁴ g goes from {resting[0]:.2f} to {resting[1]:.2f} miles. Tuning keeps the vehicle's own motion "
+        "out of the error; the 84 minutes come with it.",
         "holds",
     )
 
@@ -204,7 +247,7 @@ def tilts_exactly_similar() -> Finding:
     return Finding(
         "Errors of a tilt about the track are exactly similar to those of a tilt about the cross axis.",
         f"At rest only. A tilt keeps its direction in inertial space, so that after 73 degrees part of it is an "
-        f"azimuth error: cross range ends at {after:,.0f} ft, not at zero.",
+        f"azimuth error. The cross-range error ends at {after:,.0f} ft, not at zero.",
         "in part",
     )
 
@@ -226,7 +269,7 @@ def hovering_diverges(frame: pd.DataFrame) -> Finding:
     up, down = abs(last["flown, +1e-04 g [mi]"]), abs(last["flown, -1e-04 g [mi]"])
     return Finding(
         "Inertial instruments cannot find the altitude: small errors diverge rapidly.",
-        f"An error of 1e-4 g grows to {up:.0f} miles upwards or {down:.0f} miles downwards in 84 minutes. Linear "
+        f"An error of 10⁻⁴ g grows to {up:.0f} miles upwards or {down:.0f} miles downwards in 84 minutes. Linear "
         f"analysis has {last['linear, 1e-4 g [mi]']:.0f} miles in both directions.",
         "holds",
     )
@@ -239,11 +282,11 @@ def altimeter_needed(frame: pd.DataFrame) -> Finding:
     learning = by_interval["altimeter to hold 100 m, from the start [m]"]
     return Finding(
         "Some other altitude measuring device, a barometer or a radar altimeter, is necessary.",
-        "A poor one suffices. To hold the height to 100 m (one sigma) it may err by "
-        f"{settled[1.0]:,.0f} m if it is read every second, and by {settled[60.0]:.0f} m every minute. While the "
-        f"filter learns the accelerometer's bias of 1e-4 g, it must be better: {learning[1.0]:,.0f} and "
-        f"{learning[60.0]:.0f} m. With a reading every ten minutes none suffices at the start. A constant error of the "
-        "altimeter remains in full.",
+        "A poor one suffices. To hold 100 m, one sigma, it may err by "
+        f"{settled[1.0]:,.0f} m with a reading a second, and {settled[60.0]:.0f} m with one a minute. While the "
+        f"filter learns an accelerometer bias of 10⁻⁴ g, it must be better: {learning[1.0]:,.0f} and "
+        f"{learning[60.0]:.0f} m. With a reading every ten minutes none suffices at the start. A constant altimeter "
+        "error remains in full.",
         "holds",
     )
 

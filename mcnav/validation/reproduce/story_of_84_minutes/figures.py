@@ -180,10 +180,13 @@ def reduction(frame: pd.DataFrame) -> Figure:
         name="reduction",
         title="Reduction by the pendulum",
         description="Flat-earth error over the error on a spherical earth against flight time, by error source.",
-        panels=[Panel("Flat over spherical", Axis("flight time", "min", margin=0.02), reduced, [*lines, claimed])],
+        panels=[
+            Panel("Reduction by the pendulum", Axis("flight time", "min", margin=0.02), reduced, [*lines, claimed])
+        ],
         key=(*single, *together),
         columns=dict(frame.items()),
-        caption="The dotted line is the claimed factor of 100. Tilt and accelerometer are nearly the same curve.",
+        caption="The horizontal line is the claimed factor of 100, which no curve reaches. Tilt and accelerometer are "
+        "nearly the same curve.",
         file="reduction.csv",
     )
 

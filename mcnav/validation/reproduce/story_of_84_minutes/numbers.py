@@ -208,27 +208,27 @@ def tilt_numbers() -> list[Number]:
     half = _runs(Error.MISALIGNMENT, HALF, FOOT)
     quarter = _runs(Error.MISALIGNMENT, QUARTER, FOOT)
     summed = (
-        "the summary calls R dtheta the maximum; 1 - cos wt reaches 2, and the text has the correct 7,300 ft: the "
+        "the summary calls R Δθ the maximum; 1 − cos ωt reaches 2, and the text has the correct 7,300 ft: the "
         "factor 2 is missing"
     )
     return [
-        Number("(a) flat", "misalignment", "1e-4 rad", "1.74", "dtheta", TILT * 1e4, remark="0.01 deg is 1.745e-4 rad"),
-        Number("(a) flat", "acceleration error", "ft/s²", "0.0056", "g dtheta", GRAVITY * TILT / FOOT),
-        Number("(a) flat", "velocity error at 10,120 s", "ft/s", "57", "g dtheta t", GRAVITY * TILT * TIME / FOOT),
-        Number("(a) flat", "coefficient of t²", "1e-4 ft/s²", "28", "g dtheta / 2", 0.5e4 * GRAVITY * TILT / FOOT),
-        Number("(a) flat", "range error", "ft", "287,500", "g dtheta t² / 2", flat, *_runs(*end, FLAT)),
-        Number("(a) flat", "cross-range error", "ft", "287,500", "g dtheta t² / 2", flat, *roll),
-        Number("summary, flat", "range error by tilt", "ft", "288,000", "g dtheta t² / 2", flat, *_runs(*end, FLAT)),
-        Number("(a) spherical", "amplitude of range error", "ft", "3,650", "R dtheta", 0.5 * most / FOOT, *quarter),
-        Number("(a) spherical", "largest range error", "miles", "1.38", "2 R dtheta", most / MILE,
+        Number("(a) flat", "misalignment", "1e-4 rad", "1.74", "Δθ", TILT * 1e4, remark="0.01 deg is 1.745e-4 rad"),
+        Number("(a) flat", "acceleration error", "ft/s²", "0.0056", "g Δθ", GRAVITY * TILT / FOOT),
+        Number("(a) flat", "velocity error at 10,120 s", "ft/s", "57", "g Δθ t", GRAVITY * TILT * TIME / FOOT),
+        Number("(a) flat", "coefficient of t²", "1e-4 ft/s²", "28", "g Δθ / 2", 0.5e4 * GRAVITY * TILT / FOOT),
+        Number("(a) flat", "range error", "ft", "287,500", "g Δθ t² / 2", flat, *_runs(*end, FLAT)),
+        Number("(a) flat", "cross-range error", "ft", "287,500", "g Δθ t² / 2", flat, *roll),
+        Number("summary, flat", "range error by tilt", "ft", "288,000", "g Δθ t² / 2", flat, *_runs(*end, FLAT)),
+        Number("(a) spherical", "amplitude of range error", "ft", "3,650", "R Δθ", 0.5 * most / FOOT, *quarter),
+        Number("(a) spherical", "largest range error", "miles", "1.38", "2 R Δθ", most / MILE,
                *_runs(Error.MISALIGNMENT, HALF, MILE)),
-        Number("(a) spherical", "largest range error", "ft", "7,300", "2 R dtheta", most / FOOT, *half),
-        Number("(a) spherical", "range error at 10,120 s", "ft", "0", "R dtheta (1 - cos wt)",
+        Number("(a) spherical", "largest range error", "ft", "7,300", "2 R Δθ", most / FOOT, *half),
+        Number("(a) spherical", "range error at 10,120 s", "ft", "0", "R Δθ (1 − cos ωt)",
                schuler.tilt_spherical(TILT, RADIUS, 2.0 * np.pi / PERIOD, TIME) / FOOT, *_runs(*end),
                remark="the moving missile has a 0.5 % longer period and has not quite returned"),
-        Number("(a) spherical", "amplitude of cross-range error", "ft", "3,650", "R dtheta", 0.5 * most / FOOT,
+        Number("(a) spherical", "amplitude of cross-range error", "ft", "3,650", "R Δθ", 0.5 * most / FOOT,
                *_runs(Error.ROLL_MISALIGNMENT, QUARTER, FOOT, ROUND, CROSS)),
-        Number("summary, spherical", "largest range error by tilt", "ft", "3,650", "2 R dtheta", most / FOOT, *half,
+        Number("summary, spherical", "largest range error by tilt", "ft", "3,650", "2 R Δθ", most / FOOT, *half,
                remark=summed, wrong=True),
     ]  # fmt: skip
 
@@ -241,17 +241,17 @@ def azimuth_numbers() -> list[Number]:
     on_flat = _cruising_only(Error.AZIMUTH_MISALIGNMENT, FLAT)
     on_round = _cruising_only(Error.AZIMUTH_MISALIGNMENT, ROUND)
     return [
-        Number("(a) flat", "cross-range error by azimuth", "ft", "4,660", "range dtheta", flat, *on_flat),
-        Number("summary, flat", "cross-range error by azimuth", "ft", "4,660", "range dtheta", flat, *on_flat),
+        Number("(a) flat", "cross-range error by azimuth", "ft", "4,660", "range Δθ", flat, *on_flat),
+        Number("summary, flat", "cross-range error by azimuth", "ft", "4,660", "range Δθ", flat, *on_flat),
         Number("(a) spherical", "angle flown", "rad", "1.28", "range / R", angle),
         Number("(a) spherical", "angle flown", "deg", "73.3", "range / R", angle / DEGREE,
                remark="1.28 rad, rounded, is 73.3 deg"),
-        Number("(a) spherical", "its sine", "1", "0.957", "sin phi", float(np.sin(angle))),
-        Number("(a) spherical", "cross-range error by azimuth", "miles", "0.662", "R sin phi dtheta", curved / MILE,
+        Number("(a) spherical", "its sine", "1", "0.957", "sin φ", float(np.sin(angle))),
+        Number("(a) spherical", "cross-range error by azimuth", "miles", "0.662", "R sin φ Δθ", curved / MILE,
                None, None, (on_round[2] or 0.0) * FOOT / MILE),
-        Number("(a) spherical", "cross-range error by azimuth", "ft", "3,500", "R sin phi dtheta", curved / FOOT,
+        Number("(a) spherical", "cross-range error by azimuth", "ft", "3,500", "R sin φ Δθ", curved / FOOT,
                *on_round),
-        Number("summary, spherical", "cross-range error by azimuth", "ft", "3,500", "R sin phi dtheta", curved / FOOT,
+        Number("summary, spherical", "cross-range error by azimuth", "ft", "3,500", "R sin φ Δθ", curved / FOOT,
                *on_round),
     ]  # fmt: skip
 
@@ -263,15 +263,15 @@ def velocity_numbers() -> list[Number]:
     quarter = _runs(Error.RANGE_RATE, QUARTER, FOOT)
     end = schuler.velocity_spherical(VELOCITY, 2.0 * np.pi / PERIOD, TIME) / FOOT
     return [
-        Number("(b) flat", "range error", "ft", "10,120", "dV t", flat, *on_flat),
-        Number("(b) flat", "cross-range error", "ft", "10,120", "dV t", flat,
+        Number("(b) flat", "range error", "ft", "10,120", "ΔV t", flat, *on_flat),
+        Number("(b) flat", "cross-range error", "ft", "10,120", "ΔV t", flat,
                *_runs(Error.CROSS_RANGE_RATE, TIME, FOOT, FLAT, CROSS)),
-        Number("summary, flat", "range error by launch velocity", "ft", "10,120", "dV t", flat, *on_flat),
-        Number("(b) spherical", "largest range error", "ft", "805", "dV / w", most, *quarter),
-        Number("(b) spherical", "range error at 10,120 s", "ft", "0", "(dV / w) sin wt", end,
+        Number("summary, flat", "range error by launch velocity", "ft", "10,120", "ΔV t", flat, *on_flat),
+        Number("(b) spherical", "largest range error", "ft", "805", "ΔV / ω", most, *quarter),
+        Number("(b) spherical", "range error at 10,120 s", "ft", "0", "(ΔV / ω) sin ωt", end,
                *_runs(Error.RANGE_RATE, TIME, FOOT)),
-        Number("summary, spherical", "largest range error by launch velocity", "ft", "805", "dV / w", most, *quarter,
-               remark="the number is right; the formula beside it, dV sin wt, lacks the factor 1 / w"),
+        Number("summary, spherical", "largest range error by launch velocity", "ft", "805", "ΔV / ω", most, *quarter,
+               remark="the number is right; the formula beside it, ΔV sin ωt, lacks the factor 1 / ω"),
     ]  # fmt: skip
 
 
@@ -293,7 +293,7 @@ def bias_numbers() -> list[Number]:
         Number("(c) spherical", "largest range error", "miles", "0.792", "2 k R", most / MILE,
                *_runs(Error.BIAS_X, HALF, MILE)),
         Number("(c) spherical", "largest range error", "ft", "4,170", "2 k R", most / FOOT, *half, remark=rounded),
-        Number("(c) spherical", "range error at 10,120 s", "ft", "0", "k R (1 - cos wt)", end,
+        Number("(c) spherical", "range error at 10,120 s", "ft", "0", "k R (1 − cos ωt)", end,
                *_runs(Error.BIAS_X, TIME, FOOT)),
         Number("summary, spherical", "largest range error by accelerometer", "ft", "4,170", "2 k R", most / FOOT, *half,
                remark=rounded),
@@ -305,21 +305,21 @@ def drift_numbers() -> list[Number]:
     flat = schuler.drift_flat(DRIFT, GRAVITY, TIME) / FOOT
     end = schuler.drift_spherical(DRIFT, RADIUS, 2.0 * np.pi / PERIOD, TIME)
     on_flat, on_round = _runs(Error.GYRO_DRIFT, TIME, FOOT, FLAT), _runs(Error.GYRO_DRIFT, TIME, FOOT)
-    cause = f"the factor 1/6 is missing: drift g t³ is {6.0 * flat:,.0f} ft"
+    cause = f"the factor 1/6 is missing: ε g t³ is {6.0 * flat:,.0f} ft"
     return [
-        Number("(d) flat", "range error", "ft", "1.62e6", "drift g t³ / 6", flat, *on_flat, remark=cause, wrong=True),
-        Number("(d) flat", "cross-range error", "ft", "1.62e6", "drift g t³ / 6", flat,
+        Number("(d) flat", "range error", "ft", "1.62e6", "ε g t³ / 6", flat, *on_flat, remark=cause, wrong=True),
+        Number("(d) flat", "cross-range error", "ft", "1.62e6", "ε g t³ / 6", flat,
                *_runs(Error.ROLL_DRIFT, TIME, FOOT, FLAT, CROSS), remark=cause, wrong=True),
-        Number("summary, flat", "range error by gyro drift", "ft", "1.62e6", "drift g t³ / 6", flat, *on_flat,
+        Number("summary, flat", "range error by gyro drift", "ft", "1.62e6", "ε g t³ / 6", flat, *on_flat,
                remark=cause, wrong=True),
-        Number("(d) spherical", "range error", "miles", "1.94", "R drift t", end / MILE,
+        Number("(d) spherical", "range error", "miles", "1.94", "R ε t", end / MILE,
                *_runs(Error.GYRO_DRIFT, TIME, MILE)),
-        Number("(d) spherical", "range error", "ft", "10,250", "R drift t", end / FOOT, *on_round),
-        Number("summary, spherical", "range error by gyro drift", "ft", "10,250", "R drift t", end / FOOT, *on_round),
-        Number("(d) spherical", "what the pendulum reduces it by", "1", "100", "flat / spherical", flat * FOOT / end,
-               remark="\"more than 100\" is 1.62e6 / 10,250, and follows from the missing 1/6; it is 26", wrong=True),
-        Number("(d) spherical", "largest platform angle", "deg", "0.028", "drift t", DRIFT * TIME / DEGREE),
-        Number("(d) spherical", "largest platform angle", "arcmin", "1.68", "drift t", 60.0 * DRIFT * TIME / DEGREE,
+        Number("(d) spherical", "range error", "ft", "10,250", "R ε t", end / FOOT, *on_round),
+        Number("summary, spherical", "range error by gyro drift", "ft", "10,250", "R ε t", end / FOOT, *on_round),
+        Number("(d) spherical", "reduction by the pendulum", "1", "100", "flat / spherical", flat * FOOT / end,
+               remark="“more than 100” is 1.62·10⁶ / 10,250, and follows from the missing 1/6; it is 26", wrong=True),
+        Number("(d) spherical", "largest platform angle", "deg", "0.028", "ε t", DRIFT * TIME / DEGREE),
+        Number("(d) spherical", "largest platform angle", "arcmin", "1.68", "ε t", 60.0 * DRIFT * TIME / DEGREE,
                remark="0.028 deg, rounded, are 1.68 minutes of arc"),
     ]  # fmt: skip
 
@@ -336,14 +336,14 @@ def story_numbers() -> list[Number]:
         Number("briefing", "largest error for 1e-4 g", "ft", "4000", "2 k R, R = 4000 miles",
                2.0 * RATIO * 4000.0 * 5280.0),
         Number("briefing", "drift of wartime gyros", "deg/h", "12", "3 deg in 15 min", 3.0 / 0.25),
-        Number("briefing", "error for 0.01 deg/h after 84 min", "miles", "1", "R drift t, R = 4000 miles", by_drift),
-        Number("briefing", "period of the pendulum", "min", "84.4", "2 pi sqrt(R / g)", period / MINUTE, None, still,
+        Number("briefing", "error for 0.01 deg/h after 84 min", "miles", "1", "R ε t, R = 4000 miles", by_drift),
+        Number("briefing", "period of the pendulum", "min", "84.4", "2π √(R / g)", period / MINUTE, None, still,
                moving, remark="at half a mile per second it is longer by V² / (2 g r)"),
-        Number("Problem 2", "period of the pendulum", "s", "5060", "2 pi sqrt(R / g)", period, None, still * MINUTE,
+        Number("Problem 2", "period of the pendulum", "s", "5060", "2π √(R / g)", period, None, still * MINUTE,
                moving * MINUTE, remark="84.4 min are 5,064 s; the document rounds them to 5,060"),
         Number("Problem 3", "flying time", "s", "10,120", "2 T", 2.0 * period, remark="twice 5,060 s"),
         Number("Problem 3", "speed", "miles/s", "0.5", "distance / time", SPEED / MILE),
-        Number("footnote a", "period of a climb at 9 g", "min", "28", "T / sqrt(9)",
+        Number("footnote a", "period of a climb at 9 g", "min", "28", "T / √9",
                schuler.schuler_period(RADIUS, 9.0 * GRAVITY) / MINUTE, None, climb,
                remark="simulated: the period at the start of the climb; it increases as the vehicle rises"),
     ]  # fmt: skip
@@ -358,15 +358,15 @@ def hover_numbers() -> list[Number]:
     nonlinear = simulated(hovering(PERIOD), Error.BIAS_Z, HEIGHT, -bias) / MILE
     sinh = 0.5 * RATIO * 3960.0 * np.sinh(np.sqrt(2.0) * 2.0 * np.pi)
     remark = (
-        f"the printed solution has sinh instead of cosh - 1, so that it does not start at rest; this alone gives "
-        f"{sinh:.1f}, and with R = 4,000 miles, as in the briefing, {sinh * 4000.0 / 3960.0:.0f}. The equation above "
-        "has -k g_0, but the text says that the vehicle accelerates upwards. In the simulation gravity decreases with "
+        f"the printed solution has sinh instead of cosh − 1, so that it does not start at rest. This alone gives "
+        f"{sinh:.1f}; R = 4,000 miles, as in the briefing, gives {sinh * 4000.0 / 3960.0:.0f}. The equation above "
+        "has −k g₀, but the text says that the vehicle accelerates upwards. In the simulation gravity decreases with "
         "the square of the radius, so that the vehicle rises less"
     )
     return [
         Number("Problem 4", "loss of gravity at a height of 2 miles, 1 part in", "1", "1000", "R / 2 h",
                4000.0 / 4.0),
-        Number("Problem 4", "height after 84 min with 1e-4 g", "miles", "724", "(k R / 2) (cosh(sqrt(2) w t) - 1)",
+        Number("Problem 4", "height after 84 min with 1e-4 g", "miles", "724", "(k R / 2) (cosh(√2 ωt) − 1)",
                closed, by_linear, nonlinear, remark=remark, wrong=True),
     ]  # fmt: skip
 

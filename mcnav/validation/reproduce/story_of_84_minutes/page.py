@@ -15,15 +15,15 @@ from markupsafe import Markup
 from mcnav.files.whole import write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import Beside, Heading, MarkKey, Note, Page, Part, Section, Sentence
-from mcnav.report.document.table import CODE, Cell, Column, Table, counts_in_words
+from mcnav.report.document.table import Cell, Column, Table, counts_in_words
 from mcnav.report.format import number
-from mcnav.validation.reproduce.findings import Finding, finding_table
+from mcnav.validation.reproduce.findings import Finding, finding_table, verdicts_in_words
 from mcnav.validation.reproduce.story_of_84_minutes import curves as story_curves
 from mcnav.validation.reproduce.story_of_84_minutes import figures as drawn
 from mcnav.validation.reproduce.story_of_84_minutes.altimeter import HEIGHTS, altimeters
-from mcnav.validation.reproduce.story_of_84_minutes.claims import claims
+from mcnav.validation.reproduce.story_of_84_minutes.claims import answer, claims
 from mcnav.validation.reproduce.story_of_84_minutes.detuned import detuned_curves, detuning
-from mcnav.validation.reproduce.story_of_84_minutes.numbers import Number, Standing, all_numbers
+from mcnav.validation.reproduce.story_of_84_minutes.numbers import SLIDE_RULE, Number, Standing, all_numbers
 from mcnav.validation.reproduce.story_of_84_minutes.reduction import (
     MINUTES,
     Printed,
@@ -52,18 +52,22 @@ def table(numbers: Sequence[Number]) -> pd.DataFrame:
 
 
 COMPARED: Final = Markup(
-    "Each number is compared with its closed form, and with linear (variational) analysis and nonlinear simulation of "
-    "a navigator at rest, as in the document. It is also compared with the simulation of the missile cruising at "
-    "2,640 ft/s. The simulation contains no pendulum equation: it integrates the motion that the instruments "
-    "indicate. For the flat earth the radius is multiplied by 10<sup>10</sup>. W. Bollay, <em>A Critical Meeting on "
-    "the Development of Inertial Navigation</em>, Stanford 1966."
+    "W. Bollay, <em>A Critical Meeting on the Development of Inertial Navigation</em>, Stanford 1966. Each number "
+    "stands beside its closed form, linear analysis and a nonlinear simulation of a navigator at rest, as in the "
+    "document. The missile cruising at 2,640 ft/s is simulated as well. The simulation contains no pendulum equation: "
+    "it integrates the motion that the instruments indicate."
+)
+
+TOLERANCE: Final = Markup(
+    "Tolerance: half a unit of the last printed digit, or for a slide rule {} % of the number. For the flat earth the "
+    "radius is multiplied by 10<sup>10</sup>."
 )
 
 TILT: Final = Markup(
-    'The statement that the error due to a tilt about the track is "exactly similar" to that about the cross axis '
-    "holds only at rest. A tilt keeps its direction in inertial space, so that it becomes an azimuth error as the "
-    "missile moves around the earth (last figure of Problems 1 to 3). The period depends on g across the track and on "
-    "g<sub>eff</sub> along it: simulated {} min across, where 2π√(r/g) is {} min, and {} min along."
+    "A tilt about the track is “exactly similar” to a tilt about the cross axis only at rest. It keeps its direction "
+    "in inertial space, so that it becomes an azimuth error as the missile moves around the earth. The period depends "
+    "on g across the track and on g<sub>eff</sub> along it. Simulated: {} min across, where 2π√(r/g) is {} min, and {} "
+    "min along."
 )
 
 CRUISING: Final = Markup(
@@ -73,23 +77,23 @@ CRUISING: Final = Markup(
 """Notes on the numbers."""
 
 REDUCED: Final = (
-    "Flat-earth error at the end of the flight over the largest error so far on a spherical earth, by error source. "
-    "All together are the root sum of squares of the errors along the track. Times are those of a boost, of ten "
-    "minutes, and of quarters of the period up to two periods."
+    "Error on a flat earth at the end of the flight, divided by the largest error so far on a spherical earth. All "
+    "together: root sum of squares of the errors along the track. The last row is the flight of the document, the "
+    "first one a boost."
 )
 
 SUMMARIZED: Final = "The document's own summary at 169 min: ratios of its printed numbers, and the correct ones."
 
 DETUNED: Final = (
-    "Largest error at rest and error of the cruising missile at the end, with the accelerometer error of 1e-4 g, where "
-    "the platform is cranked by a wrong gear ratio. Simulated, and by the closed form."
+    "A wrong gear ratio cranks the platform too far. Errors with an accelerometer error of 10⁻⁴ g: the largest at "
+    "rest, and that of the cruising missile at the end."
 )
 
 ALTIMETERS: Final = (
-    "The altimeter's largest sigma with which one sigma of height stays below a limit, once the filter is settled, by "
-    "the interval of its readings; and from the start, while a Kalman filter learns an accelerometer bias of 1e-4 g. "
-    "Beside it, what an altimeter of 100 m leaves. Not simulated: closed form and covariance recursion. "
-    "Campaign 38_hover_with_an_altimeter simulates one reading a minute."
+    "How large an altimeter's sigma may be to hold the height to a limit (one sigma): once the filter is settled, and "
+    "from the start. From the start, a Kalman filter must first learn an accelerometer bias of 10⁻⁴ g. The last three "
+    "columns are the height errors that an altimeter of 100 m leaves. Closed form and covariance recursion; campaign "
+    "38_hover_with_an_altimeter simulates one reading a minute."
 )
 """Captions of tables."""
 
@@ -144,8 +148,7 @@ def _number_table(numbers: Sequence[Number]) -> Table[Number]:
         Column("Simulated at rest", lambda each: _text(each.flown, each)),
         Column("Simulated cruising", lambda each: _text(each.cruising, each)),
     ]
-    caption = "Printed, by the formula of the document, by linear analysis, and simulated."
-    return Table(caption, columns, numbers, style="marked")
+    return Table("", columns, numbers, style="marked")
 
 
 def _reduction_tables(frame: pd.DataFrame) -> list[Part]:
@@ -153,10 +156,10 @@ def _reduction_tables(frame: pd.DataFrame) -> list[Part]:
     rows = [at_minutes(frame, minutes) for minutes in MINUTES]
     columns = [
         Column("Flight time", lambda row: f"{row.iloc[0]:.0f}", unit="min", kind="label"),
-        *(_three_digits(name, name.removesuffix(" [1]")) for name in frame.columns[1:]),
+        *(_three_digits(name, name.removesuffix(" [1]").capitalize()) for name in frame.columns[1:]),
     ]
     by_source: list[Column[Printed]] = [
-        Column("Error source", lambda row: row.source, kind="label"),
+        Column("Error source", lambda row: row.source.capitalize(), kind="label"),
         Column("Flat, printed", lambda row: f"{row.flat:,.0f}", unit="ft"),
         Column("Spherical, printed", lambda row: f"{row.spherical:,.0f}", unit="ft"),
         Column("Ratio, printed", lambda row: f"{row.ratio:.3g}"),
@@ -187,7 +190,10 @@ def _detuning_table(frame: pd.DataFrame) -> Table[pd.Series]:
     """Tabulate what wrong gear ratios do."""
     columns = [
         Column("Gear ratio wrong by", lambda row: f"{row.iloc[0]:g}", unit="%", kind="label"),
-        *(_three_digits(name, name.partition(" [")[0], name.partition(" [")[2][:-1]) for name in frame.columns[1:]),
+        *(
+            _three_digits(name, name.partition(" [")[0].capitalize(), name.partition(" [")[2][:-1])
+            for name in frame.columns[1:]
+        ),
     ]
     return Table(DETUNED, columns, [row for _, row in frame.iterrows()])
 
@@ -197,9 +203,9 @@ def _altimeter_table(frame: pd.DataFrame) -> Table[pd.Series]:
     names = {
         **{f"altimeter to hold {height:g} m, settled [m]": f"Sigma to hold {height:,.0f} m" for height in HEIGHTS},
         "altimeter to hold 100 m, from the start [m]": "Sigma to hold 100 m from the start",
-        "100 m altimeter, largest [m]": "Sigma of 100 m: largest error",
-        "100 m altimeter, before the last reading [m]": "Error before a reading",
-        "100 m altimeter, after the last reading [m]": "Error after it",
+        "100 m altimeter, largest [m]": "Largest height error",
+        "100 m altimeter, before the last reading [m]": "Before a reading",
+        "100 m altimeter, after the last reading [m]": "After a reading",
     }
     columns = [
         Column("A reading every", lambda row: f"{row.iloc[0]:g}", unit="s", kind="label"),
@@ -218,14 +224,15 @@ def _page(numbers: Sequence[Number], tables: Mapping[str, pd.DataFrame], said: S
     key = MarkKey([(kind, PHRASES[standing]) for standing, kind in KINDS.items()])
     errors = [drawn.error(name, tables["curves.csv"]) for name in drawn.TITLES]
     correction = Note(CRUISING.format(f"{100.0 * periods['V^2 / g r'][1]:.2f}"))
-    files = Markup("{}.").format(Markup(", ").join(CODE(name) for name in tables))
+    files = Markup("{}.").format(Markup(", ").join(Markup('<a href="{0}">{0}</a>').format(name) for name in tables))
     sections = [
         Section("claims", "Claims of the document", [finding_table(said, "Claim")]),
         Section("reduction", "Is it 1/100?", _reduction_tables(tables["reduction.csv"])),
         Section("detuned", "A wrong gear ratio",
                 [_detuning_table(tables["detuning.csv"]), drawn.detuned(tables["detuned.csv"])]),
         Section("misprints", "Misprints", [_misprint_table(numbers), Note(tilt)]),
-        Section("numbers", "All numbers", [key, _number_table(numbers), correction]),
+        Section("numbers", "All numbers",
+                [Note(TOLERANCE.format(f"{100.0 * SLIDE_RULE:g}")), key, _number_table(numbers), correction]),
         Section("problems", "Problems 1 to 3", [part for each in errors for part in (Heading(each.title), each)]),
         Section("period", "Period", [Beside([drawn.periods(periods), drawn.climb(climb)])]),
         Section("hover", "Problem 4: hovering",
@@ -233,8 +240,9 @@ def _page(numbers: Sequence[Number], tables: Mapping[str, pd.DataFrame], said: S
         Section("altimeter", "Problem 4: hovering with an altimeter", [_altimeter_table(tables["altimeter.csv"])]),
         Section("tables", "Tables", [Sentence(files)]),
     ]  # fmt: skip
-    intro = Markup("{} printed numbers: {}").format(len(numbers), counts_in_words(counts))
-    return Page(TITLE, "Printed and recomputed numbers", TITLE, [Sentence(intro), Note(COMPARED)], sections)
+    counted_numbers = Markup("{} printed numbers: {}").format(len(numbers), counts_in_words(counts))
+    head = [Sentence(answer(tables["reduction.csv"])), Sentence(verdicts_in_words(said)), Sentence(counted_numbers)]
+    return Page(TITLE, "Printed and recomputed numbers", TITLE, [*head, Note(COMPARED)], sections)
 
 
 def write(folder: Path) -> list[Path]:

@@ -231,8 +231,8 @@ def figure_10(frame: pd.DataFrame) -> Figure:
     return Figure(
         name="tn-10",
         title="Partial derivatives of the perigee radius in r, r′ and θ′",
-        description="Partial derivatives of the perigee radius in r, r′ and θ′ by closed form and by flights without "
-        "atmosphere, and those of the final altitude of trajectory 4, against time.",
+        description="Partial derivatives of the perigee radius in r, r′ and θ′ against time: by closed form, and by "
+        "flights without atmosphere. Beside them those of the final altitude of trajectory 4.",
         panels=[panel(words, title) for words, title in columns.items()],
         key=list(ways.values()),
         columns=dict(frame.items()),
@@ -365,8 +365,8 @@ def figure_14(frame: pd.DataFrame) -> Figure:
     return Figure(
         name="tn-14",
         title="Start or update in three dimensions",
-        description="Sigma of final altitude, range and crossrange in three dimensions, against the start of "
-        "navigation, and against the time of the only update of a navigator that runs from the first point.",
+        description="Sigma of final altitude, range and crossrange in three dimensions. Left: against the start of "
+        "navigation. Right: against the time of the only update of a navigator that runs from the first point.",
         panels=[
             panel("start", "navigation starts", "start of navigation"),
             panel("update", "navigation is updated once", "update"),
@@ -374,8 +374,7 @@ def figure_14(frame: pd.DataFrame) -> Figure:
         key=(*shown.values(), *sampled.values()),
         columns=dict(frame.items()),
         caption="Not in the report: trajectory 4 in three dimensions. Updates by tracking and a star tracker are as "
-        "accurate as the report's initial conditions and alignment; the filter goes on with what it has learnt of the "
-        "instruments.",
+        "accurate as the report's initial conditions and alignment. The filter also learns the instrument errors.",
         file="figure_14.csv",
     )
 
@@ -406,8 +405,8 @@ def figure_15(frame: pd.DataFrame) -> Figure:
     return Figure(
         name="tn-15",
         title="Start of navigation in the closed loop",
-        description="Sigma of the landing point of trajectory 2 against the start of navigation, with the lift law fed "
-        "by the navigator, and of the final navigation errors.",
+        description="Sigma of the landing point of trajectory 2 and of the final navigation errors, against the start "
+        "of navigation. The navigator feeds the lift law.",
         panels=[
             panel("landing point", {(curve, "landing point"): series for curve, series in landing.items()}),
             panel("navigation errors", {(known, name): series for name, series in errors.items()}),

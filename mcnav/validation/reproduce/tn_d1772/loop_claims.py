@@ -43,7 +43,7 @@ def _find(compared: Sequence[LoopComparison], case: str, result: str, fed: str =
 
 def _both(each: LoopComparison) -> str:
     """Write the linear number of a comparison, and that of samples with its interval, km."""
-    return f"{each.linear:.1f} km (samples {each.simulated:.1f}, {each.low:.1f} to {each.high:.1f})"
+    return f"{each.linear:.1f} km (samples {each.simulated:.1f}, {each.low:.1f}–{each.high:.1f})"
 
 
 def landing_point(compared: Sequence[LoopComparison]) -> Finding:
@@ -56,13 +56,13 @@ def landing_point(compared: Sequence[LoopComparison]) -> Finding:
     by_each = ", ".join(f"{name.replace('_', ' ')} {abs(effect):.0f} km" for name, effect in largest)
     return Finding(
         "A vehicle is to reach a particular landing site; its lift law is fed with the altitude rate.",
-        "Fed with the true altitude rate, as in the report, navigation errors move the vehicle by "
-        f"{unmoved.linear:.0f} km. Fed with the indicated one, they move the landing point of trajectory {GUIDED} by "
-        f"{_both(landing)}. That is {landing.linear / position.linear:.1f} times the navigation error of range, which "
-        f"is that of the report to first order, {_both(position)}: not where the vehicle believes to be, but how fast "
-        f"it believes to sink, makes the lift wrong. The largest causes are {by_each}; the final altitude-rate error "
-        f"and the landing point of the samples have a correlation of {landing.correlation:.2f}. Density wrong by 5 %, "
-        f"drag and L/D by 3 % move it by {_both(air)}, whoever feeds the law.",
+        "Fed with the true altitude rate, as in the report, navigation errors move the landing point by "
+        f"{unmoved.linear:.0f} km. Fed with the indicated rate, they move it on trajectory {GUIDED} by "
+        f"{_both(landing)}. The navigation error of range stays as in the report to first order, {_both(position)}. "
+        f"The landing point moves {landing.linear / position.linear:.1f} times as far, because the indicated altitude "
+        f"rate, not the position, makes the lift wrong. The largest sources are {by_each}. The landing point of the "
+        f"samples has a correlation of {landing.correlation:.2f} with the final altitude-rate error. A density wrong "
+        f"by 5 %, with drag and L/D wrong by 3 %, moves it by {_both(air)}, whoever feeds the law.",
         "in part",
     )
 
@@ -78,12 +78,11 @@ def start_in_the_loop(compared: Sequence[LoopComparison], curves: pd.DataFrame) 
     )
     return Finding(
         "For altitude, navigation is best started between 20 and 30 minutes before reentry.",
-        f"For the landing point as well: of the starts up to −10 min that at {best[TIME]:.0f} min moves it the least, "
-        f"{best[LANDING]:.1f} km; at −24 min it is {_both(sampled)}, from −30 to −20 min at most "
-        f"{100.0 * (advised.max() / best[LANDING] - 1.0):.0f} % more, and {_both(first)} with a start at the first "
-        f"point. A start shortly before the atmosphere is as bad as the report says: {worst[LANDING]:.1f} km at "
-        f"{worst[TIME]:.0f} min. A start at reentry itself is better than all, {_both(last)}: what is known then has "
-        "no time to grow.",
+        f"For the landing point as well. Of the starts up to −10 min the best is at {best[TIME]:.0f} min, with "
+        f"{best[LANDING]:.1f} km. At −24 min it is {_both(sampled)}. From −30 to −20 min it is at most "
+        f"{100.0 * (advised.max() / best[LANDING] - 1.0):.0f} % more. With a start at the first point it is "
+        f"{_both(first)}. A start just before the atmosphere is bad, as the report says: {worst[LANDING]:.1f} km at "
+        f"{worst[TIME]:.0f} min. A start at reentry is best, {_both(last)}: errors have no time to grow.",
         "in part",
     )
 
@@ -91,7 +90,7 @@ def start_in_the_loop(compared: Sequence[LoopComparison], curves: pd.DataFrame) 
 def accelerometers_off_in_the_loop(compared: Sequence[LoopComparison]) -> Finding:
     """Compare accelerometers on and off above the atmosphere."""
     on, off = causes(), causes(off=True)
-    words = [f"that of bias {axis} from {abs(on[f'bias_{axis}']):.1f} to {abs(off[f'bias_{axis}']):.1f} km"
+    words = [f"bias {axis} from {abs(on[f'bias_{axis}']):.1f} to {abs(off[f'bias_{axis}']):.1f} km"
              for axis in ("x", "z")]  # fmt: skip
     pairs = [
         (_find(compared, f"start at {minutes} min", "landing point"),
@@ -101,9 +100,10 @@ def accelerometers_off_in_the_loop(compared: Sequence[LoopComparison]) -> Findin
     (first, first_off), (late, late_off) = pairs
     return Finding(
         "Taking the accelerometers' outputs as zero above the atmosphere greatly reduces the errors due to their bias.",
-        f"The effect on the landing point falls: {' and '.join(words)}. That of gyro drift stays, "
-        f"{abs(off['gyro_drift']):.0f} km, so that all errors together move it by {_both(first_off)} instead of "
-        f"{first.linear:.1f} km; with a start at −24 min it is {_both(late_off)} instead of {late.linear:.1f} km.",
+        f"The effects of the biases on the landing point fall: {' and '.join(words)}. Gyro drift still moves it by "
+        f"{abs(off['gyro_drift']):.0f} km. All errors together move it by {_both(first_off)} instead of "
+        f"{first.linear:.1f} km. With a start at −24 min they move it by {_both(late_off)} instead of "
+        f"{late.linear:.1f} km.",
         "holds",
     )
 
@@ -121,14 +121,13 @@ def linear_in_the_loop(compared: Sequence[LoopComparison]) -> Finding:
     skips = " and ".join(f"{linear_sigma(number):,.0f} km on trajectory {number}" for number in SKIPPING)
     return Finding(
         "For realistic errors and reentry conditions a linear error analysis will usually be valid.",
-        "In the closed loop the samples' root mean squares depart from those of their linear outcomes by up to "
-        f"{100 * departures['landing point']:.1f} % in the landing point, {100 * departures['altitude error']:.1f} % "
-        f"in the altitude error and {100 * departures['range error']:.1f} % in the range error, where they depart by "
-        f"{100 * unguided:.2f} % with the law fed by the truth; with a start at −24 min by "
-        f"{100 * abs(advised.departure):.2f} % in the landing point. {inside} of {len(within)} intervals of "
-        f"{100 * CONFIDENCE:g} % from {SAMPLES:,} samples contain the linear sigma. Trajectories that leave the "
-        f"atmosphere again have no linear model with this law: their landing points would move by {skips}, more than "
-        "once around the earth.",
+        "In the closed loop linear analysis is less accurate. The samples' root mean squares depart from linear by up "
+        f"to {100 * departures['landing point']:.1f} % in the landing point, {100 * departures['altitude error']:.1f} "
+        f"% in altitude and {100 * departures['range error']:.1f} % in range. With the law fed by the truth they "
+        f"depart by {100 * unguided:.2f} %. With a start at −24 min the landing point departs by "
+        f"{100 * abs(advised.departure):.2f} %. {inside} of {len(within)} intervals of {100 * CONFIDENCE:g} % from "
+        f"{SAMPLES:,} samples contain the linear sigma. Trajectories that leave the atmosphere again have no linear "
+        f"model with this law. Their landing points would move by {skips}.",
         "in part",
     )
 
@@ -142,13 +141,12 @@ def landing_site(compared: Sequence[LoopComparison]) -> Finding:
     (_, some, all_of_them), (_, tenth, whole) = map(misses, SHARES), SHARES
     return Finding(
         "A vehicle is to reach a particular landing site, also if it leaves the atmosphere on its way.",
-        f"By a law that follows the nominal flight, with L/D up to {SITE_LIMIT:g}, trajectory {SITE} does, if its "
-        f"navigator is good. With {100 * SHARES[0]:.0f} % of the report's errors and a start at {SITE_START:g} min the "
-        f"landing point moves by {_both(landing)}, and the navigation errors are {_both(altitude)} of altitude and "
-        f"{_both(position)} of range. With {100 * tenth:.0f} % of them half of the samples land within "
-        f"{some.median:.1f} km and nine in ten within {some.ninth:.1f} km, where the linear sigma is "
-        f"{some.linear:.1f} km; with {100 * whole:.0f} % the linear sigma would be {all_of_them.linear:.0f} km, but "
-        f"half of the samples miss by more than {all_of_them.median:,.0f} km: a linear model exists, and means "
-        "nothing.",
+        f"Trajectory {SITE} does if its navigator is good, with a law that follows the nominal flight and L/D up to "
+        f"{SITE_LIMIT:g}. With {100 * SHARES[0]:.0f} % of the report's errors and a start at {SITE_START:g} min, the "
+        f"landing point moves by {_both(landing)}. The navigation errors are {_both(altitude)} of altitude and "
+        f"{_both(position)} of range. With {100 * tenth:.0f} % of the errors half of the samples land within "
+        f"{some.median:.1f} km and nine in ten within {some.ninth:.1f} km. The linear sigma is {some.linear:.1f} km. "
+        f"With {100 * whole:.0f} % of the errors half of the samples miss by more than {all_of_them.median:,.0f} km. "
+        f"The linear sigma, {all_of_them.linear:.0f} km, then means nothing.",
         "in part",
     )

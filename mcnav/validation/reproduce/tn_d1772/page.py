@@ -16,11 +16,11 @@ from markupsafe import Markup
 from mcnav.files.whole import write_texts
 from mcnav.report.document import table as shown
 from mcnav.report.document.html import page_html
-from mcnav.report.document.parts import MarkKey, Note, Page, Part, Section, Sentence, joined
+from mcnav.report.document.parts import Fold, MarkKey, Note, Page, Part, Section, Sentence
 from mcnav.report.document.table import Column, Table, counts_in_words
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.format import number
-from mcnav.validation.reproduce.findings import Finding, finding_table
+from mcnav.validation.reproduce.findings import Finding, finding_table, verdicts_in_words
 from mcnav.validation.reproduce.tn_d1772 import curves as computed
 from mcnav.validation.reproduce.tn_d1772 import figures as drawn
 from mcnav.validation.reproduce.tn_d1772.claims import claims, settled
@@ -65,32 +65,31 @@ CAPTIONS: Final = {
     "III": "The absolute sums of Table II, altitude and range.",
     "IV(c)": "A hundred times the errors: far from linear, and still the same by both engines.",
     "V(a)": "Navigation from 3.58 min before reentry, in the axes of the first start.",
-    "V(b)": "Navigation from 3.58 min before reentry, in axes aligned there. The parts differ in runs 7 to 10 because "
-    "the axes do, by 89 degrees, and not because partial derivatives were inaccurate, as the report has it.",
+    "V(b)": "Navigation from 3.58 min before reentry, in axes aligned there. Runs 7 to 10 differ from part (a) because "
+    "the axes do, by 89 degrees.",
     "VI": "Accelerometer outputs taken as zero above 121.92 km.",
 }
 
 REPORT: Final = Markup(
     "<em>Study of Inertial Navigation Errors During Reentry to the Earth's Atmosphere</em>, Q. M. Hansen, J. S. White "
-    "and A. Y. K. Pang, 1963, recomputed from its equations. Of {} printed numbers {}"
+    "and A. Y. K. Pang, 1963, recomputed from its equations."
 )
 
 COMPARED: Final = (
-    "Final errors in km by the planar navigator and by the one in three dimensions: linear, and of samples with an "
-    "interval of 99.9 % confidence; errors of single sources have none. The departure is that of the samples' root "
-    "mean square from that of their linear outcomes, which have the same errors. With an update the filter states a "
-    "sigma of its own, and the planar navigator starts at that time."
+    "Final errors in km by the planar navigator and by the one in three dimensions. Samples have an interval of 99.9 % "
+    "confidence, errors of single sources none. The departure compares root mean squares: of the samples, and of the "
+    "linear outcomes of the same errors. With an update, the planar navigator starts at that time."
 )
 
 LOOPED: Final = (
-    "Dispersion in km with the lift law fed by the true altitude rate and by the indicated one: linear, and of samples "
-    "with an interval of 99.9 % confidence. The departure is that of the samples' root mean square from that of their "
-    "linear outcomes, which have the same errors; the correlation is with the final altitude-rate error."
+    "Dispersion in km, with the lift law fed by the true altitude rate and by the indicated one. Samples have an "
+    "interval of 99.9 % confidence. The departure compares root mean squares: of the samples, and of the linear "
+    "outcomes of the same errors. The correlation is with the final altitude-rate error."
 )
 
 STARTED: Final = (
     "The report looks for the best start on trajectory 4 alone, by the sum of absolute final altitude errors. Here are "
-    "all seven trajectories with its ten errors, starts up to reentry, two measures and two sets of coordinates."
+    "all seven trajectories with its ten errors, for starts up to reentry."
 )
 
 BEST: Final = "Best start up to reentry, and the altitude error there, by measure and coordinates."
@@ -127,6 +126,9 @@ FIGURES: Final[Mapping[str, tuple[Callable[[], pd.DataFrame], Callable[[pd.DataF
 }
 """Data and drawing of each figure."""
 
+BEYOND: Final = ("13", "14", "15", "16")
+"""Figures that the report does not have; they stand with what they show."""
+
 
 def table(cells: Sequence[Cell]) -> pd.DataFrame:
     """Tabulate the cells, a row for each printed number."""
@@ -159,38 +161,50 @@ def render(
     decided: Sequence[Finding], spatial: Sequence[Finding], compared: Sequence[Comparison], looped: Sequence[Finding],
     loops: Sequence[LoopComparison], started: Sequence[Advice],
 ) -> str:  # fmt: skip
-    """Render the page; figures by number; chapters beyond the report and the best starts last."""
-    counted = Counter(cell.mark for cell in cells)
-    counts = counts_in_words([(PHRASES[mark], counted[mark]) for mark in Mark if counted[mark]])
-    reversed_signs = Markup(" ").join(filter(None, (counts, _wrong_signs(cells))))
-    intro = Sentence(REPORT.format(f"{len(cells):,}", reversed_signs))
+    """Render the page; figures by number. Figures and tables of the report are folded, what was found stands open."""
+    notable = [cell for cell in cells if cell.mark in (Mark.INCONSISTENT, Mark.DIFFERS)]
     sections = [
         Section("claims", "Claims of the report", [finding_table(said, "Claim")]),
         Section("start", "When to start", _start_parts(started, figures["16"])),
+        Section("switching", "Where to switch the accelerometers off", [figures["13"]]),
         Section("three-dimensions", "In three dimensions",
-                [finding_table(spatial, "Claim"), _comparison_table(compared)]),
-        Section("closed-loop", "In the closed loop", [finding_table(looped, "Claim"), _loop_table(loops)]),
+                [finding_table(spatial, "Claim"), figures["14"], _comparison_table(compared)]),
+        Section("closed-loop", "In the closed loop",
+                [finding_table(looped, "Claim"), figures["15"], _loop_table(loops)]),
         Section("settled", "Open questions settled for the reproduction",
                 [finding_table(decided, "Statement in the report"), Note(ATMOSPHERE)]),
+        Section("numbers", "Numbers that do not agree", [_notable_table(notable)]),
+        Section("corrections", "Corrections of the transcription", [_correction_table()]),
     ]  # fmt: skip
-    if notable := [cell for cell in cells if cell.mark in (Mark.INCONSISTENT, Mark.DIFFERS)]:
-        sections.append(Section("numbers", "Numbers that do not agree", [_notable_table(notable)]))
-    sections.append(Section("corrections", "Corrections of the transcription", [_correction_table()]))
-    for name, figure in figures.items():
-        if name == "16":
-            continue  # it stands in "When to start"
-        sections.append(Section(f"figure-{name}", f"Figure {name}: {figure.title}", [figure]))
-    for place, (name, members) in enumerate(groupby(cells, key=lambda cell: cell.table)):
-        key = MarkKey([(mark.name.lower(), phrase) for mark, phrase in PHRASES.items()])
-        parts = joined(Note(IN_CELLS) if place == 0 else None, key, _cell_table(name, list(members)))
-        sections.append(Section(f"Table {name}".replace(" ", "-"), f"Table {name}", parts))
-    return page_html(Page(title, "Printed and recomputed numbers", title, [intro], sections))
+    drawn_again = [
+        Section(f"figure-{name}", f"Figure {name}: {figure.title}", [figure])
+        for name, figure in figures.items()
+        if name not in BEYOND
+    ]
+    tables = [
+        Section(f"Table-{name}", f"Table {name}", [_cell_table(name, list(members))])
+        for name, members in groupby(cells, key=lambda cell: cell.table)
+    ]
+    key = MarkKey([(mark.name.lower(), phrase) for mark, phrase in PHRASES.items()])
+    folds = [
+        Fold("tables", "Tables I to VI", "every printed number above the computed one", [Note(IN_CELLS), key], tables),
+        Fold("figures", "Figures 1 to 12", "drawn again from the report's equations", [], drawn_again),
+    ]
+    head = [Sentence(verdicts_in_words(said)), Sentence(_counts(cells)), Note(REPORT)]
+    return page_html(Page(title, "Printed and recomputed numbers", title, head, sections, folds=folds, short=True))
 
 
-def _wrong_signs(cells: Sequence[Cell]) -> str:
-    """Say how many of the smallest numbers have the wrong sign."""
+def _counts(cells: Sequence[Cell]) -> str:
+    """Count the printed numbers by how they agree, and the smallest ones with the wrong sign."""
+    counted = Counter(cell.mark for cell in cells)
+    agreeing, others = (
+        counts_in_words([(PHRASES[mark], counted[mark]) for mark in marks if counted[mark]])
+        for marks in ((Mark.DIGITS, Mark.TOLERANCE), (Mark.INCONSISTENT, Mark.DIFFERS))
+    )
+    small = counts_in_words([(PHRASES[Mark.SMALL], counted[Mark.SMALL])])
     reversed_signs = sum(cell.wrong_sign for cell in cells if cell.mark == Mark.SMALL)
-    return f"Of the smallest numbers {reversed_signs} have the opposite sign." if reversed_signs else ""
+    signs = f"Of these {reversed_signs} have the opposite sign. " if reversed_signs else ""
+    return Markup("{:,} printed numbers: {} {} {}{}").format(len(cells), agreeing, small, signs, others)
 
 
 def _start_parts(started: Sequence[Advice], figure: Figure) -> list[Part]:
@@ -266,7 +280,7 @@ def _notable_table(cells: Sequence[Cell]) -> Table[Cell]:
         Column("Column", lambda cell: shown.Cell(cell.column, cell.unit), kind="label"),
         Column("Printed", _printed),
         Column("Computed", _computed),
-        Column("Cause", lambda cell: cell.reason, kind="words"),
+        Column("Cause", lambda cell: cell.reason.replace(" -", " −"), kind="words"),
     ]
     caption = "Printed numbers that the report itself contradicts, and those that differ from the computed ones."
     return Table(caption, columns, cells)
@@ -290,7 +304,7 @@ def _cell_table(name: str, cells: Sequence[Cell]) -> Table[tuple[str, Sequence[C
         Column("Row", lambda row: row[0], kind="label"), *map(number_in, range(len(rows[0][1]))),
     ]  # fmt: skip
     caption = " ".join(filter(None, (CAPTIONS.get(name), tolerance_in_words(name), _between_engines(cells))))
-    return Table(f"Table {name}, printed and computed. {caption}", columns, rows, style="marked")
+    return Table(caption, columns, rows, style="marked")
 
 
 def chapter(compared: Sequence[Comparison]) -> str:

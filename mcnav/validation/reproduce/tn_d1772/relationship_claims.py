@@ -14,7 +14,6 @@ import numpy as np
 from mcnav.arrays.types import Array
 from mcnav.physics.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 from mcnav.systems.reentry.instruments import Error
-from mcnav.systems.reentry.outputs import DEVIATIONS
 from mcnav.systems.reentry.table_i import ALL_ERRORS, ERRORS, TABLE_I
 from mcnav.validation.reproduce.findings import Finding
 from mcnav.validation.reproduce.tn_d1772.printed import NAMES
@@ -28,9 +27,10 @@ from mcnav.validation.reproduce.tn_d1772.starting import (
     Starts,
     combine,
     starts,
+    sum_at,
     time_in_words,
 )
-from mcnav.validation.reproduce.tn_d1772.tables import linear_model, propagator, table_i_scenario
+from mcnav.validation.reproduce.tn_d1772.tables import in_words, linear_model, propagator, table_i_scenario
 
 EXAMPLE: Final = 4
 EQUIPMENT: Final = (Error.GYRO_DRIFT, Error.BIAS_X, Error.BIAS_Z)
@@ -39,13 +39,22 @@ EQUIPMENT: Final = (Error.GYRO_DRIFT, Error.BIAS_X, Error.BIAS_Z)
 QUIET: Final = 30.0
 """Minutes over which the report sees small errors."""
 
+SHORTLY: Final = 3.0
+"""Seconds before reentry at which the sums are stated as well: they still fall."""
+
+JUST_BEFORE: Final = 10.0
+"""Minutes before reentry that still count as just before it."""
+
 
 def relationship_claims() -> list[Finding]:
     """Examine the report's general conclusions."""
     return [
         any_realistic_trajectory(),
         what_predominates_everywhere(),
+        superposition(),
         ten_times_everywhere(),
+        hundred_times(),
+        same_order_of_magnitude(),
         worst_on_every_trajectory(),
         other_coordinates(),
         shrinking_altitude_error(),
@@ -57,15 +66,9 @@ def relationship_claims() -> list[Finding]:
     ]
 
 
-def _listed(items: Sequence[object]) -> str:
-    """Join items with commas and ``and``."""
-    words = [str(item) for item in items]
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
-
-
 def _ahead(minutes: Sequence[float]) -> str:
     """List start times as minutes before reentry."""
-    return f"{_listed([f'{abs(start):g}' for start in minutes])} min before reentry"
+    return f"{in_words([f'{abs(start):g}' for start in minutes])} min before reentry"
 
 
 def _best(computed: Starts, curve: Array) -> float:
@@ -79,15 +82,20 @@ def any_realistic_trajectory() -> Finding:
     at_reentry = [number for number in TABLE_I if best[number] == 0.0 and number != EXAMPLE]
     earlier = [number for number in TABLE_I if best[number] < ADVISED[0]]
     within = [number for number in TABLE_I if ADVISED[0] <= best[number] <= ADVISED[1]]
-    pairs = [f"{curves[number][-1]:.1f} km ({curves[number][starts(number).at(-22.0)]:.1f})" for number in at_reentry]
+    sums = {
+        "then": [f"{curves[number][-1]:.1f}" for number in at_reentry],
+        "early": [f"{curves[number][starts(number).at(-22.0)]:.1f}" for number in at_reentry],
+        "just before": [f"{sum_at(number, -SHORTLY):.1f}" for number in at_reentry],
+    }
     return Finding(
         "These error relationships should also exist for any realistic reentry trajectory: start 20 to 30 minutes "
         "before reentry.",
-        f"Trajectories {_listed(at_reentry)} are best started at reentry: the sum of absolute altitude errors is then "
-        f"{_listed(pairs)}; in brackets, with a start at −22 min. Trajectory {_listed(within)} is best started "
-        f"{_ahead([best[number] for number in within])}, trajectories {_listed(earlier)} "
-        f"{_ahead([best[number] for number in earlier])}. On trajectory {EXAMPLE}, a start at reentry "
-        f"({curves[EXAMPLE][-1]:.1f} km) is no worse than one at −22 min "
+        f"Trajectories {in_words(at_reentry)} are best started at reentry. The sum of absolute altitude errors is then "
+        f"{in_words(sums['then'])} km, and with a start at −22 min {in_words(sums['early'])} km. It still falls in the "
+        f"last seconds: {SHORTLY:g} s before reentry it is {in_words(sums['just before'])} km. Trajectory "
+        f"{in_words(within)} is best started {_ahead([best[number] for number in within])}, trajectories "
+        f"{in_words(earlier)} {_ahead([best[number] for number in earlier])}. On trajectory {EXAMPLE}, a start at "
+        f"reentry ({curves[EXAMPLE][-1]:.1f} km) is no worse than one at −22 min "
         f"({curves[EXAMPLE][starts(EXAMPLE).at(-22.0)]:.1f} km).",
         "does not hold",
     )
@@ -110,22 +118,23 @@ def what_predominates_everywhere() -> Finding:
     )
 
 
+def _departures(number: int, multiple: float) -> Array:
+    """Return the largest departures of runs with a multiple of one error, % of the largest effect, shape (4,)."""
+    scenario, runs = table_i_scenario(number), multiple * np.diag(ERRORS)
+    effects = runs @ linear_model(scenario).partials.T
+    flown = propagator(scenario, "ensemble", runs)(runs).values
+    return np.asarray(100.0 * np.abs(flown - effects).max(axis=0) / np.abs(effects).max(axis=0))
+
+
 def ten_times_everywhere() -> Finding:
     """Fly ten times each error alone on every trajectory, and compare with the linear effects."""
-    largest = np.zeros((len(TABLE_I), len(NAMES)))
-    for place, number in enumerate(TABLE_I):
-        scenario = table_i_scenario(number)
-        runs = 10.0 * np.diag(ERRORS)
-        flown = propagator(scenario, "ensemble", runs)(runs).values
-        effects = runs @ linear_model(scenario).partials.T
-        departures = np.abs(flown - effects).max(axis=0) / np.abs(effects).max(axis=0)
-        largest[place] = 100.0 * departures
+    largest = np.array([_departures(number, 10.0) for number in TABLE_I])
     worst = ", ".join(f"{name} {share:.2g} %" for name, share in zip(NAMES, largest.max(axis=0), strict=True))
     example = ", ".join(f"{name} {share:.2g} %" for name, share in zip(NAMES, largest[EXAMPLE - 1], strict=True))
     return Finding(
         "With ten times the errors a linear analysis is still approximately right, on any of the seven trajectories.",
-        f"The largest departure of a run with ten times one error, as a share of the largest effect, is on trajectory "
-        f"{EXAMPLE}: {example}. On the worst of the seven: {worst}.",
+        f"With ten times one error, trajectory {EXAMPLE} departs by at most: {example}. On the worst of the seven: "
+        f"{worst}. Shares are of the largest effect of the ten errors.",
         "holds" if largest.max() < 10.0 else "in part",
     )
 
@@ -140,11 +149,11 @@ def worst_on_every_trajectory() -> Finding:
         for coordinates in COORDINATES
     }
     polar, converted = (_ahead(worst[coordinates]) for coordinates in COORDINATES)
+    early = [number for number, minutes in zip(TABLE_I, worst[COORDINATES[0]], strict=True) if minutes < -JUST_BEFORE]
     return Finding(
         "The worst possible time to start with an altitude error only is just before the atmosphere is reached.",
-        f"Of starts up to reentry, the worst on trajectories 1 to 7 are {polar}. On trajectories 1 and 2 that is not "
-        "just before the atmosphere. With speed and flight-path angle kept in place of the rates they are "
-        f"{converted}.",
+        f"Of starts up to reentry, the worst on trajectories 1 to 7 are {polar}. On trajectories {in_words(early)} "
+        f"that is not just before the atmosphere. With speed and flight-path angle kept they are {converted}.",
         "in part",
     )
 
@@ -156,11 +165,11 @@ def other_coordinates() -> Finding:
     best = [_best(shown, shown.curve(coordinates, MEASURES[1])) for coordinates in COORDINATES]
     return Finding(
         "Different coordinates give the same results, since errors that are uncorrelated in one set are correlated in "
-        "the other; no one knows what the correlation will be.",
-        "The transformation is right, and the answer depends on what is uncorrelated. An altitude error of 5 km at "
-        f"reentry on trajectory {EXAMPLE} ends at {polar:.1f} km with the polar rates kept, and at {converted:.1f} km "
-        "with speed and flight-path angle kept. Independent errors are then best started "
-        f"{time_in_words(best[0])} and {time_in_words(best[1])}. Ask the source of the initial conditions for its "
+        "the other. No one knows what the correlation will be.",
+        "The transformation is right, but the answer depends on which errors are uncorrelated. An altitude error of 5 "
+        f"km at reentry on trajectory {EXAMPLE} ends at {polar:.1f} km if the polar rates are kept. It ends at "
+        f"{converted:.1f} km if speed and flight-path angle are kept. The best starts for independent errors are "
+        f"{time_in_words(best[0])} and {time_in_words(best[1])}. Whoever gives the initial conditions must give their "
         "covariance matrix.",
         "in part",
     )
@@ -175,7 +184,7 @@ def _scaled(shares: Callable[[Starts], Array]) -> tuple[list[float], list[str]]:
         effects[:, :INITIAL] *= shares(computed)
         curve = combine(effects, MEASURES[0])
         best.append(_best(computed, curve))
-        words.append(f"{curve.min():.1f} km ({curve[computed.at(-22.0)]:.1f})")
+        words.append(f"{curve.min():.1f} km, and {curve[computed.at(-22.0)]:.1f} km with a start at −22 min")
     return best, words
 
 
@@ -188,11 +197,10 @@ def shrinking_altitude_error() -> Finding:
 
     best, words = _scaled(shares)
     return Finding(
-        "If the altitude error is several times smaller near reentry than an hour before, final errors are reduced by "
-        "starting less than 20 minutes before reentry.",
-        f"With an altitude error that falls linearly from 5 km to {5.0 * SHRUNK:.1f} km, the best starts of "
-        f"trajectories 1 to 7 are {_ahead(best)}. On trajectory {EXAMPLE} the sum of altitude errors is "
-        f"{words[EXAMPLE - 1]}; in brackets, with a start at −22 min.",
+        "If the altitude error is several times smaller near reentry than an hour before, starting less than 20 "
+        "minutes before reentry reduces final errors.",
+        f"Let the altitude error fall linearly from 5 km to {5.0 * SHRUNK:.1f} km. The best starts of trajectories 1 "
+        f"to 7 are then {_ahead(best)}. On trajectory {EXAMPLE} the sum of altitude errors is {words[EXAMPLE - 1]}.",
         "holds" if max(-minutes for minutes in best) < 20.0 else "in part",
     )
 
@@ -202,10 +210,9 @@ def radio_tracking() -> Finding:
     best, words = _scaled(lambda computed: np.full((len(computed.minutes), INITIAL), TRACKED))
     return Finding(
         "Errors of radio tracking are roughly an order of magnitude smaller than the initial errors assumed.",
-        "This is a statement about tracking, which cannot be recomputed. Its consequence can: with a tenth of the "
-        f"initial errors the best starts of trajectories 1 to 7 are {_ahead(best)}. The sum of altitude errors of "
-        f"trajectory {EXAMPLE} is {words[EXAMPLE - 1]}; in brackets, with a start at −22 min. The advice to start "
-        "early rests on the 5 km.",
+        "A statement about tracking cannot be recomputed; a tenth of the initial errors can. The best starts of "
+        f"trajectories 1 to 7 are then {_ahead(best)}. On trajectory {EXAMPLE} the sum of altitude errors is "
+        f"{words[EXAMPLE - 1]}. The advice to start early rests on the 5 km.",
         "not tested",
     )
 
@@ -213,18 +220,21 @@ def radio_tracking() -> Finding:
 def altitude_most_significant() -> Finding:
     """Compare the effects of the four initial errors on every output of every trajectory."""
     effects = np.array([np.abs(linear_model(table_i_scenario(n)).partials * ERRORS)[:, :INITIAL] for n in TABLE_I])
-    exceptions = [
-        f"{DEVIATIONS[output].name.replace('_', ' ')} of trajectory {number} ({NAMES[int(sizes.argmax())]})"
-        for number, rows in zip(TABLE_I, effects, strict=True)
-        for output, sizes in enumerate(rows)
-        if sizes.argmax() != Error.ALTITUDE
-    ]
+    exceptions: dict[tuple[str, str], list[int]] = {}
+    for number, rows in zip(TABLE_I, effects, strict=True):
+        for output, sizes in enumerate(rows):
+            if sizes.argmax() != Error.ALTITUDE:
+                larger = NAMES[output], NAMES[int(sizes.argmax())]
+                exceptions.setdefault(larger, []).append(number)
     share = float((effects[:, :3, 0] / effects[:, :3].sum(axis=2)).min())
-    others = f"Another one is larger in: {'; '.join(exceptions)}." if exceptions else "In range rate it is as well."
+    others = " ".join(
+        f"In {output} on trajectories {in_words(numbers)} the initial {larger} error has a larger effect."
+        for (output, larger), numbers in exceptions.items()
+    )
     return Finding(
         "Initial altitude error is the most significant initial condition error.",
         "In final altitude, range and altitude rate it is on all seven trajectories, with at least "
-        f"{100 * share:.0f} % of the sum of the four effects. {others}",
+        f"{100 * share:.0f} % of the sum of the four effects. {others}".strip(),
         "in part" if exceptions else "holds",
     )
 
@@ -236,8 +246,8 @@ def equipment_most_significant() -> Finding:
     number, output = np.unravel_index(int(chief.argmin()), chief.shape)
     return Finding(
         "Accelerometer bias and gyro drift are the most significant equipment errors.",
-        f"Together they make {100 * chief.min():.0f} % or more of the sum of the six equipment effects, in every "
-        f"output of every trajectory; the least is in {NAMES[int(output)]} on trajectory {number + 1}.",
+        f"They make {100 * chief.min():.0f} % or more of the sum of the six equipment effects, in every output of "
+        f"every trajectory. The least is in {NAMES[int(output)]} on trajectory {number + 1}.",
         "holds" if chief.min() > 0.5 else "in part",
     )
 
@@ -269,10 +279,10 @@ def unstable_below_circular_speed() -> Finding:
         spent.append(float(below.mean() * (times[-1] - times[0]) / 60.0))
     return Finding(
         "Below circular velocity the altitude error becomes unstable.",
-        "True, and circular velocity is the limit exactly. In level flight the navigator's altitude error has a "
-        "growing solution at every lower speed, and at circular speed and above it none. It grows e-fold in "
+        "True, and circular velocity is the limit exactly. In level flight the navigator's altitude error grows at "
+        "every lower speed, and at circular speed and above it does not. It grows e-fold in "
         f"{minutes[0]:.1f} min at rest and in {minutes[1]:.0f} min at 90 % of circular speed. The seven trajectories "
-        f"spend {', '.join(f'{time:.0f}' for time in spent)} min below circular speed; the longest ones therefore "
+        f"spend {in_words([f'{time:.0f}' for time in spent])} min below circular speed. The longest ones therefore "
         "suffer most.",
         "holds",
     )
@@ -287,8 +297,55 @@ def first_thirty_minutes() -> Finding:
     return Finding(
         "Errors change slowly and remain small for the first 30 minutes, and then change more rapidly.",
         f"After 30 minutes on trajectory {EXAMPLE}, with all errors at once, altitude is wrong by "
-        f"{earlier[0] / 1e3:.1f} km and range by {earlier[1] / 1e3:.1f} km; at the end by {later[0] / 1e3:.1f} and "
-        f"{later[1] / 1e3:.1f} km. Altitude rate goes from {earlier[2]:.1f} to {later[2]:.1f} m/s, range rate from "
-        f"{earlier[3]:.1f} to {later[3]:.1f} m/s.",
+        f"{earlier[0] / 1e3:.1f} km and range by {earlier[1] / 1e3:.1f} km. At the end they are wrong by "
+        f"{later[0] / 1e3:.1f} and {later[1] / 1e3:.1f} km. Altitude rate goes from {earlier[2]:.1f} to "
+        f"{later[2]:.1f} m/s, range rate from {earlier[3]:.1f} to {later[3]:.1f} m/s.",
         "holds",
+    )
+
+
+def superposition() -> Finding:
+    """Compare the sum of ten runs with the run that has all errors, and negated errors with their negatives."""
+    apart, negated = np.zeros((2, len(TABLE_I), len(NAMES)))
+    for place, number in enumerate(TABLE_I):
+        runs = np.vstack([np.diag(ERRORS), ERRORS])
+        propagate = propagator(table_i_scenario(number), "ensemble", runs)
+        flown, reversed_runs = propagate(runs).values, propagate(-runs).values
+        largest = np.abs(flown[:-1]).max(axis=0)
+        apart[place] = 100.0 * np.abs(flown[:-1].sum(axis=0) - flown[-1]) / largest
+        negated[place] = 100.0 * np.abs(flown + reversed_runs).max(axis=0) / largest
+    sums, signs = (
+        ", ".join(f"{name} {share:.2g} %" for name, share in zip(NAMES, shares.max(axis=0), strict=True))
+        for shares in (apart, negated)
+    )
+    return Finding(
+        "Final errors can be added up: run 11 is the sum of runs 1 to 10, and negative errors give the negatives.",
+        f"On the worst of the seven trajectories the sum departs from run 11 by: {sums}. Negated errors depart from "
+        f"the negatives by: {signs}. Shares are of the largest effect of the ten errors.",
+        "holds" if max(apart.max(), negated.max()) < 5.0 else "in part",
+    )
+
+
+def hundred_times() -> Finding:
+    """Fly a hundred times each error alone on trajectory 4, and compare with the linear effects."""
+    departures = ", ".join(
+        f"{name} {share:.0f} %" for name, share in zip(NAMES, _departures(EXAMPLE, 100.0), strict=True)
+    )
+    return Finding(
+        "With a hundred times the errors a linear analysis is no longer valid.",
+        f"With a hundred times one error, trajectory {EXAMPLE} departs by up to: {departures}. Shares are of the "
+        "largest effect of the ten errors.",
+        "holds",
+    )
+
+
+def same_order_of_magnitude() -> Finding:
+    """Compare the sums of Table III with those of trajectory 4."""
+    sums = np.array([np.abs(linear_model(table_i_scenario(n)).partials * ERRORS)[:2].sum(axis=1) for n in TABLE_I])
+    altitude, distance = (sums / sums[EXAMPLE - 1]).T
+    return Finding(
+        f"Errors of trajectory {EXAMPLE} are of the order of magnitude of those of any other reasonable trajectory.",
+        f"The sums of absolute errors are {altitude.min():.1f} to {altitude.max():.1f} times as large in altitude, and "
+        f"{distance.min():.1f} to {distance.max():.1f} times in range.",
+        "holds" if max(sums.max(axis=0) / sums[EXAMPLE - 1]) < 10.0 else "in part",
     )

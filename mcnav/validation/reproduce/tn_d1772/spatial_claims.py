@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
+from mcnav.report.format import number
 from mcnav.systems.reentry.table_i import TABLE_I
 from mcnav.validation.reproduce.findings import Finding
 from mcnav.validation.reproduce.tn_d1772.in_three_dimensions import (
@@ -58,16 +59,14 @@ def start_in_three_dimensions(compared: Sequence[Comparison], curves: pd.DataFra
     first, last = (_find(compared, "start", f"start at {minutes}", "crossrange") for minutes in ("-63.5", "0.0"))
     return Finding(
         "For altitude, navigation is best started between 20 and 30 minutes before reentry.",
-        f"In three dimensions as in the plane: at {len(planar) // 2} starts linear sigmas of altitude and range differ "
-        f"by at most {apart:.0e} from those of the planar navigator, and those of the same {SAMPLES:,} samples by at "
-        f"most {sampled:.0e}; {within} of {len(flown)} intervals of {100 * CONFIDENCE:g} % contain the linear sigma. "
-        f"From those of their linear outcomes the samples' depart by at most {100 * departure:.2f} %, here and in all "
-        "cases below. "
-        f"The sum of absolute altitude errors is least at {summed[TIME]:.0f} min, their dispersion at "
-        f"{best['altitude'][TIME]:.0f} min. Crossrange does not change this: its dispersion falls from {_both(first)} "
-        f"with a start at the first point to {_both(last)} with one at reentry, and the root sum square of altitude, "
-        f"range and crossrange, {best['position']['position [km]']:.1f} km, is least at {best['position'][TIME]:.0f} "
-        "min.",
+        "In three dimensions as in the plane. The sum of absolute altitude errors is least at "
+        f"{summed[TIME]:.0f} min, their dispersion at {best['altitude'][TIME]:.0f} min. Crossrange does not change "
+        f"this. It is {_both(first)} with a start at the first point, and {_both(last)} with one at reentry. The "
+        f"root sum square of altitude, range and crossrange is least at {best['position'][TIME]:.0f} min, with "
+        f"{best['position']['position [km]']:.1f} km. Both navigators agree at {len(planar) // 2} starts: linear "
+        f"sigmas within {number(apart, 1)}, those of the same {SAMPLES:,} samples within {number(sampled, 1)}. "
+        f"{within} of {len(flown)} intervals of {100 * CONFIDENCE:g} % contain the linear sigma. The samples' root "
+        f"mean squares depart from linear by at most {100 * departure:.2f} %, here and in all cases below.",
         "in part",
     )
 
@@ -84,16 +83,15 @@ def update_in_mid_course(compared: Sequence[Comparison], curves: pd.DataFrame) -
     flown = [each for each in compared if each.part == "update"]
     within = sum(each.low <= each.linear <= each.high for each in flown)
     return Finding(
-        "The start is the time at which the system is updated for the last time, best between 20 and 30 minutes before "
-        "reentry.",
-        "A navigator that runs from the first point with a filter, and is updated once by tracking and a star tracker "
-        "as accurate as the report's initial conditions and alignment, is not one that starts then: the update "
-        "calibrates gyros and accelerometers as well. Updated at −30 min it leaves an altitude error of "
-        f"{_both(at_30)}, where the start leaves {at_30.planar:.1f} km, and of crossrange {_both(across)}. The best "
-        f"update comes later, at {best[TIME]:.0f} min with {best['altitude [km]']:.1f} km; at −10 min {_both(at_10)} "
-        f"are left, where the start leaves {at_10.planar:.1f} km. Without the star tracker an update at −30 min leaves "
-        f"{_both(no_stars)}. The filter states the linear sigmas to {own:.0e}; {within} of {len(flown)} intervals of "
-        f"{UPDATED_SAMPLES} samples contain them.",
+        "The start is the time of the last update, best between 20 and 30 minutes before reentry.",
+        "An update is better than a start, because it also calibrates gyros and accelerometers. The navigator runs "
+        "from the first point with a filter. Tracking and a star tracker update it once, as accurately as the report's "
+        f"initial conditions and alignment. At −30 min the update leaves an altitude error of {_both(at_30)}, where "
+        f"the start leaves {at_30.planar:.1f} km. The crossrange error is then {_both(across)}. At −10 min it leaves "
+        f"{_both(at_10)}, where the start leaves {at_10.planar:.1f} km. The best update comes at {best[TIME]:.0f} min, "
+        f"with {best['altitude [km]']:.1f} km. Without the star tracker, an update at −30 min leaves "
+        f"{_both(no_stars)}. The filter sigmas are the linear ones to {number(own, 1)}. {within} of {len(flown)} "
+        f"intervals of {UPDATED_SAMPLES} samples contain them.",
         "does not hold",
     )
 
@@ -104,27 +102,27 @@ def accelerometers_off_in_three_dimensions(compared: Sequence[Comparison]) -> Fi
     for axis in ("x", "z"):
         on, off = (_find(compared, "switching", f"bias {axis} alone, accelerometers {state}", "altitude")
                    for state in ("on", "off"))  # fmt: skip
-        words.append(f"{abs(on.linear):.2f} km of final altitude by bias {axis} become {abs(off.linear):.2f} km")
+        words.append(f"bias {axis} from {abs(on.linear):.2f} to {abs(off.linear):.2f} km")
     sigmas = []
     for result in ("altitude", "range", "crossrange"):
         on, off = (
             _find(compared, "switching", f"all errors, accelerometers {state}", result) for state in ("on", "off")
         )
-        sigmas.append(f"{result} from {_both(on)} to {_both(off)}")
+        sigmas.append(f"{result.capitalize()}: {_both(on)} become {_both(off)}.")
     flown = [each for each in compared if each.part == "switching" and np.isfinite(each.planar)]
     apart = max(abs(each.linear - each.planar) for each in flown)
     return Finding(
         "Taking the accelerometers' outputs as zero above the atmosphere greatly reduces the errors due to their bias.",
-        f"{words[0]}, {words[1]}. The dispersion of all errors changes in {', '.join(sigmas)}: across the plane the "
-        "gyros are what counts, which go on drifting. The planar navigator, which also misses the drag above 121.92 "
-        f"km, has the same linear numbers to {1e3 * apart:.1g} m.",
+        f"Final altitude errors fall by {words[0]}, by {words[1]}. By all errors: {' '.join(sigmas)} Across the plane "
+        "the gyros dominate, which go on drifting. The planar navigator also misses the drag above 121.92 km; its "
+        f"linear numbers are the same to {1e3 * apart:.1g} m.",
         "holds",
     )
 
 
 def crossrange(compared: Sequence[Comparison]) -> Finding:
     """Examine stability and independence of crossrange errors."""
-    finding = [crossing(number)[0] for number in TABLE_I]
+    finding = [crossing(trajectory)[0] for trajectory in TABLE_I]
     mixed = max(each.mixed for each in finding)
     history = crossrange_history()
     by_conditions = history["crossrange by initial conditions [km]"]
@@ -137,14 +135,13 @@ def crossrange(compared: Sequence[Comparison]) -> Finding:
     grown = max(each.by_conditions for each in finding)
     return Finding(
         "Crossrange errors are stable, and independent of altitude and downrange errors.",
-        "Independent: to first order no error acts across the plane and in it (less than "
-        f"{max(mixed, 1e-13):.0e} of the largest effect, on all seven trajectories), and correlations of {SAMPLES:,} "
-        f"samples on trajectory {EXAMPLE} are at most {seen:.2f}, also with ten times the errors, where independent "
-        f"errors stay below {bound:.2f}. Stable by initial conditions: 0.5 km in position, with the counterparts of "
-        f"the report's other errors, fall to {by_conditions.min():.2f} km and end at {own.by_conditions:.2f} km, at "
-        f"most {grown:.2f} km on the seven trajectories. Not stable by the instruments: gyro drift of 1e-6 rad/s about "
-        f"the two other axes, the report's size, makes {own.by_gyros:.1f} km of it and the bias of the third "
-        f"accelerometer {own.by_accelerometer:.1f} km, so that all errors make {_both(four)}, "
+        "Independent, yes: to first order no error acts both across the plane and in it, on any trajectory (less than "
+        f"{number(max(mixed, 1e-13), 1)} of the largest effect). Correlations of {SAMPLES:,} samples on trajectory "
+        f"{EXAMPLE} are at most {seen:.2f}, also with ten times the errors; independent errors stay below "
+        f"{bound:.2f}. Stable by initial conditions: 0.5 km in position fall to {by_conditions.min():.2f} km and end "
+        f"at {own.by_conditions:.2f} km, at most {grown:.2f} km on the seven trajectories. Not stable by the "
+        f"instruments: gyro drift of 1e-6 rad/s about the two other axes makes {own.by_gyros:.1f} km of crossrange. "
+        f"The bias of the third accelerometer makes {own.by_accelerometer:.1f} km. All errors make {_both(four)}, "
         f"{100 * four.linear / altitude.linear:.0f} % of the altitude error, and "
         f"{min(each.linear for each in finals):.0f} to {max(each.linear for each in finals):.0f} km on the seven "
         "trajectories.",

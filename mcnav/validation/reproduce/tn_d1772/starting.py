@@ -130,6 +130,16 @@ def starts(number: int) -> Starts:
     return Starts(number, minutes, partials[:, 0] * ERRORS / 1e3, converted[:, 0] * sizes / 1e3)
 
 
+def sum_at(number: int, seconds: float) -> float:
+    """Return the report's measure for a start at a time from reentry, km, in polar rates.
+
+    >>> [round(sum_at(number, -3.0), 1) for number in (1, 2, 3)]
+    [6.4, 11.2, 26.0]
+    """
+    effects = table_i_scenario(number).partials_at(np.array([seconds]), "start")[0, 0, COLUMNS] * ERRORS
+    return float(np.abs(effects).sum() / 1e3)
+
+
 def start_times() -> pd.DataFrame:
     """Tabulate final altitude by trajectory, start, coordinates and measure, km, and the altitude error's own part."""
     frames = []
@@ -178,7 +188,7 @@ def figure_16(frame: pd.DataFrame) -> Figure:
         name="tn-16",
         title="When to start: every trajectory",
         description="Final altitude error against the start of navigation for the seven trajectories, by two measures "
-        "and in two sets of coordinates; triangles point at the least.",
+        "and in two sets of coordinates. Triangles point at the least.",
         panels=[panel(int(str(number)), flight) for number, flight in frame.groupby("trajectory")],
         key=(*series.values(), least, advised),
         columns=dict(frame.items()),

@@ -88,6 +88,16 @@ class Cell:
         return float(self.printed) * self.computed < 0.0
 
 
+def in_words(items: Sequence[object]) -> str:
+    """Join items with commas and ``and``.
+
+    >>> in_words([1, 2, 3])
+    '1, 2 and 3'
+    """
+    words = [str(item) for item in items]
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
 def half_a_digit(printed: str) -> float:
     """Return half a unit of the last printed digit.
 
@@ -253,7 +263,9 @@ def tolerance_in_words(table: str) -> str:
     "Tolerance: 2.5 % of the column's largest entry, at least 0.02; for sums of n runs √n times as much."
     """
     if table == "I":
-        shares = ", ".join(f"{name} {100.0 * share:g} %" for name, share in TABLE_I_TOLERANCES.items())
+        named = {share: [name for name, own in TABLE_I_TOLERANCES.items() if own == share]
+                 for share in TABLE_I_TOLERANCES.values()}  # fmt: skip
+        shares = ", ".join(f"{in_words(names)} {100.0 * share:g} %" for share, names in named.items())
         return f"Tolerances, of the printed number: {shares}."
     if table == "III":
         return "Tolerance: that of the sums of Table II."
