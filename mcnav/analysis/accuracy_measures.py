@@ -208,7 +208,7 @@ def _read_unlimited(text: str, outputs: Sequence[Output]) -> Measure:
         known = [*names, *together]
         hint = suggestion(text, known) if call is None else suggestion(call[1], list(kinds))
         raise MeasureError(f"unknown output or measure {text!r}{hint}, or {', '.join(kinds)} of outputs")
-    kind, of = call[1], [each.strip() for each in call[2].split(",")]
+    kind, of = call[1], [piece.strip() for piece in call[2].split(",")]
     if len(of) == 1 and of[0] in together:
         picked = together[of[0]]
     else:
@@ -252,20 +252,30 @@ def usual_measures(outputs: Sequence[Output]) -> list[Measure]:
 def requirement_measures(requirements: Sequence[Requirement], outputs: Sequence[Output]) -> list[Measure]:
     """Return the measures that requirements limit, in order; a sigma ratio is none."""
     measures, sizes = list[Measure](), components_of(outputs)
-    for number, each in enumerate(requirements):
-        if each.kind == "sigma_ratio":
+    for number, requirement in enumerate(requirements):
+        if requirement.kind == "sigma_ratio":
             continue
-        name = _requirement_name(each, outputs)
+        name = _requirement_name(requirement, outputs)
         alike = [other for other in requirements if _requirement_name(other, outputs) == name]
         if len(alike) > 1:
-            name = f"{name} below {_limits(each, outputs)}"
+            name = f"{name} below {_limits(requirement, outputs)}"
         if name in [measure.name for measure in measures]:
             name = f"{name} #{number + 1}"
-        of = outputs[each.outputs[0]]
-        unit, shown_in = ("1", "%") if each.kind == BOX else (of.unit, of.shown_in)
-        members, probability = size_members(each.outputs, sizes), size_probability(each)
-        measure = Measure(name, each.kind, each.outputs, unit, shown_in, probability, each.epochs, each.limits, number)
-        measures.append(replace(measure, members=members, about=each.about))
+        of = outputs[requirement.outputs[0]]
+        unit, shown_in = ("1", "%") if requirement.kind == BOX else (of.unit, of.shown_in)
+        members, probability = size_members(requirement.outputs, sizes), size_probability(requirement)
+        measure = Measure(
+            name,
+            requirement.kind,
+            requirement.outputs,
+            unit,
+            shown_in,
+            probability,
+            requirement.epochs,
+            requirement.limits,
+            number,
+        )
+        measures.append(replace(measure, members=members, about=requirement.about))
     return measures
 
 

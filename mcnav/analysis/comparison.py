@@ -355,7 +355,7 @@ def _unpredicted(
         for i, output in enumerate(outputs)
         if sigma[i] == 0.0 and output.paired.verdict == Verdict.DIFFERS
     ]
-    together = [compare_fixed(each, sigma, moments, bias, rule) for each in fixed]
+    together = [compare_fixed(combination, sigma, moments, bias, rule) for combination in fixed]
     judged = [(each.judgement.verdict, each) for each in together if each.judgement]
     certain, open_ = (
         sorted((each for own, each in judged if own == verdict), key=lambda each: -each.sigma_paired / sigma[each.lead])

@@ -145,8 +145,8 @@ class LinearAnswer:
         return None if self.card is None else self.card(self)
 
     def __repr__(self) -> str:
-        judged = [each for each in self.requirements if each.judged]
-        met = f", {sum(each.met for each in judged)} of {len(judged)} requirements met" if judged else ""
+        judged = [requirement for requirement in self.requirements if requirement.judged]
+        met = f", {sum(judgement.met for judgement in judged)} of {len(judged)} requirements met" if judged else ""
         return f"{self.campaign}: linear covariance of {len(self.outputs)} outputs{met}"
 
     @cached_property
@@ -183,7 +183,7 @@ class LinearAnswer:
     @property
     def met(self) -> bool:
         """Return whether all requirements that linear analysis can judge are met."""
-        return all(each.met for each in self.requirements if each.judged)
+        return all(requirement.met for requirement in self.requirements if requirement.judged)
 
     @cached_property
     def beyond(self) -> BeyondRange | None:
@@ -280,8 +280,8 @@ def within_range(
         return bool((times[list(epochs)] >= beyond.time).any())
 
     nan = math.nan
-    return tuple(replace(each, value=nan, margin=nan, time=None, beyond=nan) if meaningless(each) else each
-                 for each in judged)  # fmt: skip
+    return tuple(replace(judgement, value=nan, margin=nan, time=None, beyond=nan) if meaningless(judgement) else judgement
+                 for judgement in judged)  # fmt: skip
 
 
 def judge_within_range(
@@ -334,10 +334,10 @@ def judge_linearly(
     fixed = np.zeros_like(mean) if nominal is None else nominal
     return tuple(
         or_withheld(
-            _judge, each, counted(each, mean, origin), covariance, history, sizes or {}, counted(each, fixed, origin),
-            instead=LinearRequirement(each, math.nan, math.nan),
+            _judge, requirement, counted(requirement, mean, origin), covariance, history, sizes or {}, counted(requirement, fixed, origin),
+            instead=LinearRequirement(requirement, math.nan, math.nan),
         )
-        for each in requirements
+        for requirement in requirements
     )  # fmt: skip
 
 

@@ -107,7 +107,7 @@ def compare_jointly(
     """
     moments, stored = samples.moments, samples.stored
     count, blocks, fewest = moments.samples, len(moments.counts), design.fewest_blocks
-    sample, predicted = (np.where(np.outer(judged, judged), each, 0.0) for each in moments.covariances)
+    sample, predicted = (np.where(np.outer(judged, judged), covariance, 0.0) for covariance in moments.covariances)
     paired = sample - predicted + linear
     plain = design.independent and blocks >= fewest
     counted = bool(judged.all()) or moments is stored  # a stored summary has the counts for all outputs together

@@ -56,12 +56,12 @@ def requirement_curve(requirement: Requirement, histories: ErrorHistories, confi
     epochs = drawn_epochs(requirement, len(histories.times))
     independent, remark = independent_samples(histories.blocks)
     sizes = [histories.counted_sizes(requirement, epoch) for epoch in epochs.tolist()]
-    ranked = [RankedSizes.of(each[independent]) for each in sizes]
-    bounds = [(0.0, math.inf) if remark else each.bounds(probability, confidence) for each in ranked]
+    ranked = [RankedSizes.of(size[independent]) for size in sizes]
+    bounds = [(0.0, math.inf) if remark else ranking.bounds(probability, confidence) for ranking in ranked]
     return RequirementCurve(
         times=histories.times[epochs],
         holds=np.isin(epochs, requirement.epochs),
-        estimate=np.array([each.estimate(probability) for each in ranked]),
+        estimate=np.array([ranking.estimate(probability) for ranking in ranked]),
         bounds=np.array(bounds),
         linear=_linear(requirement, histories, epochs, probability),
     )

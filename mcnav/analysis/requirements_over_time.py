@@ -88,18 +88,18 @@ def judge_over_time(requirement: Requirement, histories: ErrorHistories | None, 
     if not np.isfinite(histories.errors[independent]).any():
         remark = "every sample failed"
     sizes = [histories.counted_sizes(requirement, epoch)[independent] for epoch in epochs]
-    ranked = [RankedSizes.of(each) for each in sizes]
-    estimates = np.array([each.estimate(probability) for each in ranked])
+    ranked = [RankedSizes.of(size) for size in sizes]
+    estimates = np.array([ranking.estimate(probability) for ranking in ranked])
     worst = int(np.argmax(np.nan_to_num(estimates, nan=-1.0)))
     shared = confidence_of_each(confidence, len(epochs))
-    low = max(each.bounds(probability, shared)[0] for each in ranked)
-    high = max(each.bounds(probability, confidence)[1] for each in ranked)
+    low = max(ranking.bounds(probability, shared)[0] for ranking in ranked)
+    high = max(ranking.bounds(probability, confidence)[1] for ranking in ranked)
     interval = (0.0, math.inf) if remark else (low, high)
     finding = finding_on_size(interval, limit)
     needed = None
     count = int(np.count_nonzero(independent))
     if finding == Finding.UNDECIDED and not remark and count:
-        shares = [float(np.mean(~(each < limit))) for each in sizes], [float(np.mean(each >= limit)) for each in sizes]
+        shares = [float(np.mean(~(size < limit))) for size in sizes], [float(np.mean(size >= limit)) for size in sizes]
         reason = f"errors over time are stored of the first {histories.most:,} samples alone"
         counting = Counting(len(histories.errors), count, histories.most, reason)
         needed, remark = samples_needed(*shares, 1.0 - probability, (confidence, shared), counting)

@@ -44,11 +44,11 @@ def open_ulog(path: Path, topic: str | None, preferred: Sequence[str]) -> LogTab
     """Read a topic of a log: the one that is named, as `sensor_gyro` or `sensor_gyro.1`, or the first preferred."""
     name, _, instance = (topic or "").partition(".")
     log = _load(path, [name] if name else list(preferred) or None)
-    datasets = {(each.name, each.multi_id): each.data for each in log.data_list}
+    datasets = {(dataset.name, dataset.multi_id): dataset.data for dataset in log.data_list}
     wanted = (name, int(instance or 0) if (instance or "0").isdigit() else -1)
     if not name:
-        choices = [key for key in ((each, 0) for each in preferred) if key in datasets] or list(datasets)
-        if preferred and not any(each[0] in preferred for each in choices):
+        choices = [key for key in ((topic, 0) for topic in preferred) if key in datasets] or list(datasets)
+        if preferred and not any(choice[0] in preferred for choice in choices):
             choices = []
         if len(choices) != 1 and not (preferred and choices):
             what = f"none of {listed(preferred)}" if preferred else "several topics"
@@ -63,7 +63,7 @@ def open_ulog(path: Path, topic: str | None, preferred: Sequence[str]) -> LogTab
         columns |= _attitude(path, columns["timestamp"])
     if not len(columns["timestamp"]):
         raise LogError(path, f"has no {wanted[0]} with a position")
-    units = {each: UNITS.get(each, "") for each in columns}
+    units = {column: UNITS.get(column, "") for column in columns}
     notes = (f"topic {wanted[0]}, times since the controller started", *_dropouts(log), *notes)
     return table_of(path, columns, {**units, "timestamp": "us", "timestamp_sample": "us"}, notes)
 
@@ -84,18 +84,21 @@ def _load(path: Path, topics: list[str] | None) -> Any:
 
 def _topics(path: Path) -> str:
     """List all topics of a log."""
-    names = [each.name if not each.multi_id else f"{each.name}.{each.multi_id}" for each in _load(path, None).data_list]
+    names = [
+        dataset.name if not dataset.multi_id else f"{dataset.name}.{dataset.multi_id}"
+        for dataset in _load(path, None).data_list
+    ]
     return listed(sorted(names)) or "no topic"
 
 
 def _dropouts(log: Any) -> tuple[str, ...]:
-    lost = sum(each.duration for each in log.dropouts)
+    lost = sum(dropout.duration for dropout in log.dropouts)
     return (f"{len(log.dropouts)} dropouts of the logger, {lost / 1e3:.3g} s in all",) if log.dropouts else ()
 
 
 def _columns(data: dict[str, Values], topic: str) -> tuple[dict[str, Values], tuple[str, ...]]:
     """Return the columns of a topic; positions in deg and m, from a fix in three dimensions."""
-    columns = {PARTS.get(topic, "") + name if name in "xyz" else name: each for name, each in data.items()}
+    columns = {PARTS.get(topic, "") + name if name in "xyz" else name: column for name, column in data.items()}
     columns["timestamp"] = columns["timestamp"].astype(np.int64)
     if topic in INERTIAL:
         # the time at which samples were taken is the better one, where it is logged

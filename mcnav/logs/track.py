@@ -148,7 +148,7 @@ def read_track(
     _ask_for_angles(path, chosen, values)
     kept, further = _without_repeated(path, stamps.time, values, time_column.name)
     time = stamps.time[kept]
-    values = {key: each[kept] * _factor(path, chosen[key], key) for key, each in values.items()}
+    values = {key: value[kept] * _factor(path, chosen[key], key) for key, value in values.items()}
     _check_ranges(path, chosen, values)
     interval = interval_of(path, time, time_column.name)
     notes = (*table.notes, *notes, *told, *further, *notes_of_steps(time, interval))
@@ -215,17 +215,17 @@ def _without_repeated(
     if not np.any(np.diff(time) == 0.0):
         return np.ones(len(time), dtype=np.bool_), ()
     same = np.ones(len(time) - 1, dtype=np.bool_)
-    for each in values.values():
-        same &= np.diff(each) == 0.0
+    for value in values.values():
+        same &= np.diff(value) == 0.0
     again = repeated(path, time, same, name, "")
     return ~again, (f"{rows(int(again.sum()))} left out, the same as the one before",)
 
 
 def _refuse_missing(path: Path, chosen: Mapping[str, Column], values: Mapping[str, Array]) -> None:
-    for key, each in values.items():
-        missing = np.flatnonzero(~np.isfinite(each))
+    for key, value in values.items():
+        missing = np.flatnonzero(~np.isfinite(value))
         if len(missing):
-            more = f", like {rows(len(missing))} of {len(each):,}; leave them out" if len(missing) > 1 else ""
+            more = f", like {rows(len(missing))} of {len(value):,}; leave them out" if len(missing) > 1 else ""
             raise LogError(path, f"has no number{more}", f"row {missing[0] + 1}, {chosen[key].name}")
 
 

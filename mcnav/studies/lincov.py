@@ -246,7 +246,7 @@ def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearSystem | None]:
 def read_times(written: str) -> Array:
     """Read times separated by commas, such as ``600 s, 25 min``; `CampaignError` when one is none."""
     try:
-        return np.array([quantity(each.strip(), "s") for each in written.split(",")])
+        return np.array([quantity(piece.strip(), "s") for piece in written.split(",")])
     except UnitError as wrong:
         raise CampaignError([Problem("--at", "", str(wrong))]) from None
 
@@ -302,21 +302,21 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         "budget": _budget_rows(answer),
         "requirements": [
             {
-                "kind": each.requirement.kind,
-                "outputs": [names[number] for number in each.requirement.outputs],
-                "limits": each.requirement.limits,
-                "probability": each.requirement.probability,
-                "when": each.requirement.when,
-                **({"about": each.requirement.about} if each.requirement.about else {}),
-                "value": each.value,
-                "met": each.met if each.judged else None,
-                "margin": each.margin,
-                **({"exceedance": each.beyond} if math.isfinite(each.beyond) else {}),
-                **({"exceedance_curved": each.curved} if math.isfinite(each.curved) else {}),
-                "time": each.time,
+                "kind": requirement.requirement.kind,
+                "outputs": [names[number] for number in requirement.requirement.outputs],
+                "limits": requirement.requirement.limits,
+                "probability": requirement.requirement.probability,
+                "when": requirement.requirement.when,
+                **({"about": requirement.requirement.about} if requirement.requirement.about else {}),
+                "value": requirement.value,
+                "met": requirement.met if requirement.judged else None,
+                "margin": requirement.margin,
+                **({"exceedance": requirement.beyond} if math.isfinite(requirement.beyond) else {}),
+                **({"exceedance_curved": requirement.curved} if math.isfinite(requirement.curved) else {}),
+                "time": requirement.time,
                 "causes": [asdict(cause) for cause in answer.requirement_causes(number)],
             }
-            for number, each in enumerate(answer.requirements)
+            for number, requirement in enumerate(answer.requirements)
         ],
         **_size_rows(answer, names),
         "mean_by_cause": answer.means,

@@ -245,8 +245,8 @@ def write_recording(campaign: Campaign, index: int, interval: float, folder: Pat
     texts = {IMU: _csv(["time [s]", *(f"{a} [{u}]" for a, u in zip(axes, units, strict=True))], readings)}
     for name, measured in recording.measurements.items():
         columns, values = ["time [s]"], [measured.times[:, None]]
-        of_quantities = [(COLUMNS[quantity], each) for quantity, each in measured.values.items()]
-        of_quantities += [(SIGMAS[quantity], each) for quantity, each in measured.sigmas.items()]
+        of_quantities = [(COLUMNS[quantity], value) for quantity, value in measured.values.items()]
+        of_quantities += [(SIGMAS[quantity], sigma) for quantity, sigma in measured.sigmas.items()]
         for names, each in of_quantities:
             columns += [f"{column} [{unit}]" for column, unit in names]
             values.append(each)

@@ -312,8 +312,10 @@ def _verdicts(summary: Summary) -> Cell:
         "smoother": "" if summary.smoother is None else f"smoother {summary.smoother.verdict}",
     }
     labels = [
-        Markup('<span class="tag {}" title="{}">{}</span>').format(each.tone, each.sentence, words[each.subject])
-        for each in verdicts.statements(summary)
+        Markup('<span class="tag {}" title="{}">{}</span>').format(
+            statement.tone, statement.sentence, words[statement.subject]
+        )
+        for statement in verdicts.statements(summary)
     ]
     reason = summary.unsettled
     return Cell(Markup("<br>").join(labels), below="" if reason is None else fields.unsettled(reason))

@@ -344,11 +344,11 @@ def _instants(kind: SensorType, flight: Flight) -> dict[str, str]:
 def _states(unit: CatalogueUnit, aids: Sequence[str]) -> dict[str, str]:
     """Return what the filter estimates, and what it considers."""
     tables = unit.table
-    biases = [f"{each}_bias" for each in tables if tables[each].keys() & {"bias", INSTABILITY}]
+    biases = [f"{table}_bias" for table in tables if tables[table].keys() & {"bias", INSTABILITY}]
     of_sensors = [f"{aid.replace('-', '_')}_{error}" for aid in aids for error in SENSOR_TYPES[aid].estimated]
     some = [of_sensors[first : first + IN_A_ROW] for first in range(0, len(of_sensors), IN_A_ROW)]
     rows = [["position", "velocity", "attitude"], biases, *some]
-    considered = [f"{each}_{kind}" for each in tables for kind in CONSIDERED if kind in tables[each]]
+    considered = [f"{table}_{kind}" for table in tables for kind in CONSIDERED if kind in tables[table]]
     return {
         "ESTIMATES": "\n".join(f"    {_listed(row)}," for row in rows if row),
         "CONSIDERS": "".join(f"    {_listed([name])},\n" for name in considered),

@@ -152,7 +152,7 @@ class RequirementRow:
         runs = self.runs_to_show
         if not runs or None in runs:
             return ""
-        none, one, two = (f"{each:,}" for each in runs)
+        none, one, two = (f"{run:,}" for run in runs)
         return f"shown by {none} samples with none beyond, {one} with one, {two} with two"
 
     @property

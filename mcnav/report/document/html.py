@@ -96,7 +96,7 @@ def _environment() -> Environment:
         loader=PackageLoader("mcnav.report.document", "templates"), autoescape=True,
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, bytecode_cache=TemplateCache(__file__),
     )  # fmt: skip
-    environment.filters["kind"] = lambda part: type(part).__name__
+    environment.filters["kind"] = lambda row: type(row).__name__
     return environment
 
 

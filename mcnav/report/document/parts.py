@@ -258,7 +258,7 @@ class Page:
     @property
     def measured(self) -> bool:
         """Return whether a foremost table has numbers of which readers may choose the unit."""
-        return any(each.measured for part in self.head if isinstance(part, Answers) for each in part.tables)
+        return any(table.measured for part in self.head if isinstance(part, Answers) for table in part.tables)
 
     @property
     def all_sections(self) -> list[Section]:

@@ -57,8 +57,8 @@ def _ratios(content: RunAnalysis) -> str:
     """Say which paired intervals lie within the tolerance, across its limits, and beyond it."""
     tolerance, names = content.criterion.tolerance, content.output_names
     sides: dict[str, list[str]] = {"within": [], "across": [], "beyond": []}
-    for name, each in zip(names, content.comparison.outputs, strict=True):
-        ends = each.paired.interval
+    for name, output in zip(names, content.comparison.outputs, strict=True):
+        ends = output.paired.interval
         if ends is None or not np.isfinite(ends).all():
             continue
         low, high = (float(end) for end in ends)
@@ -116,7 +116,7 @@ def _matrices(content: RunAnalysis) -> str:
 def _budget(content: RunAnalysis) -> str:
     """Name the largest share of a contributor."""
     shares = np.nan_to_num(content.budget.attributed)
-    known = [each for each in contributors(content) if not each.other]
+    known = [contributor for contributor in contributors(content) if not contributor.other]
     if not known or not content.moving:
         return ""
     table = np.column_stack([shares[content.moving][:, each.members].sum(axis=1) for each in known])
@@ -198,7 +198,7 @@ def _quantiles(content: RunAnalysis) -> str:
     bent = [
         name
         for name, *estimates in zip(content.output_names, tests.skewness, tests.excess_kurtosis, strict=True)
-        if any(not low <= 0.0 <= high for low, high in (each.interval(confidence) for each in estimates))
+        if any(not low <= 0.0 <= high for low, high in (estimate.interval(confidence) for estimate in estimates))
     ]
     if not bent:
         return "No output has a skewness or kurtosis that its interval tells from that of a normal distribution."
@@ -244,11 +244,17 @@ def _requirements(content: RunAnalysis) -> str:
     """State the least margin of the curves where their requirements hold."""
     rows = requirement_rows(content.summary, "shown", content.time_unit)
     used: list[tuple[float, RequirementRow, float, float]] = []
-    for row, each in zip(rows, content.requirement_curves, strict=False):
-        known = None if each is None else np.where(each.holds & np.isfinite(each.estimate), each.estimate, -1.0)
-        if each is not None and known is not None and known.max(initial=-1.0) >= 0.0:
+    for row, requirement_curve in zip(rows, content.requirement_curves, strict=False):
+        known = (
+            None
+            if requirement_curve is None
+            else np.where(
+                requirement_curve.holds & np.isfinite(requirement_curve.estimate), requirement_curve.estimate, -1.0
+            )
+        )
+        if requirement_curve is not None and known is not None and known.max(initial=-1.0) >= 0.0:
             place, limit = int(np.argmax(known)), row.entry.limits[0]
-            used.append((float(known[place]) / limit, row, float(known[place]), float(each.times[place])))
+            used.append((float(known[place]) / limit, row, float(known[place]), float(requirement_curve.times[place])))
     if not used:
         return ""
     share, row, size, time = max(used, key=lambda each: each[0])
@@ -265,7 +271,9 @@ def _requirements(content: RunAnalysis) -> str:
 def _tails(content: RunAnalysis) -> str:
     """Compare the methods at the limit of the requirement whose estimate is the largest share of what it allows."""
     rows = requirement_rows(content.summary, "shown", content.time_unit)
-    drawn = [(row, each) for row, each in zip(rows, content.tail_curves, strict=False) if each is not None]
+    drawn = [
+        (row, tail_curve) for row, tail_curve in zip(rows, content.tail_curves, strict=False) if tail_curve is not None
+    ]
     if not drawn:
         return ""
 
@@ -296,17 +304,15 @@ def _dispersion(content: RunAnalysis) -> str:
     if known is None:
         return ""
     best: tuple[float, str] | None = None
-    for each in quantities(outputs):
-        if each.error is None:
+    for quantity in quantities(outputs):
+        if quantity.error is None:
             continue
-        true, error = (float(known.sigma[-1, place]) for place in (each.true, each.error))
+        true, error = (float(known.sigma[-1, place]) for place in (quantity.true, quantity.error))
         if not (true > 0.0 and error > 0.0):
             continue
-        scale, unit = content.output_scale[each.true], content.output_units[each.true]
+        scale, unit = content.output_scale[quantity.true], content.output_units[quantity.true]
         shown = [f"{rounded(value * scale)} {unit}".strip() for value in (true, error)]
-        words = (
-            f"At the end the true dispersion of {humanize(each.name)} is {shown[0]}, its navigation error {shown[1]}."
-        )
+        words = f"At the end the true dispersion of {humanize(quantity.name)} is {shown[0]}, its navigation error {shown[1]}."
         off = abs(float(np.log(true / error)))
         best = max(filter(None, (best, (off, words))), key=lambda pair: pair[0])
     return "" if best is None else best[1]

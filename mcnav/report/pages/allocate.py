@@ -103,7 +103,7 @@ def basis_words(allocation: Allocation) -> str:
     basis = allocation.basis
     if basis is None:
         return ALONE
-    names = [short_name(each, allocation.answer) for each in allocation.answer.requirements]
+    names = [short_name(requirement, allocation.answer) for requirement in allocation.answer.requirements]
     scales = [f"{name} × {number(scale, 3)}" for name, scale in zip(names, basis.scales, strict=True)
               if math.isfinite(scale)]  # fmt: skip
     return SCALED.format(samples=basis.samples, scales=", ".join(scales), confidence=100.0 * basis.confidence)
@@ -259,7 +259,7 @@ def goal_notes(goal: Goal) -> list[str]:
         notes.append(LOOKED_AT)
     if not goal.met and any(change.reached and change.factor > 1.0 for change in goal.changes):
         notes.append(GROWS)
-    if goal.met and any(math.isfinite(each.factor) and each.result.margin > ENDED for each in goal.changes):
+    if goal.met and any(math.isfinite(change.factor) and change.result.margin > ENDED for change in goal.changes):
         notes.append(ENDS)
     if goal.met and any(change.label.startswith("bias and instability") for change in goal.changes):
         notes.append(IN_RUN)
@@ -268,7 +268,7 @@ def goal_notes(goal: Goal) -> list[str]:
 
 def change_table(goal: Goal, caption: str, rows: Sequence[ChangeRow], title: str = "") -> Table[ChangeRow]:
     """Tabulate changes with which a goal is just met, or is not met."""
-    several, alone = len(goal.requirements) > 1, {each.label for each in goal.changes if len(each.paths) == 1}
+    several, alone = len(goal.requirements) > 1, {change.label for change in goal.changes if len(change.paths) == 1}
     heading = "May be" if goal.met and any(row.reached for row in rows) else "Just met with"
 
     confirmed = any(row.confirmed for row in rows)

@@ -60,7 +60,7 @@ class Links:
 def page(content: RunAnalysis, advice: Advice, links: Links) -> Page:
     """Return the brief of a run."""
     summary = content.summary
-    made = [replace(each, details=()) for each in tiles(summary, verdicts.statements(summary), (), content.time_unit)]
+    made = [replace(tile, details=()) for tile in tiles(summary, verdicts.statements(summary), (), content.time_unit)]
     drawn = figures(content)
     worst = worst_requirement(summary, content.time_unit)
     sections = [

@@ -42,8 +42,8 @@ def page(comparison: KindComparison) -> Page:
     """Return the page."""
     facts = Facts([("kinds", ", ".join(comparison.kinds)), *(
         [] if comparison.variable is None else
-        [(comparison.variable.path, ", ".join(shown(comparison.variable, each) for each in comparison.variable.values))]
-    ), ("samples", ", ".join(sorted({f"{each.summary.samples:,}" for each in comparison.results})))])  # fmt: skip
+        [(comparison.variable.path, ", ".join(shown(comparison.variable, value) for value in comparison.variable.values))]
+    ), ("samples", ", ".join(sorted({f"{result.summary.samples:,}" for result in comparison.results})))])  # fmt: skip
     parts: list[Part] = [kind_table(comparison), Note(NOTE)]
     sections = [Section("kinds", "Kinds of filters", parts)]
     if comparison.variable is not None and not comparison.variable.words:
@@ -56,15 +56,15 @@ def page(comparison: KindComparison) -> Page:
 
 def _mean_errors(comparison: KindComparison) -> list[Part]:
     """Say first in which runs mean errors exceed one sigma."""
-    said = [(each, mean_sentence(each.summary)) for each in comparison.results]
+    said = [(result, mean_sentence(result.summary)) for result in comparison.results]
     return [Sentence(f"{each.kind} ({each.folder}): {words}", "partly") for each, words in said if words]
 
 
 def _verdict(comparison: KindComparison) -> Verdict:
     """Say which kinds are consistent, or from which value on each is optimistic."""
     if comparison.variable is None:
-        words = [f"{each.kind} is {each.verdict}" for each in comparison.results]
-        tones = {TONES.get(each.verdict, "undecided") for each in comparison.results}
+        words = [f"{result.kind} is {result.verdict}" for result in comparison.results]
+        tones = {TONES.get(result.verdict, "undecided") for result in comparison.results}
         return Verdict(f"{'; '.join(words)}.", max(tones, key=WORST.index))
     words = []
     for kind, begin in comparison.optimistic_from.items():
@@ -77,21 +77,21 @@ def kind_table(comparison: KindComparison) -> Table[KindResult]:
     """Tabulate the kinds: verdict, sigma, NEES, cost."""
     variable = comparison.variable
     columns: list[Column[KindResult]] = [
-        Column("Kind", lambda each: each.kind, kind="label"),
-        Column("Verdict", lambda each: Cell(each.verdict, tone=TONES.get(each.verdict)), kind="text"),
+        Column("Kind", lambda row: row.kind, kind="label"),
+        Column("Verdict", lambda row: Cell(row.verdict, tone=TONES.get(row.verdict)), kind="text"),
         Column("True σ / filter σ", _factor, "true / own"),
-        Column("Decided by", lambda each: humanize(each.decided_by), kind="words", spare=3),
+        Column("Decided by", lambda row: humanize(row.decided_by), kind="words", spare=3),
         Column("NEES / 9 at the end", _nees, "NEES / 9"),
-        Column("Horizontal position, true DRMS (filter's)", lambda each: _sigmas(each, HORIZONTAL, 1.0),
+        Column("Horizontal position, true DRMS (filter's)", lambda row: _sigmas(row, HORIZONTAL, 1.0),
                "horizontal DRMS", unit="m"),
-        Column("Heading, true σ (filter's)", lambda each: _sigmas(each, (HEADING,), math.degrees(1.0)), "heading σ",
+        Column("Heading, true σ (filter's)", lambda row: _sigmas(row, (HEADING,), math.degrees(1.0)), "heading σ",
                unit="deg", spare=1),
-        Column("Failed", lambda each: f"{each.summary.failed:,}", spare=4),
-        Column("A sample takes", lambda each: number(each.milliseconds, 2),
+        Column("Failed", lambda row: f"{row.summary.failed:,}", spare=4),
+        Column("A sample takes", lambda row: number(row.milliseconds, 2),
                "cost", unit="ms", spare=2),
     ]  # fmt: skip
     if variable is not None:
-        columns.insert(0, Column(variable.path, lambda each: shown(variable, float(each.value or 0.0)), kind="label"))
+        columns.insert(0, Column(variable.path, lambda row: shown(variable, float(row.value or 0.0)), kind="label"))
     return Table("Kinds of filters by Monte Carlo.", columns, comparison.results)
 
 
@@ -165,7 +165,7 @@ def row(comparison: KindComparison, each: KindResult) -> Mapping[str, Any]:
 
 def frame(comparison: KindComparison) -> pd.DataFrame:
     """Tabulate the results, a row each."""
-    return pd.DataFrame([row(comparison, each) for each in comparison.results])
+    return pd.DataFrame([row(comparison, result) for result in comparison.results])
 
 
 def table(comparison: KindComparison) -> Mapping[str, Any]:
@@ -178,7 +178,7 @@ def table(comparison: KindComparison) -> Mapping[str, Any]:
         "optimistic_from": None if comparison.variable is None else dict(comparison.optimistic_from),
         "filters": [
             {name: None if isinstance(value, float) and not math.isfinite(value) else value
-             for name, value in row(comparison, each).items()}
-            for each in comparison.results
+             for name, value in row(comparison, result).items()}
+            for result in comparison.results
         ],
     }  # fmt: skip

@@ -86,7 +86,7 @@ def words(finding: Finding) -> str:
     number_ = finding.number
     text = factor_words(number_) if isinstance(number_, CauseVerdict) else offset_words(number_)
     if finding.rivals:
-        rivals = " or ".join(humanize(each) for each in finding.rivals)
+        rivals = " or ".join(humanize(rival) for rival in finding.rivals)
         text += f"; not told apart from another {rivals}"
     return text
 
@@ -103,7 +103,7 @@ def verdict(judgement: Judgement) -> Verdict:
         return Verdict(headline, "differs", (f"{_capital(compared)}.", *power(judgement)))
     first = judgement.findings[0]
     sentences = [f"{_capital(compared)}."]
-    sentences += [f"Besides, {words(each)}." for each in judgement.findings[1:]]
+    sentences += [f"Besides, {words(finding)}." for finding in judgement.findings[1:]]
     sentences.append(_left(judgement.findings[-1], len(judgement.findings), judgement.simulated))
     return Verdict(f"{_capital(words(first))}.", "differs", (*sentences, *power(judgement)))
 
@@ -135,10 +135,10 @@ def _capital(text: str) -> str:
 def power(judgement: Judgement) -> tuple[str, ...]:
     """Say what this record could have shown, a sentence for what it shows and one for what it does not."""
     shown = [
-        f"{humanize(each.name)} {each.noticed:g} times as large"
-        for each in judgement.causes if each.noticed is not None
+        f"{humanize(cause.name)} {cause.noticed:g} times as large"
+        for cause in judgement.causes if cause.noticed is not None
     ]  # fmt: skip
-    hidden = [humanize(each.name) for each in judgement.causes if each.noticed is None]
+    hidden = [humanize(cause.name) for cause in judgement.causes if cause.noticed is None]
     sentences = []
     if shown:
         sentences.append(f"Found in 9 of 10 records of this length: {', '.join(shown)}.")
@@ -165,14 +165,14 @@ def _rejected(each: SensorVerdict) -> str:
 def sensor_table(judgement: Judgement) -> Table[SensorVerdict]:
     """Tabulate the innovations of each sensor."""
     columns: list[Column[SensorVerdict]] = [
-        Column("Sensor", lambda each: humanize(each.name), "sensor", "label"),
-        Column("updates", lambda each: f"{each.updates:,}"),
+        Column("Sensor", lambda row: humanize(row.name), "sensor", "label"),
+        Column("updates", lambda row: f"{row.updates:,}"),
         Column("rejected", _rejected),
-        Column("mean NIS", lambda each: _toned(each.nis)),
-        Column("95 % of records", lambda each: _range(each.nis)),
-        Column("autocorrelation", lambda each: _toned(each.autocorrelation)),
-        Column("95 % of records", lambda each: _range(each.autocorrelation)),
-        Column("correlation length", lambda each: number(each.correlation_length.value, 2), unit="s"),
+        Column("mean NIS", lambda row: _toned(row.nis)),
+        Column("95 % of records", lambda row: _range(row.nis)),
+        Column("autocorrelation", lambda row: _toned(row.autocorrelation)),
+        Column("95 % of records", lambda row: _range(row.autocorrelation)),
+        Column("correlation length", lambda row: number(row.correlation_length.value, 2), unit="s"),
     ]
     caption = (
         "Innovations as the filter whitens them: mean square over the number of components, autocorrelation at lag 1. "
@@ -186,9 +186,9 @@ def nees_table(judgement: Judgement) -> Table[NeesVerdict] | None:
     if not judgement.nees:
         return None
     columns: list[Column[NeesVerdict]] = [
-        Column("Errors", lambda each: each.group, "errors", "label"),
-        Column("mean NEES / 3", lambda each: _toned(each.nees)),
-        Column("95 % of records", lambda each: _range(each.nees)),
+        Column("Errors", lambda row: row.group, "errors", "label"),
+        Column("mean NEES / 3", lambda row: _toned(row.nees)),
+        Column("95 % of records", lambda row: _range(row.nees)),
     ]
     caption = "Errors against the reference, whose variances are added to the filter's."
     return Table(caption, columns, judgement.nees, "Errors against the reference")
@@ -208,12 +208,12 @@ def cause_table(judgement: Judgement) -> Table[CauseVerdict]:
         return f"{number(each.factor.value, 3)} ({number(each.factor.low, 3)} to {high})"
 
     columns: list[Column[CauseVerdict]] = [
-        Column("Number", lambda each: humanize(each.name), "number", "label"),
-        Column("in the campaign", lambda each: in_unit(each.size, each.unit, each.shown_in)),
+        Column("Number", lambda row: humanize(row.name), "number", "label"),
+        Column("in the campaign", lambda row: in_unit(row.size, row.unit, row.shown_in)),
         Column("factor by this record (95 %)", factor, "factor (95 %)"),
-        Column("found if 2 times as large", lambda each: f"{100.0 * each.found[TWICE]:.0f} %", "found at 2x"),
-        Column("and named", lambda each: f"{100.0 * each.named[TWICE]:.0f} %", "named at 2x"),
-        Column("found in 9 of 10 from", lambda each: "–" if each.noticed is None else f"{each.noticed:g} x"),
+        Column("found if 2 times as large", lambda row: f"{100.0 * row.found[TWICE]:.0f} %", "found at 2x"),
+        Column("and named", lambda row: f"{100.0 * row.named[TWICE]:.0f} %", "named at 2x"),
+        Column("found in 9 of 10 from", lambda row: "–" if row.noticed is None else f"{row.noticed:g} x"),
     ]
     caption = (
         "Each number alone, all others as in the campaign: its factor by maximum likelihood with the interval of the "
@@ -224,7 +224,7 @@ def cause_table(judgement: Judgement) -> Table[CauseVerdict]:
 
 def offset_table(judgement: Judgement) -> Table[tuple[OffsetVerdict, int]] | None:
     """Tabulate constant errors that the campaign does not have; none where there are none."""
-    rows = [(each, place) for each in judgement.offsets for place in range(len(each.axes))]
+    rows = [(offset, place) for offset in judgement.offsets for place in range(len(offset.axes))]
     if not rows:
         return None
 
@@ -279,7 +279,7 @@ def _new_value(number_: CauseVerdict | OffsetVerdict) -> str:
 def terminal(judgement: Judgement) -> list[Part]:
     """List what the terminal shows: the verdict, what to change, then all tables."""
     pasted = to_paste(judgement)
-    notes = [Note(f"note: {each}") for each in judgement.notes]
+    notes = [Note(f"note: {note}") for note in judgement.notes]
     changed: list[Part] = [Lines(pasted, "Tables to paste")] if pasted else []
     tables = joined(sensor_table(judgement), nees_table(judgement), cause_table(judgement), offset_table(judgement))
     return [verdict(judgement), *changed, *notes, *tables]

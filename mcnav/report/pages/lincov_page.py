@@ -99,7 +99,7 @@ def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = 
         sections.append(Section("budget", "Error budget", [budget, *_budget_parts(answer, outages)]))
     if (gates := gate_table(answer)) is not None:
         sections.append(Section("gates", "What the gates stop", [gates]))
-    looped = ".py:" in answer.kind and any(each.of == "truth" for each in answer.outputs)
+    looped = ".py:" in answer.kind and any(output.of == "truth" for output in answer.outputs)
     if meaningful and (better := improvements_section(what_if, answer.outputs, failing_linearly(answer))) is not None:
         sections.append(better)
     if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped)) is not None:
@@ -134,7 +134,7 @@ def terminal(answer: LinearAnswer) -> list[Part]:
         gate_table(answer),
     ]
     remarks = [Sentence(remark, "undecided") for remark in remarks_in(answer.remarks)]
-    return [Verdict(words, tone), *(Sentence(*each) for each in others), *remarks, *joined(*tables)]
+    return [Verdict(words, tone), *(Sentence(*other) for other in others), *remarks, *joined(*tables)]
 
 
 def card(answer: LinearAnswer, outages: drawn.Outages) -> str:
@@ -145,7 +145,7 @@ def card(answer: LinearAnswer, outages: drawn.Outages) -> str:
     asked = requirement_table(answer) if answer.requirements else None
     parts = joined(Sentence(STRONG(answer.campaign)), verdict, asked, final_table(answer))
     figures = [] if answer.beyond is not None else joined(drawn.budget(answer), drawn.sigmas(answer, outages))
-    return card_html([*parts, *(bare(each) for each in figures if isinstance(each, Figure))])
+    return card_html([*parts, *(bare(figure) for figure in figures if isinstance(figure, Figure))])
 
 
 def _as_read(answer: LinearAnswer, outages: drawn.Outages) -> tuple[LinearAnswer, drawn.Outages]:
@@ -153,7 +153,7 @@ def _as_read(answer: LinearAnswer, outages: drawn.Outages) -> tuple[LinearAnswer
     axis = read_axis(answer)
     if axis is None:
         return answer, outages
-    spans = {name: [(axis.read(begin), axis.read(end)) for begin, end in each] for name, each in outages.items()}
+    spans = {name: [(axis.read(begin), axis.read(end)) for begin, end in outage] for name, outage in outages.items()}
     return as_read(answer), spans
 
 
@@ -179,7 +179,7 @@ CURVED: Final = (
 
 def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
     """Tabulate the requirements and their linear values."""
-    boxes = any(each.requirement.kind == "box" for each in answer.requirements)
+    boxes = any(requirement.requirement.kind == "box" for requirement in answer.requirements)
     several = "; of several outputs within limits together, each in multiples of its limit" if boxes else ""
     rows = requirement_rows(answer)
     curved = any(row.exceedance_curved is not None for row in rows)

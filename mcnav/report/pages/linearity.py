@@ -148,7 +148,7 @@ def together_table(
 
     headings = ("agrees up to", "exceeds tolerance at", "differs from")
     columns: list[Column[tuple[str, list[str]]]] = [
-        Column("σ of", lambda row: row[0], "1σ of", "label"), *(multiple(*each) for each in enumerate(headings)),
+        Column("σ of", lambda row: row[0], "1σ of", "label"), *(multiple(*heading) for heading in enumerate(headings)),
     ]  # fmt: skip
     title = f"Multiple of the stated errors at which a sigma differs from the linear one by {100 * tolerance:g} %"
     return Table(caption, columns, linearity_rows(names, dispersion), title)

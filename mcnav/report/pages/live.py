@@ -90,7 +90,7 @@ def verdicts(summary: Summary) -> list[tuple[str, str, str]]:
 
 def live_state(settings: Sequence[Setting], revision: int, error: str) -> dict[str, object]:
     """Return what the page shows of the settings, with the number of the file's content and what is wrong with it."""
-    return {"revision": revision, "error": error, "settings": [_column(each) for each in settings]}
+    return {"revision": revision, "error": error, "settings": [_column(setting) for setting in settings]}
 
 
 def _column(setting: Setting) -> dict[str, object]:

@@ -131,13 +131,13 @@ def answered(page: Page, figure: Figure | None = None, rest: str = "Linear analy
         Fold of sections that belong to no other, and of the parts of the head that are not on the screen.
     """
     said, others = _foremost_verdict(page.head)
-    findings = [part for part in others if isinstance(part, Findings)]
+    findings = [other for other in others if isinstance(other, Findings)]
     shown = figure or next(
         (part for section in page.sections for part in section.parts if isinstance(part, Figure) and part.panels), None
     )
     brief, whole = _in_brief(said)
-    below = [*([] if whole else [said]), *(part for part in others if part not in findings), *page.foot]
-    beside = [_shortened(part) for part in findings]
+    below = [*([] if whole else [said]), *(other for other in others if other not in findings), *page.foot]
+    beside = [_shortened(finding) for finding in findings]
     first = None if shown is None else foremost(replace(shown, panels=shown.panels[:1], shown=0))
     head = joined(brief, *(beside if first is None else [Beside([first], beside)]))
     folds = folds_of(page.sections, {rest: below} if below else {}, rest)

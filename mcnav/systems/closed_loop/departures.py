@@ -110,7 +110,7 @@ def growth_of(readings: LinearSystem, names: tuple[str, ...], start: Array) -> l
 def sigmas_of(readings: LinearSystem, start: Array) -> Array:
     """Compute the linear sigmas of the outputs at the epochs, shape (m, outputs)."""
     variances = transformed_variances(readings.partials, start)
-    variances = variances + sum(np.diagonal(each, axis1=1, axis2=2) for each in readings.processes.values())
+    variances = variances + sum(np.diagonal(process, axis1=1, axis2=2) for process in readings.processes.values())
     return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
 
 

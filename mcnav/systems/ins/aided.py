@@ -312,7 +312,7 @@ def believed_shares(
 
 def smoother_schema() -> FilterSchema:
     """Return the columns of a smoother's records."""
-    return FilterSchema({name: len(range(len(OUTPUTS))[each]) for name, each in GROUPS.items()}, len(OUTPUTS))
+    return FilterSchema({name: len(range(len(OUTPUTS))[group]) for name, group in GROUPS.items()}, len(OUTPUTS))
 
 
 @dataclass(frozen=True)

@@ -314,7 +314,7 @@ def _believed_errors(entries: Mapping[str, Any], sources: Sequence[Source], cont
     known = {source.name: [source] for source in sources}
     names = [*known, *(group for group in groups if group not in known)]
     believed_errors: dict[str, float] = {}
-    for name, entry in sorted(entries.items(), key=lambda each: each[0] in known):  # groups first
+    for name, entry in sorted(entries.items(), key=lambda entry: entry[0] in known):  # groups first
         key = f"filter.believes.errors.{name}"
         meant = known.get(name) or groups.get(name)
         if meant is None:
@@ -340,7 +340,7 @@ def _believed_sensor(
         context.problem(
             f"{key}.lever_arm", f"is that of [[aiding]]; a wrong one is an error such as {known} in [errors]"
         )
-        entry = {name: each for name, each in entry.items() if name != "lever_arm"}
+        entry = {name: item for name, item in entry.items() if name != "lever_arm"}
     table = validate(BELIEVED[sensor.kind], entry, context, key)
     if table is None or not isinstance(entry, dict):
         return sensor, {}
