@@ -12,6 +12,7 @@ Names such as ``position_horizontal`` stand for the DRMS of two outputs. A limit
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,15 +26,15 @@ from mcnav.analysis.requirements import (
     size_members,
     size_probability,
 )
-from mcnav.analysis.requirements_over_time import largest_quantile
 from mcnav.analysis.sized_outputs import components_of
 from mcnav.arrays.types import Array
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Of, Output
 from mcnav.errors import suggestion
 from mcnav.physics.units import UnitError, conversion, quantity
+from mcnav.statistics.largest_quantiles import largest_quantiles
 from mcnav.statistics.normal_box import normal_box_probability, probability_beyond_box
-from mcnav.statistics.normal_size import NormalSize, size_quantile
+from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.refusals import or_withheld
 
 SIGMA, DRMS, BOX = "sigma", "drms", "box"
@@ -171,9 +172,7 @@ class Measure:
             return float(np.sqrt((np.trace(covariance, axis1=1, axis2=2) + (mean**2).sum(axis=1)).max()))
         if self.kind == BOX:
             return or_withheld(normal_box_probability, mean[0], covariance[0], np.array(self.limits))
-        if len(at) == 1:
-            return or_withheld(size_quantile, mean[0], covariance[0], self.probability)
-        return or_withheld(lambda: largest_quantile(mean, covariance, self.probability)[0])
+        return float(largest_quantiles(mean[None], covariance[None], self.probability, np.zeros(1), math.nan)[0][0])
 
 
 def read_measure(written: str, outputs: Sequence[Output]) -> Measure:

@@ -17,9 +17,8 @@ from mcnav.analysis.requirements import (
 )
 from mcnav.analysis.requirements_over_time import ErrorHistories
 from mcnav.arrays.types import Array, IndexArray
-from mcnav.statistics.normal_size import size_quantile
+from mcnav.statistics.normal_size import size_quantiles
 from mcnav.statistics.order_statistics import RankedSizes
-from mcnav.statistics.refusals import or_withheld
 
 MOST: Final = 150
 """Epochs of a curve, at most, besides those at which the requirement holds."""
@@ -81,5 +80,4 @@ def _linear(requirement: Requirement, histories: ErrorHistories, epochs: IndexAr
     picked = np.array(size_members(requirement.outputs, histories.sizes) or requirement.outputs)
     means = mean[np.ix_(epochs, picked)]
     covariances = histories.covariance[np.ix_(epochs, picked, picked)]
-    laws = zip(means, covariances, strict=True)
-    return np.array([or_withheld(size_quantile, *law, probability) for law in laws])
+    return size_quantiles(means, covariances, probability, instead=math.nan)

@@ -31,9 +31,8 @@ from mcnav.analysis.requirements import (
 from mcnav.analysis.samples_needed import Counting, samples_needed
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics.interim_sizes import confidence_of_each
-from mcnav.statistics.normal_size import NormalSize, size_quantile
+from mcnav.statistics.largest_quantiles import largest_quantiles
 from mcnav.statistics.order_statistics import RankedSizes
-from mcnav.statistics.refusals import or_withheld
 
 
 @dataclass(frozen=True)
@@ -127,24 +126,4 @@ def largest_linear_quantile(
         return math.nan
     at, picked = np.array(epochs), np.array(size_members(outputs, histories.sizes) or outputs)
     mean, covariance = histories.mean[np.ix_(at, picked)], histories.covariance[np.ix_(at, picked, picked)]
-    return or_withheld(lambda: largest_quantile(mean, covariance, probability)[0])
-
-
-def largest_quantile(means: Array, covariances: Array, probability: float) -> tuple[float, int]:
-    """Compute the largest quantile of the distance from zero of some normal variables, and the number of the largest.
-
-    Parameters
-    ----------
-    means, covariances : ndarray, shapes (m, d) and (m, d, d)
-        Of m variables in any number of dimensions.
-    """
-    size = np.trace(covariances, axis1=1, axis2=2) + np.einsum("mi,mi->m", means, means)
-    order = np.argsort(-size, kind="stable").tolist()
-    largest, worst = 0.0, order[0]
-    for number in order:
-        mean, covariance = means[number], covariances[number]
-        if largest == 0.0 or NormalSize.of(mean, covariance).probability(largest) < probability:
-            quantile = size_quantile(mean, covariance, probability)
-            if quantile > largest:
-                largest, worst = quantile, number
-    return largest, worst
+    return float(largest_quantiles(mean[None], covariance[None], probability, np.zeros(1), math.nan)[0][0])

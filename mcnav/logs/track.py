@@ -30,6 +30,12 @@ from mcnav.logs.track_columns import (
 if TYPE_CHECKING:
     import pandas as pd
 
+POSITION_SIGMAS: Final = (5e-4, 1e3)
+"""Sigmas that receivers have, in the median, m."""
+
+VELOCITY_SIGMAS: Final = (1e-4, 1e2)
+"""Those of velocities, m/s."""
+
 ALTITUDES: Final = (-12_000.0, 1e9)
 """Lowest and highest altitude, m."""
 
@@ -151,7 +157,7 @@ def read_track(
     values = {key: value[kept] * _factor(path, chosen[key], key) for key, value in values.items()}
     _check_ranges(path, chosen, values)
     interval = interval_of(path, time, time_column.name)
-    notes = (*table.notes, *notes, *told, *further, *notes_of_steps(time, interval))
+    notes = (*table.notes, *notes, *told, *further, *notes_of_steps(time, interval), *_strange_sigmas(values))
     position = (values["latitude"], values["longitude"], values["altitude"])
     groups = (_group(values, keys) for keys in (VELOCITY, ATTITUDE, POSITION_SIGMA, VELOCITY_SIGMA))
     velocity, attitude, position_sigma, velocity_sigma = groups
@@ -196,6 +202,23 @@ def read_instants(
     repeated(path, stamps.time, np.zeros(len(stamps.time) - 1, dtype=np.bool_), column.name, "")
     interval = interval_of(path, stamps.time, column.name)
     return Instants(stamps.time, stamps.start, (*table.notes, *notes, *notes_of_steps(stamps.time, interval)))
+
+
+def _strange_sigmas(values: Mapping[str, Array]) -> tuple[str, ...]:
+    """Note sigmas that no receiver has: they are in another unit, or stand for something else."""
+    notes = []
+    for what, keys, unit, (least, most) in (
+        ("position", POSITION_SIGMA, "m", POSITION_SIGMAS), ("velocity", VELOCITY_SIGMA, "m/s", VELOCITY_SIGMAS)
+    ):  # fmt: skip
+        known = [values[key] for key in keys if key in values]
+        median = float(np.median(known)) if known else least
+        if not least <= median <= most:
+            option = "sigma" if what == "position" else "velocity_sigma"
+            notes.append(
+                f"the sigmas of the {what} are {median:.3g} {unit} in the median, which no receiver has; "
+                f'units = {{ {option} = "…" }} states another unit'
+            )
+    return tuple(notes)
 
 
 def _factor(path: Path, column: Column, key: str) -> float:

@@ -203,8 +203,9 @@ def _nees(result: FilterConsistency) -> OverTime | None:
 def _nis(result: FilterConsistency) -> OverTime | None:
     sensors = result.sensors
     return None if not sensors else OverTime.of_columns(
-        "nis", "Mean NIS over the flight", (result.label, result.times), {"sensor": [sensor.name for sensor in sensors]},
-        {"components": [sensor.size for sensor in sensors]}, (NIS, sensors),
+        "nis", "Mean NIS over the flight", (result.label, result.times),
+        {"sensor": [sensor.name for sensor in sensors]}, {"components": [sensor.size for sensor in sensors]},
+        (NIS, sensors),
     )  # fmt: skip
 
 

@@ -70,7 +70,8 @@ def page(sweep: Sweep) -> Page:
     others: list[Part] = [] if tone or not confirmed else [Verdicts(confirmed)]
     facts = Facts([
         (variable.path, ", ".join(variable.words) or
-         f"{shown(variable, variable.values[0])} to {shown(variable, variable.values[-1])}, {len(variable.values)} values")
+         f"{shown(variable, variable.values[0])} to {shown(variable, variable.values[-1])}, "
+         f"{len(variable.values)} values")
         for variable in sweep.variables
     ])  # fmt: skip
     sections = [Section("accuracy", "Lines of equal accuracy" if contours else "Accuracy", _accuracy(sweep))]

@@ -31,7 +31,7 @@ TOGETHER: Final = ("all", "navigation")
 NAMED: Final = 3
 """Unmodelled errors that are named."""
 
-LEAST: Final = 0.01
+LEAST: Final = 0.02
 """Smallest share of one that is named."""
 
 

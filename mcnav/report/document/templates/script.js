@@ -637,6 +637,15 @@
       area.remove();
     }
   };
+  // A campaign file with a remedy.
+  all("[data-toml]").forEach((copy) => {
+    copy.hidden = false;
+    copy.addEventListener("click", async () => {
+      await copied(copy.dataset.toml);
+      copy.textContent = "Copied";
+      setTimeout(() => { copy.textContent = "Copy TOML"; }, 2000);
+    });
+  });
   all("details.data").forEach((details) => {
     const copy = button("Copy as CSV", async () => {
       await copied(csv(details.querySelector("table")) + "\n");

@@ -145,8 +145,8 @@ def markdown(numbers: Sequence[Number]) -> str:
         for member in members:
             unit, mark = f" [{_unit(member)}]" if _unit(member) else "", " ≠" if member.remark else ""
             parts.append(
-                f"| {member.quantity}{unit} | {written(member.printed)}{mark} | {_linear(member)} | {_simulated(member)} | "
-                f"{_paired(member)} | {member.formula} ({_source(member)}) |"
+                f"| {member.quantity}{unit} | {written(member.printed)}{mark} | {_linear(member)} | "
+                f"{_simulated(member)} | {_paired(member)} | {member.formula} ({_source(member)}) |"
             )
         parts.append("")
     return "\n".join(parts)

@@ -117,8 +117,8 @@ def linear_in_the_loop(compared: Sequence[LoopComparison]) -> Finding:
     flown = [comparison for comparison in compared if comparison.part == "start" and comparison.fed == "indicated"]
     departures = {name: max(abs(flight.departure) for flight in flown if flight.result == name)
                   for name in ("altitude error", "range error", "landing point")}  # fmt: skip
-    unguided = max(abs(comparison.departure) for comparison in compared
-                   if comparison.part == "start" and comparison.fed == "true" and np.isfinite(comparison.departure))  # fmt: skip
+    unguided = max(abs(start.departure) for start in compared
+                   if start.part == "start" and start.fed == "true" and np.isfinite(start.departure))  # fmt: skip
     advised = _find(compared, "start at -24.0", "landing point")
     within = [comparison for comparison in compared if np.isfinite(comparison.departure)]
     inside = sum(each.low <= each.linear <= each.high for each in within)

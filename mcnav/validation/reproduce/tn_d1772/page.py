@@ -190,7 +190,7 @@ def render(
         Fold("tables", "Tables I to VI", "every printed number above the computed one", [Note(IN_CELLS), key], tables),
         Fold("figures", "Figures 1 to 12", "drawn again from the report's equations", [], drawn_again),
     ]
-    head = [Sentence(verdicts_in_words(said)), Sentence(_counts(cells)), Note(REPORT)]
+    head: list[Part] = [Sentence(verdicts_in_words(said)), Sentence(_counts(cells)), Note(REPORT)]
     return page_html(Page(title, "Printed and recomputed numbers", title, head, sections, folds=folds, short=True))
 
 
