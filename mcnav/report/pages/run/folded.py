@@ -18,7 +18,9 @@ ROWS: Final = 8
 COLUMNS: Final = 12
 """Columns of one."""
 
-SECONDARY: Final = frozenset({"quantiles", "convergence", "nees", "within-history", "matrices", "scatter", "development"})
+SECONDARY: Final = frozenset(
+    {"quantiles", "convergence", "nees", "within-history", "matrices", "scatter", "development"}
+)
 """Figures that are folded whole: they examine what others of their section show."""
 
 
