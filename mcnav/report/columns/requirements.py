@@ -54,9 +54,9 @@ def stated(entry: NamedRequirement | RequirementEntry, shown_in: Mapping[str, tu
     when = (", about the nominal" if entry.about else "") + (f", {entry.when}" if entry.when else "")
     if entry.kind in RADII:
         scale, unit = shown_in[names[0]]
-        limit = f"{limits[0] * scale:g} {unit}".rstrip()
+        largest = f"{limits[0] * scale:g} {unit}".rstrip()
         together = f"{', '.join(map(humanize, names[:-1]))} and {humanize(names[-1])}"
-        return f"{RADII[entry.kind]} of {together} below {limit}{when}"
+        return f"{RADII[entry.kind]} of {together} below {largest}{when}"
     sides = []
     for name, limit in zip(names, limits, strict=True):
         scale, unit = shown_in[name]

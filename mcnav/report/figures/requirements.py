@@ -19,9 +19,9 @@ from mcnav.report.names import humanize
 from mcnav.report.results.model import RunAnalysis
 
 ESTIMATE: Final = Series("flown", "Monte Carlo", FLOWN)
-BOUNDS: Final = Series("bounds", "its bounds at each epoch", AREA, "area")
-BY_LINEAR: Final = Series("linear", "linear, normal errors", LINEAR, "dashed")
-LIMIT: Final = Series("limit", "limit, where it holds", INK, "long")
+BOUNDS: Final = Series("bounds", "its bounds", AREA, "area")
+BY_LINEAR: Final = Series("linear", "linear", LINEAR, "dashed")
+LIMIT: Final = Series("limit", "limit", INK, "long")
 
 
 LONGEST: Final = 56

@@ -99,6 +99,8 @@ def _figure(content: RunAnalysis, drawn: Mapping[str, Figure], tile: Tile, said:
     if figure.name == WHOLE:
         return replace(drawn[WHOLE], caption="", shows=_along(content))
     shows = "" if said else figure.shows
+    if said and tile.subject == NAMES["requirements"]:  # whose words are the verdict's
+        figure = replace(figure, panels=[replace(panel, title="") for panel in figure.panels])
     return as_foremost(figure, shows)
 
 
