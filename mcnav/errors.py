@@ -184,7 +184,7 @@ def did_you_mean(names: Sequence[str]) -> str:
     >>> did_you_mean(["altitude", "altitude_rate"])
     "; did you mean 'altitude' or 'altitude_rate'?"
     """
-    return f"; did you mean {' or '.join(repr(each) for each in names)}?" if names else ""
+    return f"; did you mean {' or '.join(repr(name) for name in names)}?" if names else ""
 
 
 def suggestion(name: str, known: Sequence[str]) -> str:

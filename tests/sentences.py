@@ -98,6 +98,19 @@ def texts_of(page: str) -> list[str]:
     return parser.texts
 
 
+def prose_of(page: str) -> list[str]:
+    r"""Return the paragraphs and entries of lists of a page in Markdown, with a word in place of each piece of code.
+
+    >>> prose_of("# A\n\nSee [the page](A.md)\nfor `a b`.\n- one\n- two\n\n| a | b |\n")
+    ['See the page for code.', '- one', '- two']
+    """
+    page = re.sub(r"^```.*?^```[^\n]*$", "", page, flags=re.MULTILINE | re.DOTALL)
+    page = re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", re.sub(r"`[^`]+`", "code", page))
+    silent = re.compile(r"^(\||    |#|<|\$|>>>|!\[).*$", re.MULTILINE)
+    blocks = re.split(r"\n\s*\n|\n(?=- |\d+\. )", silent.sub("\n", page))
+    return [text for text in (" ".join(block.split()) for block in blocks) if text]
+
+
 def too_long(text: str) -> list[str]:
     """Return the sentences of a text that have more words than `MOST`; numbers are words.
 

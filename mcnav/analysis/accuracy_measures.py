@@ -12,6 +12,7 @@ Names such as ``position_horizontal`` stand for the DRMS of two outputs. A limit
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,15 +26,15 @@ from mcnav.analysis.requirements import (
     size_members,
     size_probability,
 )
-from mcnav.analysis.requirements_over_time import largest_quantile
 from mcnav.analysis.sized_outputs import components_of
 from mcnav.arrays.types import Array
 from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.quantities import Of, Output
 from mcnav.errors import suggestion
 from mcnav.physics.units import UnitError, conversion, quantity
+from mcnav.statistics.largest_quantiles import largest_quantiles
 from mcnav.statistics.normal_box import normal_box_probability, probability_beyond_box
-from mcnav.statistics.normal_size import NormalSize, size_quantile
+from mcnav.statistics.normal_size import NormalSize
 from mcnav.statistics.refusals import or_withheld
 
 SIGMA, DRMS, BOX = "sigma", "drms", "box"
@@ -171,9 +172,7 @@ class Measure:
             return float(np.sqrt((np.trace(covariance, axis1=1, axis2=2) + (mean**2).sum(axis=1)).max()))
         if self.kind == BOX:
             return or_withheld(normal_box_probability, mean[0], covariance[0], np.array(self.limits))
-        if len(at) == 1:
-            return or_withheld(size_quantile, mean[0], covariance[0], self.probability)
-        return or_withheld(lambda: largest_quantile(mean, covariance, self.probability)[0])
+        return float(largest_quantiles(mean[None], covariance[None], self.probability, np.zeros(1), math.nan)[0][0])
 
 
 def read_measure(written: str, outputs: Sequence[Output]) -> Measure:
@@ -208,7 +207,7 @@ def _read_unlimited(text: str, outputs: Sequence[Output]) -> Measure:
         known = [*names, *together]
         hint = suggestion(text, known) if call is None else suggestion(call[1], list(kinds))
         raise MeasureError(f"unknown output or measure {text!r}{hint}, or {', '.join(kinds)} of outputs")
-    kind, of = call[1], [each.strip() for each in call[2].split(",")]
+    kind, of = call[1], [piece.strip() for piece in call[2].split(",")]
     if len(of) == 1 and of[0] in together:
         picked = together[of[0]]
     else:
@@ -252,20 +251,30 @@ def usual_measures(outputs: Sequence[Output]) -> list[Measure]:
 def requirement_measures(requirements: Sequence[Requirement], outputs: Sequence[Output]) -> list[Measure]:
     """Return the measures that requirements limit, in order; a sigma ratio is none."""
     measures, sizes = list[Measure](), components_of(outputs)
-    for number, each in enumerate(requirements):
-        if each.kind == "sigma_ratio":
+    for number, requirement in enumerate(requirements):
+        if requirement.kind == "sigma_ratio":
             continue
-        name = _requirement_name(each, outputs)
+        name = _requirement_name(requirement, outputs)
         alike = [other for other in requirements if _requirement_name(other, outputs) == name]
         if len(alike) > 1:
-            name = f"{name} below {_limits(each, outputs)}"
+            name = f"{name} below {_limits(requirement, outputs)}"
         if name in [measure.name for measure in measures]:
             name = f"{name} #{number + 1}"
-        of = outputs[each.outputs[0]]
-        unit, shown_in = ("1", "%") if each.kind == BOX else (of.unit, of.shown_in)
-        members, probability = size_members(each.outputs, sizes), size_probability(each)
-        measure = Measure(name, each.kind, each.outputs, unit, shown_in, probability, each.epochs, each.limits, number)
-        measures.append(replace(measure, members=members, about=each.about))
+        of = outputs[requirement.outputs[0]]
+        unit, shown_in = ("1", "%") if requirement.kind == BOX else (of.unit, of.shown_in)
+        members, probability = size_members(requirement.outputs, sizes), size_probability(requirement)
+        measure = Measure(
+            name,
+            requirement.kind,
+            requirement.outputs,
+            unit,
+            shown_in,
+            probability,
+            requirement.epochs,
+            requirement.limits,
+            number,
+        )
+        measures.append(replace(measure, members=members, about=requirement.about))
     return measures
 
 

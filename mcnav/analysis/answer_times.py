@@ -32,7 +32,9 @@ def as_read(answer: LinearAnswer) -> LinearAnswer:
         smoothed_asked=_covariance(answer.smoothed_asked, axis),
         filter=_verdict(answer.filter, axis),
         smoother=_verdict(answer.smoother, axis),
-        requirements=tuple(replace(each, time=_time(each.time, axis)) for each in answer.requirements),
+        requirements=tuple(
+            replace(requirement, time=_time(requirement.time, axis)) for requirement in answer.requirements
+        ),
     )
 
 

@@ -56,7 +56,7 @@ class ErrorBudget:
 
 def error_budget(partials: Array, start_covariance: Array, processes: Sequence[Array] = ()) -> ErrorBudget:
     """Split the diagonal of P S P^T, and of the covariance that each process adds, over their causes."""
-    noise = np.stack([np.diag(each) for each in processes], axis=1) if processes else np.zeros((len(partials), 0))
+    noise = np.stack([np.diag(process) for process in processes], axis=1) if processes else np.zeros((len(partials), 0))
     contributions = partials * np.sqrt(np.diag(start_covariance))
     variances = transformed_variances(partials, start_covariance) + noise.sum(axis=1)
     divisor = np.where(variances > 0.0, variances, np.nan)[:, None]

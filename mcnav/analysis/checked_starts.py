@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 def simulated_rms(study: StartTimeStudy, time: float, comparison: Comparison) -> Array:
     """Return the root mean squares of a Monte Carlo check of a start time, shape (outputs,): sigmas without means."""
-    sigma = np.array([each.sigma_paired for each in comparison.outputs])
+    sigma = np.array([output.sigma_paired for output in comparison.outputs])
     if study.means is None:
         return sigma
     linear = study.means[int(np.abs(study.times - time).argmin())]
-    means = linear + np.array([each.bias.value for each in comparison.outputs])
+    means = linear + np.array([output.bias.value for output in comparison.outputs])
     return np.asarray(np.hypot(sigma, means))

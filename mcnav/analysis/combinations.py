@@ -88,7 +88,7 @@ def covariance_factor(partials: Array, covariance: Array, processes: Sequence[Ar
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     inverse = np.divide(1.0, spread, out=np.zeros_like(spread), where=spread > 0.0)
     own = (partials * spread) @ _square_root(covariance * np.outer(inverse, inverse)) / sigma[:, None]
-    noise = [_square_root(each / np.outer(sigma, sigma)) for each in processes]
+    noise = [_square_root(process / np.outer(sigma, sigma)) for process in processes]
     return np.hstack([own, *noise])
 
 
@@ -160,7 +160,7 @@ def fixed_combinations(
         Share of each sigma that is rounding in any case, at least `SIMULATED`.
     """
     dispersed = np.flatnonzero(sigma > 0.0)
-    noise = [each[np.ix_(dispersed, dispersed)] for each in processes]
+    noise = [process[np.ix_(dispersed, dispersed)] for process in processes]
     factor = covariance_factor(partials[dispersed], covariance, noise, sigma[dispersed])
     shares, combinations = np.maximum(floor[dispersed] / sigma[dispersed], max(least, SIMULATED)), []
     for own, dependent in zip(*null_combinations(factor, rank), strict=True):

@@ -292,7 +292,7 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
     """Compare a campaign with the linear model; the criterion's confidence is that of all verdicts (Bonferroni)."""
     moments, linear = samples.moments, model.outcome_covariance
     count, failed = moments.samples, samples.failed
-    given, fixed = whitening(model.judged_covariance), _fixed_combinations(model, moments)
+    given = whitening(model.judged_covariance)
     each = 1.0 - (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / (len(linear) + 1)
     if min(count, samples.stored.samples) < 2:
         unknown = np.full_like(linear, np.nan)
@@ -317,11 +317,12 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
         ]
         if given.rank:
             whole = executor.submit(compare_ellipsoid, given, samples, paired, rule)
-            joint = compare_jointly(samples, model.judged_covariance, each, design, model.judged)
+            joint = compare_jointly(samples, model.judged_covariance, given.rank, each, design, model.judged)
             ellipsoid = whole.result()
     outputs = tuple(output.result() for output in judged)
     if ellipsoid is not None:
         bias = np.array([output.bias.value for output in outputs])
+        fixed = _fixed_combinations(model, moments, given.rank)
         unpredicted = _unpredicted(fixed, np.sqrt(np.diag(linear)), moments, outputs, bias, rule)
         ellipsoid = name_combinations(ellipsoid, given, linear, paired, bias, unpredicted)
     verdict = _overall_verdict(outputs, failed, count + failed)
@@ -331,12 +332,11 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
     )
 
 
-def _fixed_combinations(model: Model, moments: BlockMoments) -> tuple[FixedCombination, ...]:
+def _fixed_combinations(model: Model, moments: BlockMoments, rank: int) -> tuple[FixedCombination, ...]:
     """List the combinations of outputs that the linear model holds fixed, of outputs that are judged together."""
-    judged = model.judged_covariance
     return fixed_combinations(
-        model.partials, model.covariance, list(model.processes.values()), np.sqrt(np.diag(judged)),
-        whitening(judged).rank, model.floor, moments.rounding,
+        model.partials, model.covariance, list(model.processes.values()), np.sqrt(np.diag(model.judged_covariance)),
+        rank, model.floor, moments.rounding,
     )  # fmt: skip
 
 
@@ -355,7 +355,7 @@ def _unpredicted(
         for i, output in enumerate(outputs)
         if sigma[i] == 0.0 and output.paired.verdict == Verdict.DIFFERS
     ]
-    together = [compare_fixed(each, sigma, moments, bias, rule) for each in fixed]
+    together = [compare_fixed(combination, sigma, moments, bias, rule) for combination in fixed]
     judged = [(each.judgement.verdict, each) for each in together if each.judgement]
     certain, open_ = (
         sorted((each for own, each in judged if own == verdict), key=lambda each: -each.sigma_paired / sigma[each.lead])

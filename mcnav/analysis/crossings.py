@@ -49,7 +49,7 @@ def find_crossings(
         begin, inside = values[-1], not inside
     if inside:
         spans.append((begin, None))
-    closest = min(signs, key=lambda each: abs(each[1]), default=None)
+    closest = min(signs, key=lambda sign: abs(sign[1]), default=None)
     return JustMet(measure, fixed, tuple(values), tuple(spans), len(signs), closest, curve.whole)
 
 

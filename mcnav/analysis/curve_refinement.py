@@ -72,7 +72,11 @@ def refine_curve(variable: Variable, margins: Array, margin_at: Callable[[float]
     given = {variable.along(float(value)): float(value) for value in variable.values}
     added = 0
     while True:
-        waiting = [each for each in _open_intervals(known, widest * (1.0 + 1e-9)) if each not in closed]
+        waiting = [
+            open_interval
+            for open_interval in _open_intervals(known, widest * (1.0 + 1e-9))
+            if open_interval not in closed
+        ]
         if not waiting or added >= MOST_ADDED:
             break
         for low, high in waiting[: MOST_ADDED - added]:

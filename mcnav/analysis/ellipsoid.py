@@ -78,7 +78,7 @@ class Ellipsoid:
     @property
     def verdict(self) -> Verdict:
         """Verdict on the joint distribution: on the mean NEES, and on what linear analysis holds fixed."""
-        fixed = [each.judgement.verdict for each in self.unpredicted if each.judgement is not None]
+        fixed = [combination.judgement.verdict for combination in self.unpredicted if combination.judgement is not None]
         return combine_verdicts([self.judgement.verdict, *fixed])
 
     @property
@@ -97,7 +97,11 @@ class Ellipsoid:
     @property
     def surprised(self) -> bool:
         """Return whether something is dispersed that linear analysis holds fixed."""
-        return any(each.judgement.verdict == Verdict.DIFFERS for each in self.unpredicted if each.judgement)
+        return any(
+            combination.judgement.verdict == Verdict.DIFFERS
+            for combination in self.unpredicted
+            if combination.judgement
+        )
 
     @property
     def foremost(self) -> Combination | None:

@@ -194,8 +194,8 @@ def _overlooked(outputs: Sequence[SigmaConsistency], tolerance: float) -> int | 
     Errors below the tolerance, as a share of the largest over time, are left to `_doubt`: at a start without errors
     they are of second order.
     """
-    for number, each in enumerate(outputs):
-        if np.any(each.overlooked & (each.true > tolerance * each.true.max(initial=0.0))):
+    for number, output in enumerate(outputs):
+        if np.any(output.overlooked & (output.true > tolerance * output.true.max(initial=0.0))):
             return number
     return None
 
@@ -207,7 +207,7 @@ def _doubt(evidence: FilterEvidence, means: FilterMeans, outputs: Sequence[Sigma
     counts = means.at("nees").count[:-1]
     if np.any((counts > 0.0) & (means.samples - counts > LARGEST_FAILED_SHARE * means.samples)):
         return "the filter's covariance is singular in too many samples"
-    if any(each.overlooked.any() for each in outputs):
+    if any(output.overlooked.any() for output in outputs):
         return "the filter believes in no error where there is one"
     return ""
 
@@ -233,8 +233,8 @@ def _groups(
         members = [*(() if name == "sensors" else (outputs[i] for i in picked if outputs))]
         members += states if name in NOT_NAVIGATION else ()
         unknown = np.zeros(epochs, dtype=bool)
-        for each in members:
-            unknown = unknown | each.disbelieved | each.negligible
+        for member in members:
+            unknown = unknown | member.disbelieved | member.negligible
         if len(picked) > 1:
             unknown |= _singular(means.covariances[:epochs][:, np.array(picked)[:, None], picked], unknown)
         rates, count = basis.deciding if name in deciding else aside, based.count(nees.count[:epochs, number])

@@ -96,5 +96,5 @@ def neglected_errors(linear: LinearFilter, at: Departure) -> tuple[NeglectedErro
             errors.append(NeglectedError(f"{MEAN}{name}" if mean > spread else name, true, true - lack, lack))
     if not (np.isfinite(total) and total > 0.0):
         return ()
-    errors = [NeglectedError(each.name, each.true, each.believed, each.share / total) for each in errors]
-    return tuple(sorted(errors, key=lambda each: -each.share))
+    errors = [NeglectedError(error.name, error.true, error.believed, error.share / total) for error in errors]
+    return tuple(sorted(errors, key=lambda error: -error.share))

@@ -421,4 +421,7 @@ class FilterConsistency:
     @property
     def departing_output(self) -> CertainDeparture | None:
         """Return the largest certain departure of an output in the direction of the verdict."""
-        return next((each for each in self.departures if each.verdict == self.verdict and not each.size), None)
+        return next(
+            (departure for departure in self.departures if departure.verdict == self.verdict and not departure.size),
+            None,
+        )

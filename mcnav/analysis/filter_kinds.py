@@ -99,7 +99,7 @@ class KindComparison:
 
     def of(self, kind: str) -> tuple[KindResult, ...]:
         """Return the results of a kind, by rising values."""
-        return tuple(each for each in self.results if each.kind == kind)
+        return tuple(result for result in self.results if result.kind == kind)
 
     @property
     def optimistic_from(self) -> Mapping[str, float | None]:

@@ -73,20 +73,20 @@ def _on_records(means: FilterMeans) -> Iterator[str]:
 
 def _on_zero_variances(sigmas: Sequence[SigmaConsistency]) -> Iterator[str]:
     """Yield which errors the filter believes to be zero."""
-    for each in sigmas:
-        if each.overlooked.any():
-            yield f"The filter has no variance of {_spoken(each.name)} where its error is not zero."
+    for sigma in sigmas:
+        if sigma.overlooked.any():
+            yield f"The filter has no variance of {_spoken(sigma.name)} where its error is not zero."
 
 
 def _on_negligible(sigmas: Sequence[SigmaConsistency]) -> Iterator[str]:
     """Yield the errors of which neither truth nor filter has more than the floor, with the largest floor of a unit."""
     units: dict[str, list[SigmaConsistency]] = {}
-    for each in sigmas:
-        if each.negligible.any() and (each.true > 0.0).any():
-            units.setdefault(each.shown_in, []).append(each)
+    for sigma in sigmas:
+        if sigma.negligible.any() and (sigma.true > 0.0).any():
+            units.setdefault(sigma.shown_in, []).append(sigma)
     for shown_in, members in units.items():
-        size = max(each.floor for each in members) * conversion(members[0].unit, shown_in)
-        names = ", ".join(_spoken(each.name) for each in members)
+        size = max(member.floor for member in members) * conversion(members[0].unit, shown_in)
+        names = ", ".join(_spoken(member.name) for member in members)
         yield f"Errors up to {size:.2g} {shown_in} count as none: {names}."
 
 
@@ -105,19 +105,19 @@ def _on_single_outputs(decision: Decision, outputs: Sequence[SigmaConsistency]) 
 def _on_other_states(groups: Sequence[GroupConsistency], states: Sequence[SigmaConsistency]) -> Iterator[str]:
     """Name what does not decide and is not consistent, where what decides is."""
     for verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC):
-        departing = [f"{_size(each.finding.factor)} in {_spoken(each.name)}" for each in states
-                     if each.finding.verdict == verdict and each.finding.factor is not None]  # fmt: skip
+        departing = [f"{_size(state.finding.factor)} in {_spoken(state.name)}" for state in states
+                     if state.finding.verdict == verdict and state.finding.factor is not None]  # fmt: skip
         if departing:
             of = f"Of other states, which do not decide, the filter is {verdict.value} by a factor of"
             yield f"{of} {' and '.join(departing)}."
-    undecided = [each for each in states if each.claims and each.finding.verdict == Honesty.UNDECIDED]
+    undecided = [state for state in states if state.claims and state.finding.verdict == Honesty.UNDECIDED]
     if undecided:
         yield f"Of other states, which do not decide, {len(undecided)} of {len(states)} are undecided."
     for group in groups:
         if group.finding.verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC):
             size = _size(group.finding.factor or 1.0)
             words = f"{group_words(group.name)} as a group, which does not decide"
-            single = all(each.finding.verdict == Honesty.CONSISTENT for each in states if each.claims)
+            single = all(state.finding.verdict == Honesty.CONSISTENT for state in states if state.claims)
             why = "; it is so in combinations of states, since each by itself is consistent" if single else ""
             yield f"Of {words}, the filter is {group.finding.verdict.value} by a factor of {size}{why}."
 

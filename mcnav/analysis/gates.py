@@ -92,9 +92,9 @@ def answer_gates(
 def _limits(requirements: Sequence[Requirement]) -> Mapping[int, float]:
     """Return the smallest limit of each output that has a requirement of its own on the filter's errors."""
     limits: dict[int, float] = {}
-    for each in requirements:
-        if each.kind in ("quantile", "box") and not each.of:
-            for output, limit in zip(each.outputs, each.limits, strict=True):
+    for requirement in requirements:
+        if requirement.kind in ("quantile", "box") and not requirement.of:
+            for output, limit in zip(requirement.outputs, requirement.limits, strict=True):
                 limits[output] = min(limit, limits.get(output, np.inf))
     return limits
 

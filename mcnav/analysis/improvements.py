@@ -12,23 +12,18 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy import special
 
 from mcnav.analysis.changeable_campaign import Slider
 from mcnav.analysis.requirements import size_probability
 from mcnav.analysis.what_if import LimitedErrors, ScaledCovariance, WhatIf
 from mcnav.arrays.types import Array
-from mcnav.statistics.normal_size import size_quantile
-from mcnav.statistics.refusals import or_withheld
+from mcnav.statistics.largest_quantiles import largest_quantiles
 
 HALF: Final = 0.5
 """Factor of a number of which the catalogue has no finer grade."""
 
 SAME: Final = 0.999
 """Factor from which on a grade is the number itself."""
-
-BOUND: Final = 1.05
-"""Allowance on the largest quantile over rms of a normal vector's length: that with equal sigmas along some axes."""
 
 
 @dataclass(frozen=True)
@@ -100,26 +95,33 @@ def improvements(what_if: WhatIf, departing: Departing | None = None) -> Improve
     limited, known = [errors for errors, _ in sizes], [scale for _, scale in sizes]
     at = None if departing is None else (reading_at(covariance, departing.time), departing.output)
     before, ones = covariance.sigma([1.0] * len(sliders)), [1.0] * len(sliders)
-    used_now = largest_share(covariance, limited, ones, known)
-
-    def remaining(factors: Sequence[float]) -> float:
-        """Return what is left of the square that improvements are ranked by."""
-        if at is not None:
-            return float((covariance.sigma(factors)[at] / before[at]) ** 2) if before[at] > 0.0 else math.nan
-        used = largest_share(covariance, limited, factors, known)
-        return (used / used_now) ** 2 if used is not None and used_now else math.nan
-
-    def improvement(number: int, grade: str, factor: float) -> Improvement:
-        changed, without = ([*ones[:number], each, *ones[number + 1 :]] for each in (factor, 0.0))
-        after = covariance.sigma(changed)
+    offered = [(number, *finer) for number, slider in enumerate(sliders) if (finer := next_finer(slider)) is not None]
+    changed = [[*ones[:number], factor, *ones[number + 1 :]] for number, _, factor in offered]
+    without = [[*ones[:number], 0.0, *ones[number + 1 :]] for number, _, _ in offered]
+    all_factors = [ones, *changed, *without, [0.0] * len(sliders)]
+    used = largest_shares(covariance, limited, all_factors, known)
+    squares = _squares(covariance, at, all_factors, used)
+    listed = []
+    for place, (number, grade, factor) in enumerate(offered, 1):
+        after = covariance.sigma(all_factors[place])
         sigmas = np.divide(after, before, out=np.ones_like(after), where=before > 0.0)
-        ratio = math.nan if at is None else float(sigmas[at])
-        used = largest_share(covariance, limited, changed, known)
-        return Improvement(sliders[number], grade, factor, used, sigmas[-1], ratio, 1.0 - remaining(without))
+        left = squares[place + len(offered)]
+        listed.append(
+            Improvement(
+                sliders[number], grade, factor, None if used is None else used[place], sigmas[-1],
+                math.nan if at is None else float(sigmas[at]), 1.0 - left,
+            )
+        )  # fmt: skip
+    return Improvements(None if used is None else used[0], sorted(listed, key=_rank), squares[-1])
 
-    offered = [(number, next_finer(slider)) for number, slider in enumerate(sliders)]
-    listed = [improvement(number, *finer) for number, finer in offered if finer is not None]
-    return Improvements(used_now, sorted(listed, key=_rank), remaining([0.0] * len(sliders)))
+
+def _squares(
+    covariance: ScaledCovariance, at: tuple[int, int] | None, factors: Sequence[Sequence[float]],
+    used: Sequence[float] | None,
+) -> list[float]:  # fmt: skip
+    """Return the square that improvements are ranked by with numbers multiplied, over that with the first factors."""
+    values = [float(covariance.sigma(each)[at]) for each in factors] if at is not None else used or [0.0]
+    return [(value / values[0]) ** 2 for value in values] if values[0] > 0.0 else [math.nan] * len(factors)
 
 
 def _rank(improvement: Improvement) -> tuple[float, float, float]:
@@ -143,36 +145,34 @@ def next_finer(slider: Slider) -> tuple[str, float] | None:
     return max(finer, key=lambda each: each[1]) if finer else ("", HALF)
 
 
-def largest_share(
-    covariance: ScaledCovariance, limited: Sequence[LimitedErrors], factors: Sequence[float],
+def largest_shares(
+    covariance: ScaledCovariance, limited: Sequence[LimitedErrors], factors: Sequence[Sequence[float]],
     scales: Sequence[float] = (),
-) -> float | None:  # fmt: skip
+) -> list[float] | None:  # fmt: skip
     """Compute the largest share of its limit that a requirement uses for linear normal errors; none without any.
 
-    ``scales`` multiply the errors that each requirement limits.
+    Parameters
+    ----------
+    factors : sequence of sequences of float
+        Of the numbers, for each result.
+    scales : sequence of float, optional
+        Factors of the errors that each requirement limits.
     """
     if not limited:
         return None
-    values, means, largest = covariance.covariance(factors), covariance.mean(factors), 0.0
+    shares = np.zeros(len(factors))
     for errors, scale in zip(limited, scales or [1.0] * len(limited), strict=True):
-        largest = max(largest, scale * _share(covariance, errors, values, means, largest / scale))
-    return largest
+        laws = [_laws(covariance, errors, each) for each in factors]
+        means, covariances = (np.array(moments) for moments in zip(*laws, strict=True))
+        limit = errors.requirement.limits[0] / scale
+        probability = size_probability(errors.requirement)
+        shares = largest_quantiles(means, covariances, probability, shares * limit, instead=math.inf)[0] / limit
+    return list(map(float, shares))
 
 
-def _share(covariance: ScaledCovariance, limited: LimitedErrors, values: Array, means: Array, known: float) -> float:
-    """Compute the largest share over the readings, or ``known`` if none is larger; most cannot be, and are left out."""
-    members, required = limited.members, limited.requirement
+def _laws(covariance: ScaledCovariance, limited: LimitedErrors, factors: Sequence[float]) -> tuple[Array, Array]:
+    """Return means and covariances, at the readings of a requirement, of the errors that it limits."""
+    members, readings = list(limited.members), np.array(limited.readings)
     places = [[covariance.entries.index((min(i, j), max(i, j))) for j in members] for i in members]
-    readings = np.array(limited.readings)
-    matrices, centres = values[readings][:, places], means[readings][:, list(members)] + limited.origin
-    squares = np.trace(matrices, axis1=1, axis2=2) + (centres**2).sum(axis=1)
-    probability, largest = size_probability(required), known * required.limits[0]
-    axes = np.arange(1, len(members) + 1)
-    most = BOUND * float(np.sqrt(special.chdtri(axes, 1.0 - probability) / axes).max())
-    most = math.hypot(1.0, most) if centres.any() else most  # the mean beside the largest quantile about it
-    for k in np.argsort(-squares, kind="stable"):
-        if most * math.sqrt(squares[k]) <= largest:
-            break
-        quantile = or_withheld(size_quantile, centres[k], matrices[k], probability, instead=math.inf)
-        largest = max(largest, quantile)
-    return float(largest / required.limits[0])
+    means, values = covariance.mean(factors), covariance.covariance(factors)
+    return means[readings][:, members] + limited.origin, values[readings][:, places]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.comparison import Model
+from mcnav.analysis.examination import Examination, Linearity
 from mcnav.analysis.floor import CANCELLED
 from mcnav.analysis.gates import GateAnswer
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
@@ -28,12 +29,12 @@ from mcnav.analysis.requirements import (
     size_members,
     size_probability,
 )
-from mcnav.analysis.requirements_over_time import largest_quantile
 from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output, Source
 from mcnav.statistics.bisection import root_between, smallest_reaching
+from mcnav.statistics.largest_quantiles import largest_quantiles
 from mcnav.statistics.normal_box import normal_box_probability, probability_beyond_box
-from mcnav.statistics.normal_size import NormalSize, size_quantile
+from mcnav.statistics.normal_size import NormalSize, size_quantile, size_quantiles
 from mcnav.statistics.refusals import or_withheld
 
 
@@ -108,6 +109,10 @@ class LinearAnswer:
         What the gates of sensors stop.
     rejections : RejectionAnswer or None
         What gates make of good measurements; none without a gate.
+    examination : Examination or None
+        Where it holds, by simulations (`mcnav.analysis.examination`); none where that was not asked for.
+    unexamined : str
+        Reason why it was asked for and left out, a clause; empty elsewhere.
     kind : str
         Type of its scenario.
     remarks : tuple of str
@@ -136,6 +141,8 @@ class LinearAnswer:
     smoother: LinearVerdict | None = None
     gates: tuple[GateAnswer, ...] = ()
     rejections: RejectionAnswer | None = None
+    examination: Examination | None = None
+    unexamined: str = ""
     kind: str = ""
     remarks: tuple[str, ...] = ()
     card: Callable[[LinearAnswer], str] | None = field(default=None, repr=False, compare=False)
@@ -145,8 +152,8 @@ class LinearAnswer:
         return None if self.card is None else self.card(self)
 
     def __repr__(self) -> str:
-        judged = [each for each in self.requirements if each.judged]
-        met = f", {sum(each.met for each in judged)} of {len(judged)} requirements met" if judged else ""
+        judged = [requirement for requirement in self.requirements if requirement.judged]
+        met = f", {sum(judgement.met for judgement in judged)} of {len(judged)} requirements met" if judged else ""
         return f"{self.campaign}: linear covariance of {len(self.outputs)} outputs{met}"
 
     @cached_property
@@ -183,7 +190,7 @@ class LinearAnswer:
     @property
     def met(self) -> bool:
         """Return whether all requirements that linear analysis can judge are met."""
-        return all(each.met for each in self.requirements if each.judged)
+        return all(requirement.met for requirement in self.requirements if requirement.judged)
 
     @cached_property
     def beyond(self) -> BeyondRange | None:
@@ -280,8 +287,23 @@ def within_range(
         return bool((times[list(epochs)] >= beyond.time).any())
 
     nan = math.nan
-    return tuple(replace(each, value=nan, margin=nan, time=None, beyond=nan) if meaningless(each) else each
-                 for each in judged)  # fmt: skip
+    return tuple(
+        replace(judgement, value=nan, margin=nan, time=None, beyond=nan) if meaningless(judgement) else judgement
+        for judgement in judged
+    )
+
+
+def where_linear(judged: Sequence[LinearRequirement], examination: Examination | None) -> tuple[LinearRequirement, ...]:
+    """Withdraw the judgement on requirements on outputs of which linear analysis does not hold at the end."""
+    if examination is None:
+        return tuple(judged)
+    nan, outputs = math.nan, examination.outputs
+    return tuple(
+        replace(requirement, value=nan, margin=nan, time=None, beyond=nan)
+        if any(outputs[number].verdict == Linearity.FAILS for number in requirement.requirement.outputs)
+        else requirement
+        for requirement in judged
+    )
 
 
 def judge_within_range(
@@ -334,10 +356,11 @@ def judge_linearly(
     fixed = np.zeros_like(mean) if nominal is None else nominal
     return tuple(
         or_withheld(
-            _judge, each, counted(each, mean, origin), covariance, history, sizes or {}, counted(each, fixed, origin),
-            instead=LinearRequirement(each, math.nan, math.nan),
+            _judge, requirement, counted(requirement, mean, origin), covariance, history, sizes or {},
+            counted(requirement, fixed, origin),
+            instead=LinearRequirement(requirement, math.nan, math.nan),
         )
-        for each in requirements
+        for requirement in requirements
     )  # fmt: skip
 
 
@@ -363,7 +386,8 @@ def _judge(
         at = np.array(requirement.epochs)
         means = counted(requirement, history.mean, history.origin)[np.ix_(at, picked)]
         covariances = history.covariance[np.ix_(at, picked, picked)]
-        value, worst = largest_quantile(means, covariances, probability)
+        values, numbers = largest_quantiles(means[None], covariances[None], probability, np.zeros(1))
+        value, worst = float(values[0]), int(numbers[0])
         time, mean, covariance = float(history.times[at[worst]]), means[worst], covariances[worst]
         known = np.zeros_like(history.mean) if history.nominal is None else history.nominal
         nominal = counted(requirement, known, history.origin)[at[worst], picked]
@@ -406,9 +430,8 @@ def sizes_over_time(requirement: Requirement, history: Moments, sizes: Mapping[i
     """Compute the quantile or radius of a requirement at every time, shape (m,), SI."""
     picked = np.array(size_members(requirement.outputs, sizes) or requirement.outputs)
     mean = counted(requirement, history.mean, history.origin)
-    laws = zip(mean[:, picked], history.covariance[:, picked[:, None], picked], strict=True)
-    probability = size_probability(requirement)
-    return np.array([or_withheld(size_quantile, *law, probability) for law in laws])
+    covariance = history.covariance[:, picked[:, None], picked]
+    return size_quantiles(mean[:, picked], covariance, size_probability(requirement), instead=math.nan)
 
 
 def _judge_box(requirement: Requirement, mean: Array, covariance: Array, nominal: Array) -> LinearRequirement:

@@ -104,7 +104,9 @@ def judge_filter(
     verdict = [each for each in verdict if len(each.covariance)]
     if not verdict:
         return None
-    times = np.concatenate([each.readings.times for each in covariances if each.readings.own is not None])
+    times = np.concatenate(
+        [covariance.readings.times for covariance in covariances if covariance.readings.own is not None]
+    )
     evidence = replace(
         _joined(verdict, np.argsort(times, kind="stable")), units=tuple(units), floor=floor, scales=scales
     )

@@ -200,7 +200,7 @@ def together(
         simulated, square = simulate(multiple)(multiple * draws), multiple**2
         scaled = replace(
             model, mean=multiple * model.mean, covariance=square * model.covariance,
-            processes={name: square * each for name, each in model.processes.items()},
+            processes={name: square * process for name, process in model.processes.items()},
         )  # fmt: skip
         return _ratios(scaled, multiple * draws, simulated, criterion, design)
 

@@ -21,7 +21,6 @@ from mcnav.statistics.hotelling import hotelling
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.mardia import Mardia, mardia
 from mcnav.statistics.shape import shape_of_sums
-from mcnav.statistics.whitening import whitening
 
 ROUNDING: Final = 1e-9
 """Root mean square difference between simulated and linear errors, in sigmas, that counts as rounding."""
@@ -92,8 +91,8 @@ class MultivariateTests:
 
 
 def compare_jointly(
-    samples: ReducedSamples, linear: Array, confidence: float, design: SamplingDesign,
-    judged: NDArray[np.bool_] | None = None,
+    samples: ReducedSamples, linear: Array, rank: int, confidence: float, design: SamplingDesign,
+    judged: NDArray[np.bool_],
 ) -> MultivariateTests:  # fmt: skip
     """Test the outputs together against P S P^T, with a confidence for each interval.
 
@@ -101,13 +100,14 @@ def compare_jointly(
     ----------
     linear : ndarray, shape (outputs, outputs)
         P S P^T, zero in the rows and columns of outputs that are not judged.
-    judged : ndarray of bool, shape (outputs,), optional
-        Outputs that are; by default all.
+    rank : int
+        Its rank.
+    judged : ndarray of bool, shape (outputs,)
+        Outputs that are judged.
     """
-    moments, stored, rank = samples.moments, samples.stored, whitening(linear).rank
-    judged = np.ones(len(linear), dtype=bool) if judged is None else judged
+    moments, stored = samples.moments, samples.stored
     count, blocks, fewest = moments.samples, len(moments.counts), design.fewest_blocks
-    sample, predicted = (np.where(np.outer(judged, judged), each, 0.0) for each in moments.covariances)
+    sample, predicted = (np.where(np.outer(judged, judged), covariance, 0.0) for covariance in moments.covariances)
     paired = sample - predicted + linear
     plain = design.independent and blocks >= fewest
     counted = bool(judged.all()) or moments is stored  # a stored summary has the counts for all outputs together

@@ -124,7 +124,7 @@ def judge_rejections(laws: RejectionLaws, outputs: Sequence[Output], tolerance: 
             _roots(reading.variances + of_first[: len(reached.excess)] @ _added(reached, squares))
             for reading, reached in zip(laws.readings, errors, strict=True)
         ])
-        for errors in ([each.once for each in laws.readings], [each.never for each in laws.readings])
+        for errors in ([reading.once for reading in laws.readings], [reading.never for reading in laws.readings])
     )  # fmt: skip
     linear = np.array([_roots(reading.variances) for reading in laws.readings])
     one, all_later = (_ratios(rms, linear, units) for rms in (once, never))
@@ -134,7 +134,7 @@ def judge_rejections(laws: RejectionLaws, outputs: Sequence[Output], tolerance: 
     reading = int(np.argmax(departing.max(axis=1)))
     output = int(np.flatnonzero(departing[reading] >= NEARLY * departing[reading].max())[0])
     exact = bool(np.all(all_later - one <= SAME * one))
-    nees = max(float(_normalized(each, of_first, squares, units).max()) for each in laws.readings)
+    nees = max(float(_normalized(reading, of_first, squares, units).max()) for reading in laws.readings)
     return RejectionAnswer(
         verdict,
         measurements=len(of_first),

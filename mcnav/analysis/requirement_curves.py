@@ -17,9 +17,8 @@ from mcnav.analysis.requirements import (
 )
 from mcnav.analysis.requirements_over_time import ErrorHistories
 from mcnav.arrays.types import Array, IndexArray
-from mcnav.statistics.normal_size import size_quantile
+from mcnav.statistics.normal_size import size_quantiles
 from mcnav.statistics.order_statistics import RankedSizes
-from mcnav.statistics.refusals import or_withheld
 
 MOST: Final = 150
 """Epochs of a curve, at most, besides those at which the requirement holds."""
@@ -56,12 +55,12 @@ def requirement_curve(requirement: Requirement, histories: ErrorHistories, confi
     epochs = drawn_epochs(requirement, len(histories.times))
     independent, remark = independent_samples(histories.blocks)
     sizes = [histories.counted_sizes(requirement, epoch) for epoch in epochs.tolist()]
-    ranked = [RankedSizes.of(each[independent]) for each in sizes]
-    bounds = [(0.0, math.inf) if remark else each.bounds(probability, confidence) for each in ranked]
+    ranked = [RankedSizes.of(size[independent]) for size in sizes]
+    bounds = [(0.0, math.inf) if remark else ranking.bounds(probability, confidence) for ranking in ranked]
     return RequirementCurve(
         times=histories.times[epochs],
         holds=np.isin(epochs, requirement.epochs),
-        estimate=np.array([each.estimate(probability) for each in ranked]),
+        estimate=np.array([ranking.estimate(probability) for ranking in ranked]),
         bounds=np.array(bounds),
         linear=_linear(requirement, histories, epochs, probability),
     )
@@ -81,5 +80,4 @@ def _linear(requirement: Requirement, histories: ErrorHistories, epochs: IndexAr
     picked = np.array(size_members(requirement.outputs, histories.sizes) or requirement.outputs)
     means = mean[np.ix_(epochs, picked)]
     covariances = histories.covariance[np.ix_(epochs, picked, picked)]
-    laws = zip(means, covariances, strict=True)
-    return np.array([or_withheld(size_quantile, *law, probability) for law in laws])
+    return size_quantiles(means, covariances, probability, instead=math.nan)

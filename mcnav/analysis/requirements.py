@@ -293,12 +293,14 @@ def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Requireme
         )
     names = {Verdict.DIFFERS: Finding.NOT_MET, Verdict.UNDECIDED: Finding.UNDECIDED, Verdict.AGREES: Finding.MET}
     order = (Verdict.DIFFERS, Verdict.UNDECIDED, Verdict.AGREES)
-    worst = min(judgements, key=lambda each: (order.index(each.verdict), -abs((each.ratio or 1.0) - 1.0)))
+    worst = min(
+        judgements, key=lambda judgement: (order.index(judgement.verdict), -abs((judgement.ratio or 1.0) - 1.0))
+    )
     finding = Finding.NOT_MET if unforeseen else names[worst.verdict]
     remark = ""
     if finding == Finding.MET and comparison.failed > LARGEST_FAILED_SHARE * (comparison.failed + comparison.samples):
         finding, remark = Finding.UNDECIDED, "too many samples failed"
-    undecided = [each.samples_needed or 0 for each in judgements if finding == Finding.UNDECIDED]
+    undecided = [judgement.samples_needed or 0 for judgement in judgements if finding == Finding.UNDECIDED]
     needed = max(undecided, default=0) or None
     ratio, interval = worst.ratio or 1.0, worst.interval or (0.0, math.inf)
     return RequirementResult(requirement, finding, ratio, interval, 1.0, True, needed, remark=remark)

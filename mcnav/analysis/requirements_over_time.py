@@ -31,9 +31,8 @@ from mcnav.analysis.requirements import (
 from mcnav.analysis.samples_needed import Counting, samples_needed
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics.interim_sizes import confidence_of_each
-from mcnav.statistics.normal_size import NormalSize, size_quantile
+from mcnav.statistics.largest_quantiles import largest_quantiles
 from mcnav.statistics.order_statistics import RankedSizes
-from mcnav.statistics.refusals import or_withheld
 
 
 @dataclass(frozen=True)
@@ -88,18 +87,18 @@ def judge_over_time(requirement: Requirement, histories: ErrorHistories | None, 
     if not np.isfinite(histories.errors[independent]).any():
         remark = "every sample failed"
     sizes = [histories.counted_sizes(requirement, epoch)[independent] for epoch in epochs]
-    ranked = [RankedSizes.of(each) for each in sizes]
-    estimates = np.array([each.estimate(probability) for each in ranked])
+    ranked = [RankedSizes.of(size) for size in sizes]
+    estimates = np.array([ranking.estimate(probability) for ranking in ranked])
     worst = int(np.argmax(np.nan_to_num(estimates, nan=-1.0)))
     shared = confidence_of_each(confidence, len(epochs))
-    low = max(each.bounds(probability, shared)[0] for each in ranked)
-    high = max(each.bounds(probability, confidence)[1] for each in ranked)
+    low = max(ranking.bounds(probability, shared)[0] for ranking in ranked)
+    high = max(ranking.bounds(probability, confidence)[1] for ranking in ranked)
     interval = (0.0, math.inf) if remark else (low, high)
     finding = finding_on_size(interval, limit)
     needed = None
     count = int(np.count_nonzero(independent))
     if finding == Finding.UNDECIDED and not remark and count:
-        shares = [float(np.mean(~(each < limit))) for each in sizes], [float(np.mean(each >= limit)) for each in sizes]
+        shares = [float(np.mean(~(size < limit))) for size in sizes], [float(np.mean(size >= limit)) for size in sizes]
         reason = f"errors over time are stored of the first {histories.most:,} samples alone"
         counting = Counting(len(histories.errors), count, histories.most, reason)
         needed, remark = samples_needed(*shares, 1.0 - probability, (confidence, shared), counting)
@@ -127,24 +126,4 @@ def largest_linear_quantile(
         return math.nan
     at, picked = np.array(epochs), np.array(size_members(outputs, histories.sizes) or outputs)
     mean, covariance = histories.mean[np.ix_(at, picked)], histories.covariance[np.ix_(at, picked, picked)]
-    return or_withheld(lambda: largest_quantile(mean, covariance, probability)[0])
-
-
-def largest_quantile(means: Array, covariances: Array, probability: float) -> tuple[float, int]:
-    """Compute the largest quantile of the distance from zero of some normal variables, and the number of the largest.
-
-    Parameters
-    ----------
-    means, covariances : ndarray, shapes (m, d) and (m, d, d)
-        Of m variables in any number of dimensions.
-    """
-    size = np.trace(covariances, axis1=1, axis2=2) + np.einsum("mi,mi->m", means, means)
-    order = np.argsort(-size, kind="stable").tolist()
-    largest, worst = 0.0, order[0]
-    for number in order:
-        mean, covariance = means[number], covariances[number]
-        if largest == 0.0 or NormalSize.of(mean, covariance).probability(largest) < probability:
-            quantile = size_quantile(mean, covariance, probability)
-            if quantile > largest:
-                largest, worst = quantile, number
-    return largest, worst
+    return float(largest_quantiles(mean[None], covariance[None], probability, np.zeros(1), math.nan)[0][0])

@@ -48,9 +48,9 @@ class Curvature:
     def of_record(cls, second_order: Mapping[str, Any] | None) -> Curvature | None:
         """Return that of a manifest; none where it has none."""
         entries = [(second_order or {}).get(key) for key in ("centre", "slopes", "curvatures")]
-        if any(each is None for each in entries):
+        if any(entry is None for entry in entries):
             return None
-        return cls(*(np.array(each, dtype=float) for each in entries))
+        return cls(*(np.array(entry, dtype=float) for entry in entries))
 
     def beyond(self, requirement: Requirement, model: Model, multiple: float = 1.0) -> float:
         """Compute the probability beyond multiples of the limits of a quantile or a box; NaN of a radius or a size.
@@ -63,7 +63,7 @@ class Curvature:
         if requirement.kind == "quantile" and len(requirement.outputs) > 1:
             return math.nan
         centre = counted(requirement, self.centre, model.origin)
-        noise = sum((np.diag(each) for each in model.processes.values()), np.zeros(len(self.centre)))
+        noise = sum((np.diag(process) for process in model.processes.values()), np.zeros(len(self.centre)))
         return sum(
             QuadraticForm(
                 float(centre[i]), self.slopes[i], self.curvatures[i], float(np.sqrt(max(noise[i], 0.0)))
@@ -138,8 +138,8 @@ def tail_curve(
     low, high = np.array(ends).T
     return TailCurve(
         multiples, np.where(counts > 0, counts / max(samples, 1), np.nan), low, high,
-        np.array([linear_beyond(requirement, model, each) for each in multiples]),
-        np.array([curved(each) for each in multiples]),
+        np.array([linear_beyond(requirement, model, multiple) for multiple in multiples]),
+        np.array([curved(multiple) for multiple in multiples]),
         samples, (linear_beyond(requirement, model), curved(1.0)), int(np.count_nonzero(reached >= 1.0)),
     )  # fmt: skip
 

@@ -86,7 +86,7 @@ class ScaledCovariance:
     def mean(self, factors: Sequence[float]) -> Array:
         """Compute the mean errors with the numbers multiplied, shape (r, outputs)."""
         by_number = [*factors, 1.0]
-        return np.asarray(sum((by_number[number] * each for number, each in self.means.items()), self.nominal))
+        return np.asarray(sum((by_number[number] * mean for number, mean in self.means.items()), self.nominal))
 
     def sigma(self, factors: Sequence[float]) -> Array:
         """Compute the sigmas with the numbers multiplied, shape (r, outputs)."""
@@ -100,7 +100,7 @@ class ScaledCovariance:
             times=self.times[readings],
             nominal=self.nominal[readings],
             terms=tuple(replace(term, values=term.values[readings]) for term in self.terms),
-            means={number: each[readings] for number, each in self.means.items()},
+            means={number: mean[readings] for number, mean in self.means.items()},
             own=None if self.own is None else self.own[readings],
         )
 

@@ -42,11 +42,11 @@ def with_rejections(
     if laws is None or rejections is None or rejections.verdict == OnLinear.HOLDS:
         return tuple(judged)
     return tuple(
-        or_withheld(_by_exact_law, each, laws, instead=_withheld(each))
-        if rejections.exact and _has_exact_law(each, mean)
-        else _withheld(each) if each.met or rejections.doubt == "faults"
-        else each
-        for each in judged
+        or_withheld(_by_exact_law, judgement, laws, instead=_withheld(judgement))
+        if rejections.exact and _has_exact_law(judgement, mean)
+        else _withheld(judgement) if judgement.met or rejections.doubt == "faults"
+        else judgement
+        for judgement in judged
     )  # fmt: skip
 
 

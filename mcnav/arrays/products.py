@@ -45,17 +45,17 @@ def step(covariance: Array, transition: Array, noise: Array) -> Array:
     return np.asarray(product)
 
 
-def update(covariance: Array, gain: Array, response: Array, variances: Array) -> Array:
+def update(covariance: Array, cross: Array, gain: Array, response: Array, variances: Array) -> Array:
     """Compute the covariance after an update with any gain: Joseph's form, ``(I - K H) P (I - K H)' + K R K'``.
 
     It is computed as ``N - (N H' - K R) K'`` with ``N = (I - K H) P``, whose products are small.
 
     Parameters
     ----------
-    gain, response, variances : ndarray, shapes (..., f, m), (m, f), (..., m)
-        K, H and the diagonal of R.
+    cross, gain, response, variances : ndarray, shapes (..., m, f), (..., f, m), (m, f), (..., m)
+        H P, K, H and the diagonal of R.
     """
-    half = covariance - gain @ (response @ covariance)
+    half = covariance - gain @ cross
     beside = half @ response.T
     beside -= gain * variances[..., None, :]
     half -= beside @ gain.swapaxes(-1, -2)

@@ -102,7 +102,7 @@ def _delete_oldest(folder: Path) -> None:
     """Delete files beyond `MOST_FILES` and `MOST_BYTES`, and those that were abandoned while they were written."""
     files = {file: file.stat() for file in folder.iterdir()}
     kept, size = 0, 0
-    for file, state in sorted(files.items(), key=lambda each: each[1].st_mtime_ns, reverse=True):
+    for file, state in sorted(files.items(), key=lambda file: file[1].st_mtime_ns, reverse=True):
         if is_temporary(file.name):
             if time.time() - state.st_mtime > ABANDONED:
                 file.unlink(missing_ok=True)

@@ -46,9 +46,9 @@ def _with_the_command(name: str) -> typer.Typer:
     It is whole where no command has that name.
     """
     named = [
-        each
-        for each in app.registered_commands
-        if name == (each.name or get_command_name(getattr(each.callback, "__name__", "")))
+        command
+        for command in app.registered_commands
+        if name == (command.name or get_command_name(getattr(command.callback, "__name__", "")))
     ]
     if not named:
         return app

@@ -46,13 +46,20 @@ def lincov(
     remedies: Annotated[
         bool, typer.Option("--remedies", help="Compute all that would help where something fails, for the page.")
     ] = False,
+    examine: Annotated[
+        bool | None,
+        typer.Option(
+            "--examine/--no-examine",
+            help="Simulate some flights to see where linear analysis holds [default: where that is quick].",
+        ),
+    ] = None,
     form: FormatOption = "table",
 ) -> None:
-    """Compute the linear covariance, its causes, and requirements.
+    """Compute the linear covariance, its causes, and requirements, and examine where it holds.
 
-    They are of the end and over time; nothing is simulated. With aiding, it is that of the closed loop: true sigmas
-    and those that the filter states, twice where an update falls on a time. With --partials, P is shown as computed by
-    three methods, with their differences.
+    They are of the end and over time. Some flights are simulated to see where linear analysis holds. With aiding, it is
+    that of the closed loop: true sigmas and those that the filter states, twice where an update falls on a time. With
+    --partials, P is shown as computed by three methods, with their differences.
 
     Example: mcnav lincov campaigns/19_flight_with_gnss.toml --at "1800 s"
     """
@@ -71,7 +78,7 @@ def lincov(
 
     times = None if at is None else read_times(at)
     target = output_folder(folder, Path("reports") / f"{campaign.stem}_lincov")
-    result, files = write_lincov(read_campaign(campaign), target, times, remedies)
+    result, files = write_lincov(read_campaign(campaign), target, times, remedies, examine=examine)
     if form != "table":
         tables = exported(result)
         print_rows(form, tables["sigmas"], tables)
@@ -139,6 +146,13 @@ def judge(
         list[str] | None,
         typer.Option("--unit", metavar="NAME=UNIT", help="Unit of the readings, such as gyro=deg/s; repeat."),
     ] = None,
+    begin: Annotated[
+        float | None,
+        typer.Option("--from", metavar="S", help="Where the part that is judged begins, s after the first reading."),
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option("--to", metavar="S", help="Where it ends, s after the first reading.")
+    ] = None,
     records: Annotated[int, typer.Option(min=200, max=100_000, help="Simulated records to compare with.")] = 1000,
     record: Annotated[
         bool,
@@ -183,7 +197,7 @@ def judge(
         given = {name: Path(file) for name, file in pairs_of(measurements, "measurements", "gnss=gnss.pos").items()}
         columns, units = pairs_of(column, "column", "gyro_x=wx"), pairs_of(unit, "unit", "gyro=deg/s")
         target = output_folder(folder, Path("reports") / f"{campaign.stem}_judge")
-        described = RecordingFiles(imu, given, reference, start, columns, units)
+        described = RecordingFiles(imu, given, reference, start, columns, units, begin, end)
         judgement, files = write_judgement(read_campaign(campaign), described, target, records)
         out.print(printed(judged.terminal(judgement)))
     out.print()

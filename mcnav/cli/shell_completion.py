@@ -126,7 +126,7 @@ def examples(incomplete: str) -> list[str]:
     """Return the example campaigns, which lie in the package or in the checkout."""
     package = Path(__file__).parents[1]
     folders = (package / "campaigns", package.parent / "campaigns")
-    folder = next((each for each in folders if each.is_dir()), None)
+    folder = next((folder for folder in folders if folder.is_dir()), None)
     return _beginning(sorted(path.stem for path in folder.glob("*.toml")) if folder else (), incomplete)
 
 

@@ -67,7 +67,7 @@ def _load_block(context: Any, array: Any, place: Any) -> Any:
     """Return the block of an array, shape (..., ENTRIES, PART), at a place."""
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        values = [builder.load(each) for each in _pointers(context, builder, signature, given)]
+        values = [builder.load(pointer) for pointer in _pointers(context, builder, signature, given)]
         for value in values:
             value.align = 8
         return context.make_tuple(builder, signature.return_type, values)

@@ -131,10 +131,10 @@ def _multiplied(entry: Value, factor: float) -> Value:
     if isinstance(entry, str):
         return multiplied(entry, factor)
     if isinstance(entry, list):
-        return [_multiplied(each, factor) for each in entry]
+        return [_multiplied(item, factor) for item in entry]
     if is_by_axis(entry):
-        return {axis: _multiplied(each, factor) for axis, each in entry.items()}
-    return {name: _multiplied(each, factor) if name in SCALED else each for name, each in entry.items()}
+        return {axis: _multiplied(item, factor) for axis, item in entry.items()}
+    return {name: _multiplied(item, factor) if name in SCALED else item for name, item in entry.items()}
 
 
 def is_by_axis(entry: Mapping[str, Any]) -> bool:
@@ -149,11 +149,11 @@ def shown(entry: Value) -> str:
     ('0.003 deg/h', 'x 1 m, y 2 m')
     """
     if isinstance(entry, list):
-        return ", ".join(shown(each) for each in entry)
+        return ", ".join(shown(item) for item in entry)
     if not isinstance(entry, dict):
         return str(entry)
     if is_by_axis(entry):
-        return ", ".join(f"{axis} {shown(each)}" for axis, each in entry.items())
+        return ", ".join(f"{axis} {shown(item)}" for axis, item in entry.items())
     sizes = [name for name in SIZES if name in entry]
     return shown(entry[sizes[0]]) if sizes else str(entry)
 

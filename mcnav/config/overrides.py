@@ -245,7 +245,7 @@ def _place(entries: list[Any], name: str, above: tuple[str, ...]) -> int:
     if name.isdecimal() and 1 <= int(name) <= len(entries):
         return int(name) - 1
     if above[-1:] == ("aiding",):
-        named = [_sensor_name(each) for each in entries]
+        named = [_sensor_name(entry) for entry in entries]
         if name in named:
             return named.index(name)
         raise _Mistake(f"no sensor of [[aiding]] is named {name!r}{suggestion(name, named)}")

@@ -115,7 +115,7 @@ def _during(scenario: Scenario, entry: str | list[float], key: str, context: Fil
             return None
     else:
         begin, end = entry
-        if not all(_within_flight(times, each, key, context) for each in entry):
+        if not all(_within_flight(times, item, key, context) for item in entry):
             return None
         if not begin < end:
             context.problem(key, f"got {seconds(begin)} to {seconds(end)}; expected an end after its begin")

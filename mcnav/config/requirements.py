@@ -39,7 +39,7 @@ def read_requirements(table: AcceptTable, scenario: Scenario, context: FileConte
                 context.problem(f"{key}.of", f'got {of!r}; it needs smoother = "fixed-interval" in [filter]')
         if about is not None:
             record = record.completed({"about": about})
-            for name in (each for each in names if each not in departing):
+            for name in (name for name in names if name not in departing):
                 context.problem(f"{key}.about", f"got {about!r}; {name} is no departure from the nominal flight")
         records.append(record)
 

@@ -195,27 +195,30 @@ class CampaignTable(Table):
     samples: Annotated[
         UntilTable | Annotated[int, Field(ge=2, le=1_000_000_000_000)],
         ByForm(),
-        Field(description="Number of samples, or a table with the precision at which the run stops."),
+        Field(description="Number of samples, at most 10^12, or a table with the precision at which the run stops."),
     ] = 20_000
-    seed: Annotated[int, Field(ge=0, lt=2**63, description="Seed of the random numbers.")] = 0
+    seed: Annotated[
+        int, Field(ge=0, lt=2**63, description="Seed of the random numbers. A sample depends on seed and index alone.")
+    ] = 0
     design: Annotated[
-        Literal[DESIGNS], Field(description="How samples are drawn.")  # type: ignore[valid-type]
+        Literal[DESIGNS], Field(description="How samples are drawn: random, antithetic, latin-hypercube or sobol.")  # type: ignore[valid-type]
     ] = "random"
     store: Annotated[
-        Literal["samples", "summary"], Field(description="Keep every sample, or sums and the first 100,000 samples.")
+        Literal["samples", "summary"], Field(description="samples keeps all, summary keeps sums and the first 100,000.")
     ] = "samples"
     tolerance: Annotated[
         Number,
         Field(
             gt=0.0,
             lt=1.0,
-            description="Departure of a sigma ratio from one that counts as agreement.",
+            description="Largest departure of a sigma ratio from one that counts as agreement.",
             examples=["5 %"],
         ),
     ] = 0.05
     confidence: Annotated[Number, Field(ge=0.5, lt=1.0, description="Confidence of all verdicts together.")] = 0.95
     sample_timeout: Annotated[
-        Duration, Field(ge=0.001, le=1e6, description="Time after which a sample fails.", examples=["10 s"])
+        Duration,
+        Field(ge=0.001, le=1e6, description="Time after which a sample fails; none unless given.", examples=["10 s"]),
     ] | None = None  # fmt: skip
     scenario: Annotated[Content, Field(description="What is simulated; its type decides about the other keys.")]
     errors: Annotated[

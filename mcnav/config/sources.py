@@ -178,7 +178,7 @@ def _named_sources(content: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]
         for number, entry in enumerate(entries if isinstance(entries, list) else (), start=1):
             names = entry.get(name) if isinstance(entry, Mapping) else None
             if isinstance(names, list):
-                yield f"{table} #{number}.{name}", [each for each in names if isinstance(each, str)]
+                yield f"{table} #{number}.{name}", [name for name in names if isinstance(name, str)]
 
 
 def read_correlations(tables: Sequence[CorrelationTable]) -> list[Correlation]:

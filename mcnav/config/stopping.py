@@ -39,7 +39,7 @@ def read_stopping_rule(table: UntilTable, design: str, context: FileContext) -> 
     name, _, written = table.until.strip().partition(" ")
     key = "samples.until"
     if name not in QUANTITIES:
-        wanted = " or ".join(f'"{each} 1 %"' for each in QUANTITIES)
+        wanted = " or ".join(f'"{quantity} 1 %"' for quantity in QUANTITIES)
         context.problem(key, f"got {table.until!r}; expected a quantity and its precision: {wanted}")
         return None
     precision = context.quantity(written, "1", key)

@@ -64,10 +64,10 @@ def read_variables(varied: Mapping[str, str | Sequence[object]], points: int = P
             variables.append(_read_variable(path, text, points))
         except UnitError as wrong:
             raise CampaignError([Problem("--vary", path, str(wrong))]) from None
-    variables.sort(key=lambda each: not each.words)  # words first: numbers are solved for at each of them
-    count = math.prod(len(each.values) for each in variables)
+    variables.sort(key=lambda variable: not variable.words)  # words first: numbers are solved for at each of them
+    count = math.prod(len(variable.values) for variable in variables)
     if count > MOST_POINTS:
-        sizes = " x ".join(str(len(each.values)) for each in variables)
+        sizes = " x ".join(str(len(variable.values)) for variable in variables)
         message = f"got {sizes} points; at most {MOST_POINTS:,} in all, fewer --points make fewer"
         raise CampaignError([Problem("--vary", "", message)])
     return tuple(variables)
@@ -123,7 +123,7 @@ def _read_variable(path: str, text: str, points: int) -> Variable:
         rounded = np.array([float(f"{value:.12g}") for value in values])
         rounded[[0, -1]] = low, high
         return Variable(path, rounded, unit, log)
-    if not any(_ITEM.fullmatch(each) for each in text.split(",")):
+    if not any(_ITEM.fullmatch(piece) for piece in text.split(",")):
         return _read_words(path, text)
     given, unit = _read_items(text.split(","), text)
     values = np.unique(given)
@@ -137,7 +137,7 @@ def _read_variable(path: str, text: str, points: int) -> Variable:
 
 def _read_words(path: str, text: str) -> Variable:
     """Read values that are no numbers, such as grades of the catalogue."""
-    words = tuple(each.strip() for each in text.split(","))
+    words = tuple(piece.strip() for piece in text.split(","))
     if not all(words) or len(words) < 2 or len(words) > MOST_WORDS:
         raise UnitError(f"got {text!r}; {EXPECTED}, or two to {MOST_WORDS} words such as navigation, tactical")
     if len(set(words)) < len(words):
@@ -147,10 +147,10 @@ def _read_words(path: str, text: str) -> Variable:
 
 def _read_items(items: Sequence[str], text: str) -> tuple[Array, str]:
     """Read numbers with their units into the last one's unit, which those without one have."""
-    matches = [_ITEM.fullmatch(each) for each in items]
+    matches = [_ITEM.fullmatch(item) for item in items]
     if not all(matches):
         raise UnitError(f"got {text!r}; {EXPECTED}")
-    numbers = [(float(each[1]), each[2]) for each in matches if each is not None]
+    numbers = [(float(match[1]), match[2]) for match in matches if match is not None]
     unit = numbers[-1][1]
     values = []
     for number, own in numbers:

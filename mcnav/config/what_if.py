@@ -80,7 +80,7 @@ def is_tuned(content: Mapping[str, Any], sources: Sequence[Source], believed: Ma
     kind = _type_of(content)
     if not is_code(kind):
         return "filter" in content
-    loop = any(name in content for name in FURTHER_NAMES) or any(each.name.startswith(TRUE) for each in sources)
+    loop = any(name in content for name in FURTHER_NAMES) or any(source.name.startswith(TRUE) for source in sources)
     return bool(believed) and loop
 
 
@@ -154,8 +154,8 @@ def _sizes_in(entry: Value) -> Iterator[tuple[tuple[str | int, ...], Size]]:
         except UnitError:
             return
     elif isinstance(entry, list):
-        for place, each in enumerate(entry):
-            yield from (((place, *below), size) for below, size in _sizes_in(each))
+        for place, item in enumerate(entry):
+            yield from (((place, *below), size) for below, size in _sizes_in(item))
     else:
         names = [name for name in entry if is_by_axis(entry) or name in SCALED]
         for name in names:
@@ -177,8 +177,8 @@ def _text(content: Mapping[str, Any], numbers: Sequence[DataSheetNumber]) -> str
 
 def _copied(entry: Any) -> Any:
     if isinstance(entry, Mapping):
-        return {name: _copied(each) for name, each in entry.items()}
-    return [_copied(each) for each in entry] if isinstance(entry, list) else entry
+        return {name: _copied(item) for name, item in entry.items()}
+    return [_copied(item) for item in entry] if isinstance(entry, list) else entry
 
 
 def _with(entry: Any, place: tuple[str | int, ...], mark: str) -> Any:
@@ -290,7 +290,7 @@ def _by_axes(entry: Value, axes: Sequence[str]) -> dict[str, Value]:
 def _inline(entry: Any) -> str:
     """Write a value in one line of TOML."""
     if isinstance(entry, Mapping):
-        return "{ " + ", ".join(f"{name} = {_inline(each)}" for name, each in entry.items()) + " }"
+        return "{ " + ", ".join(f"{name} = {_inline(item)}" for name, item in entry.items()) + " }"
     if isinstance(entry, list):
         return f"[{', '.join(map(_inline, entry))}]"
     return tomli_w.dumps({"entry": entry}).partition(" = ")[2].strip()

@@ -83,7 +83,7 @@ class LinearSystem:
         cls, partials: Array, nominal: Array, processes: Mapping[str, Array] | None = None, time: float = np.nan
     ) -> LinearSystem:
         """Return the system of the end alone: partials of shape (outputs, sources), and so on."""
-        noise = {name: each[None] for name, each in (processes or {}).items()}
+        noise = {name: process[None] for name, process in (processes or {}).items()}
         return cls(np.array([time]), partials[None], nominal[None], noise)
 
     @property
@@ -94,7 +94,7 @@ class LinearSystem:
     @property
     def end(self) -> LinearModel:
         """The system at the end."""
-        last = {name: each[-1] for name, each in self.processes.items()}
+        last = {name: process[-1] for name, process in self.processes.items()}
         origin = None if self.origin is None else self.origin[-1]
         return LinearModel(self.partials[-1], self.nominal_errors[-1], last, origin)
 

@@ -37,7 +37,10 @@ def members(protocol: type) -> Mapping[str, Any]:
     """
     protocols = [each for each in protocol.__mro__ if getattr(each, "_is_protocol", False) and each is not Protocol]
     return {
-        name: member for each in reversed(protocols) for name, member in vars(each).items() if not name.startswith("_")
+        name: member
+        for protocol in reversed(protocols)
+        for name, member in vars(protocol).items()
+        if not name.startswith("_")
     }
 
 
@@ -96,7 +99,7 @@ def _wrong_parameters(instance: object, name: str, static: Any, wanted: Any) -> 
     needed, optional = _parameters(wanted)
     try:
         signature = inspect.signature(given)
-        if any(each.kind is each.VAR_POSITIONAL for each in signature.parameters.values()):
+        if any(parameter.kind is parameter.VAR_POSITIONAL for parameter in signature.parameters.values()):
             return ""  # it hands on whatever it gets
         signature.bind(*needed, **dict.fromkeys(optional))
     except TypeError:

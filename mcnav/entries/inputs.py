@@ -146,7 +146,7 @@ def with_unique_names(files: Iterable[InputFile], taken: Sequence[InputFile] = (
     """
     used, input_files = {file.name.casefold() for file in taken}, list[InputFile]()
     known = {Path(file.path).resolve() for file in taken}
-    for file in sorted(files, key=lambda each: each.path):
+    for file in sorted(files, key=lambda file: file.path):
         if Path(file.path).resolve() in known:
             continue
         known.add(Path(file.path).resolve())

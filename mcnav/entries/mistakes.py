@@ -34,7 +34,7 @@ def told(message: str) -> PydanticCustomError:
 
 def refuse(mistakes: Iterable[Mistake]) -> ValidationError:
     """Return the error of several mistakes within an entry."""
-    lines = [InitErrorDetails(type=told(each.message), loc=each.place, input=None) for each in mistakes]
+    lines = [InitErrorDetails(type=told(mistake.message), loc=mistake.place, input=None) for mistake in mistakes]
     return ValidationError.from_exception_data("entry", lines)
 
 

@@ -128,7 +128,7 @@ class ByType:
             if each not in families.values()
         }
         names = [*tables, *(f"{prefix}NAME" for prefix in families)]
-        usual = next((each for each in tables.values() if not each.model_fields[self.key].is_required()), None)
+        usual = next((table for table in tables.values() if not table.model_fields[self.key].is_required()), None)
 
         def table(name: object) -> type[Table]:
             if isinstance(name, str):

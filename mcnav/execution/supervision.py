@@ -92,7 +92,7 @@ def names_code(arguments: Sequence[str]) -> bool:
     """
     if not hasattr(os, "fork"):
         return False
-    return arguments[:1] == ["live"] or any(".py" in each or _mentions_code(each) for each in arguments)
+    return arguments[:1] == ["live"] or any(".py" in argument or _mentions_code(argument) for argument in arguments)
 
 
 def _mentions_code(argument: str) -> bool:

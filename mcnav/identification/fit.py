@@ -194,7 +194,7 @@ def fit(record: Record) -> AxisFit:
         Candidate(model, maximize(model, bands, start.logs), bands)
         for model, start in zip(CANDIDATES, first, strict=True)
     ]
-    return AxisFit(record, tuple(sorted(candidates, key=lambda each: each.criterion)))
+    return AxisFit(record, tuple(sorted(candidates, key=lambda candidate: candidate.criterion)))
 
 
 def _best(model: Model, bands: Bands) -> Maximum:

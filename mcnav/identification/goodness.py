@@ -88,7 +88,7 @@ class Goodness:
 
     def rejected_by(self, names: Collection[str]) -> bool:
         """Return whether tests of these names alone reject the model."""
-        return Goodness(tuple(each for each in self.findings if each.name in names)).rejected
+        return Goodness(tuple(finding for finding in self.findings if finding.name in names)).rejected
 
     @property
     def worst(self) -> Finding:

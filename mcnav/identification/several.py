@@ -45,13 +45,13 @@ def common_noise(fits: Sequence[AxisFit]) -> CommonNoise:
     joint = [_joint(fits, candidate.model) for candidate in fits[0].candidates]
     fitted = AxisFit(fits[0].record, tuple(sorted(joint, key=lambda each: each.criterion)))
     chosen = fitted.chosen
-    alone = sum(_of_model(each, chosen.model).best.deviance for each in fits)
+    alone = sum(_of_model(fit, chosen.model).best.deviance for fit in fits)
     freedom = (len(fits) - 1) * len(chosen.best.logs)
     return CommonNoise(fitted, float(chi2.sf(max(chosen.best.deviance - alone, 0.0), freedom)))
 
 
 def _of_model(fitted: AxisFit, model: Model) -> Candidate:
-    return next(each for each in fitted.candidates if each.model == model)
+    return next(candidate for candidate in fitted.candidates if candidate.model == model)
 
 
 def _joint(fits: Sequence[AxisFit], model: Model) -> Candidate:

@@ -56,7 +56,7 @@ class Statement:
 
 def statements(fitted: AxisFit) -> tuple[Statement, ...]:
     """State every parameter."""
-    chosen = {each.name: each for each in fitted.estimates}
+    chosen = {estimate.name: estimate for estimate in fitted.estimates}
     slow = next((process.size for process in fitted.chosen.model.processes if process in SLOW), "")
     result = []
     for name in PARAMETERS:
@@ -78,6 +78,6 @@ def _of_estimate(estimate: Estimate) -> Statement:
 def _bound(fitted: AxisFit, process: Process) -> Statement:
     """Bound a process that the chosen model does not have."""
     wanted = set(fitted.chosen.model.processes) | {process}
-    candidate = next(each for each in fitted.candidates if set(each.model.processes) == wanted)
-    (estimate,) = (each for each in candidate.estimates((process.size,)) if each.name == process.size)
+    candidate = next(candidate for candidate in fitted.candidates if set(candidate.model.processes) == wanted)
+    (estimate,) = (estimate for estimate in candidate.estimates((process.size,)) if estimate.name == process.size)
     return Statement(process.size, None, 0.0, estimate.high, estimate.duration_wanted)

@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.arrays.types import Array
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import RecordedMeasurements, Recording
 from mcnav.judgement.local_track import local_metres
 from mcnav.physics.constants import STANDARD_GRAVITY
@@ -137,7 +137,7 @@ class ForceMatch:
         return total / max(count, 1), count
 
     @cached_property
-    def _windows(self) -> list[Array]:
+    def _windows(self) -> list[IndexArray]:
         number = np.floor((self.stamps[:, 0] - self.stamps[0, 0]) / WINDOW)
         return [np.flatnonzero(number == each) for each in np.unique(number)]
 

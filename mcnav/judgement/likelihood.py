@@ -12,13 +12,12 @@ Anderson and Moore 1979, *Optimal Filtering*, section 10.5).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from scipy.optimize import brentq, minimize_scalar
 
 from mcnav.arrays.products import innovation_covariance, transform
 from mcnav.arrays.types import Array
@@ -127,7 +126,7 @@ class Factor:
 
 
 def estimate_factor(record: FilteredRecord, innovations: Innovations, cause: int, drop: float = DROP) -> Factor:
-    """Estimate the factor of one size from one record.
+    """Estimate the factor of one size from one record, on grids of its logarithm that become finer.
 
     Parameters
     ----------
@@ -137,27 +136,47 @@ def estimate_factor(record: FilteredRecord, innovations: Innovations, cause: int
     measured = without_corrections(record, innovations)
 
     def values(logarithms: Array) -> Array:
-        factors = [{cause: float(np.exp(each))} for each in logarithms]
+        factors = [{cause: float(np.exp(logarithm))} for logarithm in logarithms]
         likelihoods = log_likelihood(record, measured, factors)[:, 0]
         if np.isnan(likelihoods).any():
             raise NumericalError(f"the likelihood of a record is not a number for some of the factors {factors}")
         return likelihoods
 
-    def value(logarithm: float) -> float:
-        return float(values(np.array([logarithm]))[0])
-
     widest = float(np.log(WIDEST))
     grid = np.linspace(-widest, widest, 13)
-    best = int(np.argmax(values(grid)))
-    bounds = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    least = minimize_scalar(lambda x: -value(x), bounds=bounds, method="bounded", options={"xatol": 1e-3})
-    top, most = float(least.x), -float(least.fun)
+    of_grid, at_one = values(grid), float(values(np.zeros(1))[0])
+    for _ in range(3):
+        grid, of_grid = _finer(grid, of_grid, values)
+    best = int(np.argmax(of_grid))
+    top, most = float(grid[best]), float(of_grid[best])
+    low, high = (_end(grid, of_grid, best, most - drop, side, values) for side in (-1, 1))
+    return Factor(float(np.exp(top)), float(np.exp(low)), float(np.exp(high)), most - at_one)
 
-    def end(bound: float) -> float:
-        if value(bound) > most - drop:
-            return np.inf if bound > 0.0 else -np.inf
-        return float(brentq(lambda x: value(x) - most + drop, top, bound, xtol=1e-3))
 
-    return Factor(
-        float(np.exp(top)), float(np.exp(end(-widest))), float(np.exp(end(widest))), most - value(0.0)
-    )  # fmt: skip
+def _finer(grid: Array, of_grid: Array, values: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Add points between the highest value and its neighbours."""
+    best = int(np.argmax(of_grid))
+    around = grid[[max(best - 1, 0), best, min(best + 1, len(grid) - 1)]]
+    new = np.concatenate([np.linspace(around[0], around[1], 6)[1:-1], np.linspace(around[1], around[2], 6)[1:-1]])
+    new = np.setdiff1d(new, grid)
+    every = np.concatenate([grid, new])
+    order = np.argsort(every)
+    return every[order], np.concatenate([of_grid, values(new)])[order]
+
+
+def _end(
+    grid: Array, of_grid: Array, best: int, level: float, side: int, values: Callable[[Array], Array]
+) -> float:  # fmt: skip
+    """Return where the log-likelihood falls to a level on one side of its highest value; infinite where it does not."""
+    below = np.flatnonzero(of_grid[best::side] < level) if side > 0 else np.flatnonzero(of_grid[best::-1] < level)
+    if not len(below):
+        return side * np.inf
+    outer = best + side * int(below[0])
+    ends, at_ends = grid[[outer - side, outer]], of_grid[[outer - side, outer]]
+    for _ in range(3):
+        points = np.linspace(ends[0], ends[1], 9)
+        heights = np.concatenate([at_ends[:1], values(points[1:-1]), at_ends[1:]])
+        first = int(np.argmax(heights < level))
+        ends, at_ends = points[first - 1 : first + 1], heights[first - 1 : first + 1]
+    share = (at_ends[0] - level) / (at_ends[0] - at_ends[1])
+    return float(ends[0] + share * (ends[1] - ends[0]))

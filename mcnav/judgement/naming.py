@@ -17,9 +17,9 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from mcnav.arrays.types import Array, IndexArray
+from mcnav.arrays.types import IndexArray
 from mcnav.contract.recorded import FilteredRecord
-from mcnav.judgement.scan import NOTHING, Scan, Sums
+from mcnav.judgement.scan import NOTHING, Scan
 
 STANDS: Final = 1e-3
 """Probability with which a candidate without an error stands: twice its gain is chi-square."""
@@ -117,6 +117,11 @@ class Naming:
                     return columns
         return NOTHING
 
+    def stands_beside(self, errors: IndexArray, others: IndexArray) -> bool:
+        """Return whether constant errors gain with others free."""
+        gain = self.scan.base.value(np.concatenate([errors, others])) - self.scan.base.value(others)
+        return gain > 0.5 * float(chi2.isf(STANDS, len(errors)))
+
     def _lasting(self, free: IndexArray, others: IndexArray) -> float:
         """Return the gain of constant errors with others, and any one size, free besides."""
         both = np.concatenate([free, others])
@@ -135,8 +140,3 @@ class Naming:
                 self.record.causes[number].name, number, None, NOTHING, value - base.value(NOTHING) - 1.0, lasting,
                 factor, profile.at_end,
             )  # fmt: skip
-
-
-def estimates(sums: Sums, free: IndexArray) -> tuple[Array, Array]:
-    """Return the estimates of free errors and their sigmas."""
-    return sums.estimate(free), np.sqrt(np.maximum(np.diag(sums.inverse(free)), 0.0))

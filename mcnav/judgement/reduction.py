@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord, Part
@@ -56,7 +57,7 @@ def with_causes(record: FilteredRecord, kept: Collection[int]) -> FilteredRecord
     )  # fmt: skip
 
 
-def _without(part: Part, cause: int, gone: Array, new_places: IndexArray) -> Part:
+def _without(part: Part, cause: int, gone: NDArray[np.bool_], new_places: IndexArray) -> Part:
     """Return a part without the states that are gone."""
     left = np.flatnonzero(~gone[part.places])
     return Part(cause, new_places[part.places[left]], part.covariance[np.ix_(left, left)])

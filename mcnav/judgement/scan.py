@@ -25,7 +25,7 @@ from mcnav.judgement.simulation import beside, less_mean, recorded, respond
 PRESENT: Final = np.geomspace(1.0 / 30.0, 30.0, 15)
 """Factors of a size that the campaign has."""
 
-ABSENT: Final = np.geomspace(0.1, 100.0, 16)
+ABSENT: Final = np.geomspace(0.1, 30.0, 14)
 """Factors of the size from which one is looked for that the campaign does not have."""
 
 REFINEMENTS: Final = 2

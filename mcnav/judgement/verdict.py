@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from mcnav.arrays.types import Array
-from mcnav.contract.recorded import FilteredRecord, Part
+from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.assessment import FACTORS, LEVEL, SHARE, Assessment, Tell, assess
-from mcnav.judgement.likelihood import Factor, estimate_factor
+from mcnav.judgement.findings import Again, CauseVerdict, Finding, OffsetVerdict, find_numbers
+from mcnav.judgement.likelihood import estimate_factor
+from mcnav.judgement.reduction import present, with_causes
 from mcnav.judgement.simulation import Innovations, beside, recorded, simulate
 from mcnav.judgement.statistics import SensorStatistics, mean_nees, sensor_statistics
 
@@ -24,14 +25,8 @@ SIMULATED: Final = 1000
 TRIALS: Final = 100
 """Simulated records for each size whose power is computed."""
 
-MOST_NUMBERS: Final = 3
-"""Numbers that are named one after another."""
-
-TOLD_APART: Final = float(np.log(20.0))
-"""Difference of log-likelihoods below which two candidates are not told apart: a ratio of twenty."""
-
 MANY_STAGES: Final = 1500
-"""Measurements above which factors are estimated only of numbers that are named."""
+"""Measurements above which factors are estimated only of the numbers whose likelihood gains most."""
 
 RANGE: Final = (0.025, 0.975)
 """Probabilities of the ends of the ranges of simulated records."""
@@ -70,71 +65,6 @@ class NeesVerdict:
 
     group: str
     nees: Statistic
-
-
-@dataclass(frozen=True)
-class CauseVerdict:
-    """A size of the campaign.
-
-    Attributes
-    ----------
-    factor : Factor or None
-        Estimated; none where it was not.
-    gain : float
-        Of the log-likelihood.
-    log_factor : float or None
-        That of the campaign, where the size is the root mean square of the sigmas of a log.
-    noticed : float or None
-        Smallest of `FACTORS` that is noticed in 9 of 10 records; none for none of them.
-    found, named : tuple of float
-        Shares of simulated records in which each of `FACTORS` raises an alarm, and is named.
-    """
-
-    name: str
-    key: str
-    size: float
-    unit: str
-    shown_in: str
-    factor: Factor | None
-    gain: float
-    noticed: float | None
-    found: tuple[float, ...]
-    named: tuple[float, ...]
-    log_factor: float | None = None
-
-
-@dataclass(frozen=True)
-class OffsetVerdict:
-    """A constant error that the campaign does not have: estimates and their sigmas, and what is noticed, by axis."""
-
-    name: str
-    key: str
-    axes: tuple[str, ...]
-    unit: str
-    shown_in: str
-    estimate: tuple[float, ...]
-    sigma: tuple[float, ...]
-    used: tuple[float, ...] | None
-    gain: float
-    noticed: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A number that is named.
-
-    Attributes
-    ----------
-    number : CauseVerdict or OffsetVerdict
-    rivals : tuple of str
-        Candidates from which it is not told apart.
-    left : float
-        Probability of a record as unusual as this one once it is changed.
-    """
-
-    number: CauseVerdict | OffsetVerdict
-    rivals: tuple[str, ...]
-    left: float
 
 
 @dataclass(frozen=True, repr=False)
@@ -211,7 +141,7 @@ class Judgement:
 
 def judge(
     record: FilteredRecord, count: int = SIMULATED, trials: int = TRIALS, seed: int = 0,
-    tell: Tell = lambda seconds: None,
+    tell: Tell = lambda seconds: None, again: Again | None = None,
 ) -> Judgement:  # fmt: skip
     """Judge one record by records of the same campaign simulated.
 
@@ -223,16 +153,19 @@ def judge(
         Simulated records for each size whose power is computed.
     tell : callable
         Told how long the verdict will take, s, where no number is named.
+    again : callable, optional
+        Takes the filter through the record again, its sensors' stamps moved back by delays, s; without it a delay is
+        known to first order.
     """
-    given = recorded(record)
-    estimates = 2.0 if len(record.stages) <= MANY_STAGES else 1.0  # factors of all numbers take as long as their gains
-    assessment = assess(record, given, count, trials, seed, lambda seconds: tell(estimates * seconds))
-    causes = _causes(record, given, assessment)
-    offsets = _offsets(record, assessment)
+    of_campaign = with_causes(record, present(record))
+    given = recorded(of_campaign)
+    assessment = assess(of_campaign, given, count, trials, seed, tell)
+    causes = _causes(of_campaign, given, assessment)
+    offsets = _offsets(of_campaign, assessment)
     probability = float(assessment.probability(assessment.scores.max(axis=0))[0])
-    findings = _findings(record, assessment, (*causes, *offsets), (count, trials, seed)) if probability <= LEVEL else ()
-    simulated = simulate(record, count, np.random.default_rng((seed, 1)))
-    sensors, nees = _of_filter(record, beside([given, simulated]))
+    findings = find_numbers(record, (*causes, *offsets), (count, seed), again) if probability <= LEVEL else ()
+    simulated = simulate(of_campaign, count, np.random.default_rng((seed, 1)))
+    sensors, nees = _of_filter(of_campaign, beside([given, simulated]))
     return Judgement(
         record.duration, len(record.stages), count, probability, findings, sensors, nees, causes, offsets,
         record.notes, simulated.errors.std(axis=2),
@@ -272,67 +205,6 @@ def _offsets(record: FilteredRecord, assessment: Assessment) -> tuple[OffsetVerd
             )
         )  # fmt: skip
     return tuple(result)
-
-
-def _findings(
-    record: FilteredRecord, assessment: Assessment, numbers: Sequence[CauseVerdict | OffsetVerdict],
-    settings: tuple[int, int, int],
-) -> tuple[Finding, ...]:  # fmt: skip
-    """Name numbers one after another, each with those before it changed, until nothing is unusual."""
-    findings: list[Finding] = []
-    while len(findings) < MOST_NUMBERS:
-        critical = assessment.critical
-        if not np.any(assessment.scores[-assessment.candidates :, 0] > min(critical, 1.0)):
-            break
-        foremost = int(assessment.foremost[0])
-        net = assessment.gains[:, 0] - assessment.freedom
-        rivals = tuple(
-            numbers[n].name for n in np.argsort(-net) if n != foremost and net[foremost] - net[n] < TOLD_APART
-        )
-        number = numbers[foremost]
-        if findings:
-            number = _again(record, assessment, foremost, number)
-        record = _changed(record, foremost, number)
-        assessment = assess(record, recorded(record), *settings)
-        left = float(assessment.probability(assessment.scores.max(axis=0))[0])
-        findings.append(Finding(number, rivals, left))
-        if left > LEVEL or any(each.number.name == number.name for each in findings[:-1]):
-            break
-    return tuple(findings)
-
-
-def _again(
-    record: FilteredRecord, assessment: Assessment, foremost: int, number: CauseVerdict | OffsetVerdict
-) -> CauseVerdict | OffsetVerdict:
-    """Estimate a number again, with others changed before it."""
-    if isinstance(number, CauseVerdict):
-        return replace(
-            number, factor=estimate_factor(record, recorded(record), foremost, float(assessment.drops[foremost]))
-        )
-    estimate = assessment.offsets[foremost - len(record.causes)][0]
-    return replace(number, estimate=tuple(estimate[:, 0].tolist()))
-
-
-def _changed(record: FilteredRecord, foremost: int, number: CauseVerdict | OffsetVerdict) -> FilteredRecord:
-    """Return the record of a campaign with a number changed to its estimate."""
-    if isinstance(number, OffsetVerdict):
-        mean = record.mean.copy()
-        mean[record.offsets[foremost - len(record.causes)].states] += number.estimate
-        return replace(record, mean=mean)
-    if number.factor is None:
-        return record
-    factor = number.factor.value
-
-    def scaled(parts: tuple[Part, ...]) -> tuple[Part, ...]:
-        return tuple(
-            replace(part, covariance=part.covariance * factor**2) if part.cause == foremost else part for part in parts
-        )
-
-    scale = np.where(record.initial_causes == foremost, factor, 1.0)
-    stages = tuple(
-        replace(stage, processes=scaled(stage.processes), noise=scaled(stage.noise)) for stage in record.stages
-    )
-    return replace(record, initial=record.initial * np.outer(scale, scale), stages=stages)
 
 
 def _of_filter(record: FilteredRecord, both: Innovations) -> tuple[tuple[SensorVerdict, ...], tuple[NeesVerdict, ...]]:

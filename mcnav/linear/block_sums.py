@@ -124,7 +124,7 @@ class BlockSums:
         blocks = np.zeros((len(self.blocks) + len(other.blocks) - shared, self.blocks.shape[1]))
         blocks[: len(self.blocks)] = self.blocks
         blocks[len(self.blocks) - shared :] += other.blocks
-        totals = (getattr(self, each.name) + getattr(other, each.name) for each in fields(self)[2:])
+        totals = (getattr(self, attribute.name) + getattr(other, attribute.name) for attribute in fields(self)[2:])
         return BlockSums(self.first, blocks, *totals)
 
     def followed_by(self, blocks: Array) -> BlockSums:

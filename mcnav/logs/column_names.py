@@ -60,7 +60,7 @@ def spelled_unit(text: str) -> str:
     ('', 'nm')
     """
     text = text.strip()
-    spelled = text if text != text.upper() or any(_converts(text, each) for each in TARGETS) else text.lower()
+    spelled = text if text != text.upper() or any(_converts(text, target) for target in TARGETS) else text.lower()
     spelled = re.sub(r"\b(deg|rad|m)ree?s?\b", r"\1", spelled)
     spelled = re.sub(r"[ *·]+([a-zA-Z]+)\^?-1\b", r"/\1", spelled)
     spelled = re.sub(r"[ *·]+([a-zA-Z]+)\^?-(\d)", r"/\1^\2", spelled)

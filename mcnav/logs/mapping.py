@@ -84,14 +84,14 @@ def factor_to(path: Path, unit: str, targets: Sequence[str], key: str) -> tuple[
             return conversion(spelled, target), target
         except UnitError as wrong:
             reason = str(wrong)
-    expected = " or ".join(f'"{each}"' for each in targets)
+    expected = " or ".join(f'"{target}"' for target in targets)
     raise LogError(path, f"{reason}; expected a unit such as {expected}", f"units.{key}")
 
 
 def numbers(table: LogTable, values: Values, name: str) -> Array:
     """Return a column as floating-point numbers; `LogError` where it holds texts."""
     if values.dtype == object:
-        row = next((row for row, each in enumerate(values) if each is not None), 0)
+        row = next((row for row, value in enumerate(values) if value is not None), 0)
         raise LogError(
             table.path, f"got {printable(str(values[row]), 40)!r}; expected a number", f"row {row + 1}, {name}"
         )

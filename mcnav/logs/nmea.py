@@ -36,8 +36,22 @@ class _Epoch:
 
 @dataclass
 class _Log:
-    """Epochs in order, and what was noticed."""
+    """Epochs in order, and what was noticed.
 
+    Attributes
+    ----------
+    talker : str
+        Whose positions are read; empty for the only one.
+    kept : frozenset of int
+        Qualities of `NO_FIXES` that are read as well.
+    talkers, no_fixes : Counter
+        Sentences with a position by talker; those left out by quality.
+    """
+
+    talker: str = ""
+    kept: frozenset[int] = frozenset()
+    talkers: Counter[str] = field(default_factory=Counter)
+    no_fixes: Counter[int] = field(default_factory=Counter)
     epochs: dict[tuple[int, float], _Epoch] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     days: int = 0
@@ -52,19 +66,40 @@ class _Log:
         return self.epochs.setdefault((self.days, time), _Epoch())
 
 
-def open_nmea(path: Path) -> LogTable:
+NO_FIXES: Final = {6: "dead reckoning", 7: "typed in", 8: "simulated"}
+"""Qualities of GGA that are positions and no fixes."""
+
+
+def open_nmea(path: Path, topic: str | None = None) -> LogTable:
     """Read a log: positions of GGA with what GST and RMC say of the same time.
+
+    Parameters
+    ----------
+    topic : str, optional
+        The talker, such as GP or GN, whose positions are read; "+6" behind it keeps those of quality 6 (dead
+        reckoning), which are no fixes and are left out, as are 7 and 8.
 
     Altitudes are above the ellipsoid: that of GGA and its separation of the geoid. Sentences with a wrong checksum, and
     those without a position, are left out with a note.
     """
-    log = _Log()
+    talker, *qualities = (topic or "").split("+")
+    if not all(quality in map(str, NO_FIXES) for quality in qualities):
+        raise LogError(
+            path, f'got "{topic}"; expected a talker such as GN, with +6, +7 or +8 behind it', "columns.topic"
+        )
+    log = _Log(talker, frozenset(map(int, qualities)))
     with path.open(encoding="ascii", errors="replace") as file:
         for line in file:
             _read_sentence(log, line)
+    if not talker and len(log.talkers) > 1:
+        counted = " and ".join(f"{name} ({count:,})" for name, count in log.talkers.most_common())
+        choices = " or ".join(f'"{name}"' for name in log.talkers)
+        raise LogError(
+            path, f"has positions of several talkers, {counted}; name one: columns = {{ topic = {choices} }}"
+        )
     kept = {key: epoch for key, epoch in log.epochs.items() if epoch.position is not None and epoch.quality > 0}
     if not kept:
-        raise LogError(path, "has no GGA sentence with a position")
+        raise LogError(path, "; ".join(["has no GGA sentence with a position", *_left_out(log)]))
     epochs = list(kept.values())
     time, note = _times(list(kept), epochs)
     columns = {"time": time}
@@ -94,7 +129,12 @@ def _read_sentence(log: _Log, line: str) -> None:
         log.counts["without"] += 1
     cells = body.strip().split(",")
     try:
-        {"GGA": _read_gga, "GST": _read_gst, "RMC": _read_rmc}[kind](log, cells)
+        if kind == "GGA":
+            _read_gga(log, cells, result[1])
+        elif kind == "GST":
+            _read_gst(log, cells)
+        else:
+            _read_rmc(log, cells)
     except (ValueError, IndexError):
         log.counts["unreadable"] += 1
 
@@ -110,9 +150,16 @@ def _angle(text: str, hemisphere: str) -> float:
     return (int(degrees[:-2]) + minutes / 60.0) * (-1.0 if hemisphere in "SW" else 1.0)
 
 
-def _read_gga(log: _Log, cells: list[str]) -> None:
+def _read_gga(log: _Log, cells: list[str], talker: str) -> None:
     if not cells[5] or int(cells[5]) == 0:
         log.counts["no fix"] += 1
+        return
+    log.talkers[talker] += 1
+    if log.talker and talker != log.talker:
+        log.counts["other"] += 1
+        return
+    if int(cells[5]) in NO_FIXES and int(cells[5]) not in log.kept:
+        log.no_fixes[int(cells[5])] += 1
         return
     latitude, longitude = _angle(cells[1], cells[2]), _angle(cells[3], cells[4])
     separation = float(cells[10]) if cells[10] else 0.0
@@ -148,13 +195,23 @@ def _times(keys: list[tuple[int, float]], epochs: list[_Epoch]) -> tuple[Array, 
     return time + first * DAY, "times are UTC, s since 1970-01-01"
 
 
+def _left_out(log: _Log) -> list[str]:
+    """Say which positions are no fixes, and how they are kept."""
+    return [
+        f"{rows(count)} of quality {quality} ({NO_FIXES[quality]}) left out: no fixes; columns = {{ topic = "
+        f'"{log.talker}+{quality}" }} keeps them'
+        for quality, count in sorted(log.no_fixes.items())
+    ]
+
+
 def _notes(log: _Log, kept: dict[tuple[int, float], _Epoch], epochs: list[_Epoch]) -> tuple[str, ...]:
-    notes = []
+    notes = _left_out(log)
     for count, words in (
         (log.counts["checksum"], "of a wrong checksum left out"),
         (log.counts["unreadable"], "left out, not to be read"),
         (log.counts["no fix"], "without a position left out"),
         (log.counts["without"], "without a checksum"),
+        (log.counts["other"], "of other talkers left out"),
     ):
         if count:
             notes.append(f"{count:,} sentence{'' if count == 1 else 's'} {words}")

@@ -27,6 +27,9 @@ POSITIONS: Final = ("vehicle_gps_position", "sensor_gps", "vehicle_global_positi
 PARTS: Final = {"sensor_gyro": "gyro_", "sensor_accel": "accelerometer_"}
 """Beginning of the names of axes, before `x`, `y`, `z`, in topics of one instrument."""
 
+RATES: Final = {"delta_angle": "gyro_rad", "delta_velocity": "accelerometer_m_s2"}
+"""Names of the mean rates over the integration time of increments."""
+
 UNITS: Final = {
     "delta_angle[0]": "rad", "delta_angle[1]": "rad", "delta_angle[2]": "rad",
     "delta_velocity[0]": "m/s", "delta_velocity[1]": "m/s", "delta_velocity[2]": "m/s",
@@ -44,11 +47,11 @@ def open_ulog(path: Path, topic: str | None, preferred: Sequence[str]) -> LogTab
     """Read a topic of a log: the one that is named, as `sensor_gyro` or `sensor_gyro.1`, or the first preferred."""
     name, _, instance = (topic or "").partition(".")
     log = _load(path, [name] if name else list(preferred) or None)
-    datasets = {(each.name, each.multi_id): each.data for each in log.data_list}
+    datasets = {(dataset.name, dataset.multi_id): dataset.data for dataset in log.data_list}
     wanted = (name, int(instance or 0) if (instance or "0").isdigit() else -1)
     if not name:
-        choices = [key for key in ((each, 0) for each in preferred) if key in datasets] or list(datasets)
-        if preferred and not any(each[0] in preferred for each in choices):
+        choices = [key for key in ((topic, 0) for topic in preferred) if key in datasets] or list(datasets)
+        if preferred and not any(choice[0] in preferred for choice in choices):
             choices = []
         if len(choices) != 1 and not (preferred and choices):
             what = f"none of {listed(preferred)}" if preferred else "several topics"
@@ -56,14 +59,28 @@ def open_ulog(path: Path, topic: str | None, preferred: Sequence[str]) -> LogTab
         wanted = choices[0]
     if wanted not in datasets:
         raise LogError(path, f"has no topic {printable(topic or '', 60)!r}; it has {_topics(path)}", "columns.topic")
+    instances = sorted(each for each in datasets if each[0] == wanted[0])
+    if not instance and len(instances) > 1:
+        choices_of = " or ".join(f'"{each}.{number}"' for each, number in instances)
+        raise LogError(
+            path, f"has {len(instances)} instances of {wanted[0]}; name one: columns = {{ topic = {choices_of} }}"
+        )
     if "timestamp" not in datasets[wanted]:
         raise LogError(path, f"has no times of {wanted[0]}")
     columns, notes = _columns(datasets[wanted], wanted[0])
+    if not name and wanted[0] in PARTS:
+        other = next(each for each in PARTS if each != wanted[0])
+        others = [each for each in datasets if each[0] == other]
+        if len(others) > 1:
+            choices_of = " or ".join(f'"{each}.{number}"' for each, number in others)
+            raise LogError(path, f"has {len(others)} instances of {other} beside {wanted[0]}; name one of {choices_of}")
+        if others:
+            columns, notes = _joined(columns, _columns(datasets[others[0]], other)[0], wanted[0], other)
     if wanted[0] == "vehicle_global_position":
         columns |= _attitude(path, columns["timestamp"])
     if not len(columns["timestamp"]):
         raise LogError(path, f"has no {wanted[0]} with a position")
-    units = {each: UNITS.get(each, "") for each in columns}
+    units = {column: UNITS.get(column, "") for column in columns}
     notes = (f"topic {wanted[0]}, times since the controller started", *_dropouts(log), *notes)
     return table_of(path, columns, {**units, "timestamp": "us", "timestamp_sample": "us"}, notes)
 
@@ -84,27 +101,58 @@ def _load(path: Path, topics: list[str] | None) -> Any:
 
 def _topics(path: Path) -> str:
     """List all topics of a log."""
-    names = [each.name if not each.multi_id else f"{each.name}.{each.multi_id}" for each in _load(path, None).data_list]
+    names = [
+        dataset.name if not dataset.multi_id else f"{dataset.name}.{dataset.multi_id}"
+        for dataset in _load(path, None).data_list
+    ]
     return listed(sorted(names)) or "no topic"
 
 
 def _dropouts(log: Any) -> tuple[str, ...]:
-    lost = sum(each.duration for each in log.dropouts)
+    lost = sum(dropout.duration for dropout in log.dropouts)
     return (f"{len(log.dropouts)} dropouts of the logger, {lost / 1e3:.3g} s in all",) if log.dropouts else ()
 
 
 def _columns(data: dict[str, Values], topic: str) -> tuple[dict[str, Values], tuple[str, ...]]:
     """Return the columns of a topic; positions in deg and m, from a fix in three dimensions."""
-    columns = {PARTS.get(topic, "") + name if name in "xyz" else name: each for name, each in data.items()}
+    columns = {PARTS.get(topic, "") + name if name in "xyz" else name: column for name, column in data.items()}
     columns["timestamp"] = columns["timestamp"].astype(np.int64)
     if topic in INERTIAL:
         # the time at which samples were taken is the better one, where it is logged
         if "timestamp_sample" in columns and np.all(columns["timestamp_sample"] > 0):
             columns["timestamp"] = columns.pop("timestamp_sample").astype(np.int64)
         columns.pop("timestamp_sample", None)
-        return columns, ()
+        return _rates(columns)
     columns.pop("timestamp_sample", None)
     return (_positions(columns)) if topic in POSITIONS else (columns, ())
+
+
+def _joined(
+    columns: dict[str, Values], others: dict[str, Values], topic: str, other: str
+) -> tuple[dict[str, Values], tuple[str, ...]]:  # fmt: skip
+    """Join gyros and accelerometers of two topics at the times of the first, where both have readings."""
+    times, of_others = columns["timestamp"], others["timestamp"]
+    both = (times >= of_others[0]) & (times <= of_others[-1])
+    joined = {name: values[both] for name, values in columns.items()}
+    for name, values in others.items():
+        if name.startswith(PARTS[other]):
+            joined[name] = np.interp(times[both].astype(float), of_others.astype(float), values.astype(float))
+    return joined, (f"{other} is interpolated to the times of {topic}",)
+
+
+def _rates(columns: dict[str, Values]) -> tuple[dict[str, Values], tuple[str, ...]]:
+    """Divide increments by the integration time of each message, us, where the log has it."""
+    divided = []
+    for increment in ("delta_angle", "delta_velocity"):
+        duration = columns.pop(f"{increment}_dt", None)
+        names = [f"{increment}[{axis}]" for axis in range(3)]
+        if duration is None or not np.all(duration > 0) or not all(name in columns for name in names):
+            continue
+        rate = RATES[increment]
+        for axis, name in enumerate(names):
+            columns[f"{rate}[{axis}]"] = columns.pop(name) / (duration * 1e-6)
+        divided.append(increment)
+    return columns, (f"{' and '.join(divided)} are divided by the integration time of each message",) if divided else ()
 
 
 def _positions(data: dict[str, Values]) -> tuple[dict[str, Values], tuple[str, ...]]:

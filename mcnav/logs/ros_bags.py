@@ -23,6 +23,9 @@ INERTIAL: Final = ("sensor_msgs/msg/Imu",)
 POSITIONS: Final = ("sensor_msgs/msg/NavSatFix",)
 """Types of messages that hold readings of inertial sensors, and positions."""
 
+APPROXIMATED: Final = 1
+"""`position_covariance_type` of a covariance that drivers fill with a dilution of precision squared."""
+
 LARGEST_ARRAY: Final = 16
 """Elements of a field that are read as columns."""
 
@@ -50,7 +53,7 @@ def open_bag(path: Path, topic: str | None, preferred: Sequence[str]) -> LogTabl
         told = printable(str(failure) or type(failure).__name__, 120)
         raise LogError(path, f"is no ROS bag that can be read: {told}") from None
     columns, notes = _positions(path, columns) if "position_covariance[0]" in columns else (columns, ())
-    return table_of(path, columns, {each: UNITS.get(each, "") for each in columns}, (f"topic {name}", *notes))
+    return table_of(path, columns, {column: UNITS.get(column, "") for column in columns}, (f"topic {name}", *notes))
 
 
 def _choose(path: Path, reader: Any, topic: str | None, preferred: Sequence[str]) -> str:
@@ -71,7 +74,7 @@ def _choose(path: Path, reader: Any, topic: str | None, preferred: Sequence[str]
 
 def _columns(path: Path, reader: Any, topic: str) -> dict[str, Values]:
     """Return the numbers of all messages of a topic as columns."""
-    connections = [each for each in reader.connections if each.topic == topic]
+    connections = [connection for connection in reader.connections if connection.topic == topic]
     names: list[str] | None = None
     values: list[list[float]] = []
     stamps: list[int] = []
@@ -116,9 +119,17 @@ def _positions(path: Path, columns: dict[str, Values]) -> tuple[dict[str, Values
     fixed = (columns["status.status"] >= 0) & np.isfinite(columns["altitude"]) & np.isfinite(columns["latitude"])
     if not fixed.any():
         raise LogError(path, "has no position with a fix")
-    kept = {name: each[fixed] for name, each in columns.items() if "covariance[" not in name}
+    kept = {name: column[fixed] for name, column in columns.items() if "covariance[" not in name}
     notes = [] if fixed.all() else [f"{rows(int(np.sum(~fixed)))} without a fix left out"]
-    if np.all(kept.get("position_covariance_type", np.zeros(1)) > 0):
+    types = kept.get("position_covariance_type", np.zeros(1))
+    if np.all(types > 0):
+        prefix = "approximated_" if np.any(types == APPROXIMATED) else ""
         for name, place in (("sigma_east", 0), ("sigma_north", 4), ("sigma_down", 8)):
-            kept[name] = np.sqrt(columns[f"position_covariance[{place}]"][fixed])
+            kept[prefix + name] = np.sqrt(columns[f"position_covariance[{place}]"][fixed])
+        if prefix:
+            wanted = ", ".join(f'sigma_{axis} = "{prefix}sigma_{axis}"' for axis in ("north", "east", "down"))
+            notes.append(
+                "the covariance type of the positions is 1, approximated by a dilution of precision: it is not a "
+                f"variance in m^2, and no sigma is taken from it; columns = {{ {wanted} }} takes its root"
+            )
     return kept, tuple(notes)

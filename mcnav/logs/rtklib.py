@@ -100,7 +100,7 @@ def _times(path: Path, scale: str, cells: Sequence[Sequence[str]]) -> Array:
         return np.asarray(week * WEEK + seconds)
     try:
         days = np.array([cell[0].replace("/", "-") for cell in cells], dtype="datetime64[D]")
-        clock = np.array([[float(part) for part in cell[1].split(":")] for cell in cells])
+        clock = np.array([[float(piece) for piece in cell[1].split(":")] for cell in cells])
         seconds = days.astype("datetime64[s]").astype(np.int64) + clock @ [3600.0, 60.0, 1.0]
     except ValueError as failure:
         raise LogError(path, f"has a time that is none: {printable(str(failure), 80)}") from None

@@ -60,24 +60,27 @@ def open_table(path: Path, topic: str | None = None, preferred: Sequence[str] = 
         return px4.open_ulog(path, topic, preferred)
     if beginning.startswith(ros_bags.MAGIC):
         return ros_bags.open_bag(path, topic, preferred)
+    text = beginning.removeprefix(b"\xef\xbb\xbf")
+    if path.suffix.lower() == ".nmea" or nmea.LOOK.search(text):
+        if size > LARGEST_TEXT:
+            raise LogError(path, f"is longer than {LARGEST_TEXT:,} bytes; give a part of it")
+        return nmea.open_nmea(path, topic)
     if topic is not None:
         raise LogError(path, "has no topics; leave it out", "columns.topic")
     if beginning.startswith(b"PAR1"):
         return open_parquet(path)
     if path.suffix.lower() == ".mat" or beginning.startswith(b"MATLAB 5.0"):
         return open_mat(path)
-    return _open_text(path, size, beginning.removeprefix(b"\xef\xbb\xbf"))
+    return _open_text(path, size, text)
 
 
 def _open_text(path: Path, size: int, beginning: bytes) -> LogTable:
     """Open a text, by its look or its ending."""
     ending = path.suffix.lower()
-    if size > LARGEST_TEXT and (ending in (".pos", ".nmea", ".gpx")):
+    if size > LARGEST_TEXT and (ending in (".pos", ".gpx")):
         raise LogError(path, f"is longer than {LARGEST_TEXT:,} bytes; give a part of it")
     if ending == ".pos" or rtklib.LOOK.search(beginning):
         return rtklib.open_pos(path)
-    if ending == ".nmea" or nmea.LOOK.search(beginning):
-        return nmea.open_nmea(path)
     if ending == ".gpx" or gpx.LOOK.search(beginning):
         return gpx.open_gpx(path)
     return open_text(path, size)

@@ -48,6 +48,8 @@ class Layout:
     first : tuple of str
         Cells of the first row.
     headless : bool
+    decimal : str
+        What separates decimals: a point, or a comma between semicolons or tabs.
     """
 
     names: tuple[str, ...]
@@ -55,6 +57,7 @@ class Layout:
     skipped: int
     first: tuple[str, ...]
     headless: bool
+    decimal: str = "."
 
 
 def open_text(path: Path, size: int) -> LogTable:
@@ -68,7 +71,8 @@ def open_text(path: Path, size: int) -> LogTable:
             path, f"has about {rows:,.0f} rows, whose seven columns take {rows * 56e-9:,.0f} GB; at most {MOST_ROWS:,} "
             "are read, so give a part of it",
         )  # fmt: skip
-    return LogTable(path, layout.names, lambda names: _read(path, layout, names), layout.headless)
+    notes = ("decimals are separated by commas",) if layout.decimal == "," else ()
+    return LogTable(path, layout.names, lambda names: _read(path, layout, names), layout.headless, notes=notes)
 
 
 def _layout(path: Path, beginning: bytes) -> Layout:
@@ -88,21 +92,21 @@ def _layout(path: Path, beginning: bytes) -> Layout:
             if comment:
                 named = _cells(written[comment.end() :])[0] or named
             continue
-        cells, delimiter = _cells(written)
+        cells, delimiter, decimal = _row(written)
         if _numeric(cells):
             headless = named is None or len(named) != len(cells)
             names = tuple(str(place + 1) for place in range(len(cells))) if headless or named is None else named
-            return Layout(_distinct(path, names), delimiter, skipped, cells, headless)
+            return Layout(_distinct(path, names), delimiter, skipped, cells, headless, decimal)
         named = cells
         skipped += len(line)
-        first, separator = _first_row(beginning[skipped:])
+        first, separator, decimal = _first_row(beginning[skipped:])
         if first is None:
             raise LogError(path, "has a line of names and no rows")
         if len(first) != len(named):
             named = _split(written, separator)
         if len(first) != len(named):
             raise LogError(path, f"has {len(first)} columns; expected {len(named)}, as in the line of names", "row 1")
-        return Layout(_distinct(path, named), separator, skipped, first, False)
+        return Layout(_distinct(path, named), separator, skipped, first, False, decimal)
     raise LogError(path, "is empty" if not text.strip() else "has no rows, only comments")
 
 
@@ -118,12 +122,30 @@ def decoded(line: bytes) -> str:
         return line.decode("cp1252", "replace")
 
 
-def _first_row(rest: bytes) -> tuple[tuple[str, ...] | None, str]:
+def _first_row(rest: bytes) -> tuple[tuple[str, ...] | None, str, str]:
     for line in rest.splitlines():
         written = decoded(line)
         if written.strip():
-            return _cells(written)
-    return None, ","
+            return _row(written)
+    return None, ",", "."
+
+
+def _row(line: str) -> tuple[tuple[str, ...], str, str]:
+    """Split a row of numbers into cells with decimal points; return the delimiter and what separates its decimals.
+
+    >>> _row("0,01;-0,5;3"), _row("0.01,2")
+    ((('0.01', '-0.5', '3'), ';', ','), (('0.01', '2'), ',', '.'))
+    """
+    for delimiter in (";", "\t"):
+        cells = _split(line, delimiter)
+        if len(cells) > 1 and any("," in cell for cell in cells) and all(map(_with_comma, cells)):
+            return tuple(cell.replace(",", ".") for cell in cells), delimiter, ","
+    return (*_cells(line), ".")
+
+
+def _with_comma(cell: str) -> bool:
+    """Tell whether a cell is a number whose decimals, if there are any, follow a comma, or no number."""
+    return "." not in cell and cell.count(",") <= 1 and (_is_number(cell.replace(",", ".")) or "," not in cell)
 
 
 def _distinct(path: Path, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -226,7 +248,9 @@ def _read(path: Path, layout: Layout, names: Sequence[str]) -> Mapping[str, Valu
             types[str(place)] = pa.int64()
         elif _is_number(cell) or not cell:
             types[str(place)] = pa.float64()
-    convert = arrow.ConvertOptions(include_columns=[str(place) for place in places], column_types=types)
+    convert = arrow.ConvertOptions(
+        include_columns=[str(place) for place in places], column_types=types, decimal_point=layout.decimal
+    )
     read = arrow.ReadOptions(column_names=[str(place) for place in range(len(layout.names))], block_size=BLOCK)
     parse = arrow.ParseOptions(delimiter=layout.delimiter)
     try:
@@ -273,7 +297,8 @@ def _why(path: Path, layout: Layout, places: Sequence[int], reason: str) -> LogE
                 message = f"has {len(cells)} columns; expected {len(layout.names)}, as in the first line"
                 return LogError(path, message, f"row {row}")
             for place in places:
-                if cells[place] and not _is_number(cells[place]) and _is_number(layout.first[place]):
+                number = cells[place].replace(",", ".") if layout.decimal == "," else cells[place]
+                if cells[place] and not _is_number(number) and _is_number(layout.first[place]):
                     came = f"got '{printable(cells[place], 40)}'; expected a number"
                     return LogError(path, came, f"row {row}, {layout.names[place]}")
     return LogError(path, f"is no table of numbers: {printable(reason.splitlines()[0], 200)}")

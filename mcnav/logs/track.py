@@ -30,6 +30,12 @@ from mcnav.logs.track_columns import (
 if TYPE_CHECKING:
     import pandas as pd
 
+POSITION_SIGMAS: Final = (5e-4, 1e3)
+"""Sigmas that receivers have, in the median, m."""
+
+VELOCITY_SIGMAS: Final = (1e-4, 1e2)
+"""Those of velocities, m/s."""
+
 ALTITUDES: Final = (-12_000.0, 1e9)
 """Lowest and highest altitude, m."""
 
@@ -148,10 +154,10 @@ def read_track(
     _ask_for_angles(path, chosen, values)
     kept, further = _without_repeated(path, stamps.time, values, time_column.name)
     time = stamps.time[kept]
-    values = {key: each[kept] * _factor(path, chosen[key], key) for key, each in values.items()}
+    values = {key: value[kept] * _factor(path, chosen[key], key) for key, value in values.items()}
     _check_ranges(path, chosen, values)
     interval = interval_of(path, time, time_column.name)
-    notes = (*table.notes, *notes, *told, *further, *notes_of_steps(time, interval))
+    notes = (*table.notes, *notes, *told, *further, *notes_of_steps(time, interval), *_strange_sigmas(values))
     position = (values["latitude"], values["longitude"], values["altitude"])
     groups = (_group(values, keys) for keys in (VELOCITY, ATTITUDE, POSITION_SIGMA, VELOCITY_SIGMA))
     velocity, attitude, position_sigma, velocity_sigma = groups
@@ -198,6 +204,23 @@ def read_instants(
     return Instants(stamps.time, stamps.start, (*table.notes, *notes, *notes_of_steps(stamps.time, interval)))
 
 
+def _strange_sigmas(values: Mapping[str, Array]) -> tuple[str, ...]:
+    """Note sigmas that no receiver has: they are in another unit, or stand for something else."""
+    notes = []
+    for what, keys, unit, (least, most) in (
+        ("position", POSITION_SIGMA, "m", POSITION_SIGMAS), ("velocity", VELOCITY_SIGMA, "m/s", VELOCITY_SIGMAS)
+    ):  # fmt: skip
+        known = [values[key] for key in keys if key in values]
+        median = float(np.median(known)) if known else least
+        if not least <= median <= most:
+            option = "sigma" if what == "position" else "velocity_sigma"
+            notes.append(
+                f"the sigmas of the {what} are {median:.3g} {unit} in the median, which no receiver has; "
+                f'units = {{ {option} = "…" }} states another unit'
+            )
+    return tuple(notes)
+
+
 def _factor(path: Path, column: Column, key: str) -> float:
     usual, si = USUAL[key]
     return factor_to(path, column.unit or usual, (si,), key)[0]
@@ -215,17 +238,17 @@ def _without_repeated(
     if not np.any(np.diff(time) == 0.0):
         return np.ones(len(time), dtype=np.bool_), ()
     same = np.ones(len(time) - 1, dtype=np.bool_)
-    for each in values.values():
-        same &= np.diff(each) == 0.0
+    for value in values.values():
+        same &= np.diff(value) == 0.0
     again = repeated(path, time, same, name, "")
     return ~again, (f"{rows(int(again.sum()))} left out, the same as the one before",)
 
 
 def _refuse_missing(path: Path, chosen: Mapping[str, Column], values: Mapping[str, Array]) -> None:
-    for key, each in values.items():
-        missing = np.flatnonzero(~np.isfinite(each))
+    for key, value in values.items():
+        missing = np.flatnonzero(~np.isfinite(value))
         if len(missing):
-            more = f", like {rows(len(missing))} of {len(each):,}; leave them out" if len(missing) > 1 else ""
+            more = f", like {rows(len(missing))} of {len(value):,}; leave them out" if len(missing) > 1 else ""
             raise LogError(path, f"has no number{more}", f"row {missing[0] + 1}, {chosen[key].name}")
 
 

@@ -138,16 +138,16 @@ def _suggested(table: LogTable, names: list[Named], units: Mapping[str, str], ke
     Raises `LogError` where there are several.
     """
     pattern = TIME if key == "time" else re.compile(NAMES[key])
-    fitting = [each.written for each in names if pattern.fullmatch(each.plain)]
+    fitting = [name.written for name in names if pattern.fullmatch(name.plain)]
     if len(fitting) > 1:  # a name without more than the quantity is the better one
-        plain = [each.written for each in names if each.plain in (key, "time", "stamp", "header_stamp")]
+        plain = [name.written for name in names if name.plain in (key, "time", "stamp", "header_stamp")]
         fitting = [name for name in fitting if name in plain][:1] or fitting
     if len(fitting) > 1:
         choices = " or ".join(fitting[:4])
         raise LogError(table.path, f'has {choices} for {key}; name one: columns = {{ {key} = "{fitting[0]}" }}')
     if fitting:
         return Column(fitting[0], stated_unit(table, units, key, fitting[0]))
-    if key == "velocity_down" and len(up := [each.written for each in names if UPWARD.fullmatch(each.plain)]) == 1:
+    if key == "velocity_down" and len(up := [name.written for name in names if UPWARD.fullmatch(name.plain)]) == 1:
         return Column(up[0], stated_unit(table, units, key, up[0]), -1.0)
     return None
 

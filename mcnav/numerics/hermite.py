@@ -34,7 +34,9 @@ def _basis() -> Array:
     """
     powers = np.eye(9)
     derivatives = [polynomial.polyder(powers, order) for order in range(3)]
-    conditions = np.array([polynomial.polyval(node, each) for node in (-1.0, 0.0, 1.0) for each in derivatives])
+    conditions = np.array(
+        [polynomial.polyval(node, derivative) for node in (-1.0, 0.0, 1.0) for derivative in derivatives]
+    )
     return np.asarray(np.rint(np.linalg.inv(conditions) * 16.0) / 16.0)
 
 

@@ -80,7 +80,7 @@ class Facets:
     def bases(self) -> Array:
         """Orthonormal bases of the planes perpendicular to the directions, shape (facets, d, d - 1)."""
         known = [] if self.turned is None else list(self.turned)
-        return np.array(known + [_across(each) for each in self.directions[len(known) :]])
+        return np.array(known + [_across(direction) for direction in self.directions[len(known) :]])
 
     def with_bases(self, bases: Array) -> Facets:
         """Return the same with other bases."""
@@ -191,7 +191,7 @@ def linear_facets(linear: Outputs, limit: Limit, dimensions: int, jumps: Sequenc
     directions, distances = np.zeros((0, dimensions)), np.zeros(0)
     nearest = min((beta for _, beta in points), default=np.inf)
     # two sides of one output are equally far, but for rounding: they keep the order of the limit on every machine
-    for alpha, beta in sorted(points, key=lambda each: round(each[1], DIGITS)):
+    for alpha, beta in sorted(points, key=lambda point: round(point[1], DIGITS)):
         if beta < nearest + BEHIND and not np.any(directions @ alpha > SAME):
             directions, distances = np.vstack([directions, alpha]), np.append(distances, beta)
     foreseen = len(distances)

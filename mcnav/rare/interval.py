@@ -14,7 +14,7 @@ from mcnav.statistics.estimates import Estimate
 ROOTS: Final = 0.003
 """Relative error of the estimate by the tolerance of the crossings and by the few lines that set the interval.
 
-With it 95 % intervals were measured to hold as `mcnav docs method` says; without it they hold in 94 %.
+With it 95 % intervals were measured to hold as `mcnav docs rare-events` says; without it they hold in 94 %.
 """
 
 RELIABLE: Final = 0.7

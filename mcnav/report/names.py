@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 def scale_of(variables: Sequence[Variable | Source | Output]) -> Array:
     """Return what SI values of outputs or sources are multiplied by to be shown."""
-    return np.array([conversion(each.unit, each.shown_in) for each in variables])
+    return np.array([conversion(variable.unit, variable.shown_in) for variable in variables])
 
 
 def labels_of(sources: Sequence[Variable | Source], outputs: Sequence[Variable | Output]) -> list[str]:
     """Return names of the sources for people."""
-    return source_labels([each.name for each in sources], [each.name for each in outputs])
+    return source_labels([source.name for source in sources], [output.name for output in outputs])
 
 
 def labels_in(summary: Summary) -> list[str]:

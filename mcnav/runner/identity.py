@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Any, Final
 
@@ -77,25 +78,54 @@ def identity_of(
     )
 
 
-def chunk_digest(identity: Identity, design: str, samples: int) -> str:
-    """Digest what the samples of a run depend on, whatever their number: every stored chunk has it."""
-    content = identity.to_json()
-    content["campaign"].pop(SAMPLES, None)
-    return json_digest(content | {"drawn": _draw_layout(design, samples)} | _summary_layout(identity, design, samples))
+@dataclass(frozen=True)
+class DrawnRun:
+    """A run of so many samples by a design, and what their number decides of each of them."""
 
+    identity: Identity
+    design: str
+    samples: int
 
-def earlier_digests(identity: Identity, design: str, samples: int) -> tuple[str, ...]:
-    """Digest the runs of fewer samples whose summaries have blocks half as long, a quarter, and so on, in this order.
+    @property
+    def digest(self) -> str:
+        """Digest of what the samples depend on, whatever their number: every stored chunk has it."""
+        content = self.identity.to_json()
+        content["campaign"].pop(SAMPLES, None)
+        return json_digest(content | {"drawn": self.drawn} | self.summed)
 
-    The chunks of these, but the last one, are those of this run when their blocks are doubled.
-    """
-    digests, fewer = list[str](), samples // 2
-    while _can_double(_summary_layout(identity, design, fewer), _summary_layout(identity, design, 2 * fewer)):
-        if _draw_layout(design, fewer) != _draw_layout(design, samples):
-            break
-        digests.append(chunk_digest(identity, design, fewer))
-        fewer //= 2
-    return tuple(digests)
+    @property
+    def earlier_digests(self) -> tuple[str, ...]:
+        """Digests of the runs of fewer samples whose summaries have blocks half as long, a quarter, and so on.
+
+        The chunks of these, but the last one, are those of this run when their blocks are doubled.
+        """
+        digests, fewer, double = list[str](), self.of(self.samples // 2), self.of(2 * (self.samples // 2))
+        while _can_double(fewer.summed, double.summed) and fewer.drawn == self.drawn:
+            digests.append(fewer.digest)
+            fewer, double = self.of(fewer.samples // 2), self.of(2 * (fewer.samples // 2))
+        return tuple(digests)
+
+    @property
+    def drawn(self) -> dict[str, int]:
+        """What the number of samples decides of each sample."""
+        return {"block": self.block_length, "probes": min(PROBES, self.samples)}
+
+    @property
+    def summed(self) -> dict[str, dict[str, int]]:
+        """What the number of samples decides of a summary's sums; nothing of stored samples."""
+        if self.identity.campaign.get("store") != SUMMARY:
+            return {}
+        block = block_size(self.samples, self.block_length)
+        return {"summed": {"block": block, "chunk": summary_chunk(SLOW, self.samples)}}
+
+    @property
+    def block_length(self) -> int:
+        """Samples of a block of the design."""
+        return block_length(self.design, self.samples)
+
+    def of(self, samples: int) -> DrawnRun:
+        """Return the same run with another number of samples."""
+        return replace(self, samples=samples)
 
 
 def _can_double(before: Mapping[str, Mapping[str, int]], now: Mapping[str, Mapping[str, int]]) -> bool:
@@ -106,26 +136,7 @@ def _can_double(before: Mapping[str, Mapping[str, int]], now: Mapping[str, Mappi
     return 2 * earlier["block"] == later["block"] and earlier["chunk"] == later["chunk"]
 
 
-def _draw_layout(design: str, samples: int) -> dict[str, int]:
-    """Return what the number of samples decides of each sample."""
-    return {"block": block_length(design, samples), "probes": min(PROBES, samples)}
-
-
-def _summary_layout(identity: Identity, design: str, samples: int) -> dict[str, dict[str, int]]:
-    """Return what the number of samples decides of a summary's sums; nothing of stored samples."""
-    if identity.campaign.get("store") != SUMMARY:
-        return {}
-    block = block_size(samples, block_length(design, samples))
-    return {"summed": {"block": block, "chunk": summary_chunk(SLOW, samples)}}
-
-
-def _chunk_of(identity: Identity, design: str, samples: int) -> int | None:
-    """Return what tells the samples of a summary's chunk; none of stored samples."""
-    layout = _summary_layout(identity, design, samples)
-    return layout["summed"]["chunk"] if layout else None
-
-
-def check_resumable(folder: RunFolder, identity: Identity, design: str, samples: int) -> tuple[list[str], str]:
+def check_resumable(folder: RunFolder, run: DrawnRun) -> tuple[list[str], str]:
     """Raise `RunFolderError` when a folder holds another run: its results are neither mixed with nor overwritten.
 
     A damaged manifest is replaced when the chunks beside it are of this very run.
@@ -143,10 +154,10 @@ def check_resumable(folder: RunFolder, identity: Identity, design: str, samples:
     except RunFolderError as failure:
         earlier, damage = None, failure
     if earlier is not None:
-        _refuse_changed(folder, earlier.identity, identity, design, samples)
+        _refuse_changed(folder, earlier.identity, run)
         return _processors(folder, earlier.processor)
     stored = identities_in(folder.chunk_folder)
-    if stored - {chunk_digest(identity, design, samples), *earlier_digests(identity, design, samples)}:
+    if stored - {run.digest, *run.earlier_digests}:
         state = "missing" if damage is None else "damaged"
         raise RunFolderError(
             f"{folder.path}: holds samples of another run, and the {MANIFEST} that would say which is {state}; {REMEDY}"
@@ -184,13 +195,13 @@ def check_no_foreign_files(folder: RunFolder) -> None:
         )
 
 
-def _refuse_changed(folder: RunFolder, earlier: Identity, identity: Identity, design: str, samples: int) -> None:
+def _refuse_changed(folder: RunFolder, earlier: Identity, run: DrawnRun) -> None:
     """Raise `RunFolderError` when the earlier run is neither this one nor the beginning of it."""
-    before, now = _flat(earlier.to_json()), _flat(identity.to_json())
+    before, now = _flat(earlier.to_json()), _flat(run.identity.to_json())
     changed = [key for key in sorted(before.keys() | now.keys()) if before.get(key) != now.get(key)]
     stored = before.get(SAMPLES)
     if changed == [SAMPLES] and isinstance(stored, int) and isinstance(now.get(SAMPLES), int):
-        _refuse_other_samples(folder, identity, design, stored, samples)
+        _refuse_other_samples(folder, run.of(stored), run)
         return
     if changed:
         lines = [f"{key} was {before.get(key, 'absent')}, is {now.get(key, 'absent')}" for key in changed[:SHOWN]]
@@ -200,20 +211,20 @@ def _refuse_changed(folder: RunFolder, earlier: Identity, identity: Identity, de
         )
 
 
-def _refuse_other_samples(folder: RunFolder, identity: Identity, design: str, before: int, samples: int) -> None:
-    """Raise `RunFolderError` when so many samples do not begin with the earlier ones."""
-    if samples < before:
-        fault = f"a run of {before:,} samples, and {samples:,} are fewer; ask for as many or more, {REMEDY}"
-    elif before < PROBES:
-        fault = f"a run of {before} samples; one of fewer than {PROBES} is too short to be extended: {REMEDY}"
-    elif _draw_layout(design, before) != _draw_layout(design, samples):
-        most = 2 * REPLICATES * block_length(design, before) - 1
+def _refuse_other_samples(folder: RunFolder, before: DrawnRun, run: DrawnRun) -> None:
+    """Raise `RunFolderError` when the samples of a run do not begin with the earlier ones."""
+    if run.samples < before.samples:
+        fault = f"a run of {before.samples:,} samples, and {run.samples:,} are fewer; ask for as many or more, {REMEDY}"
+    elif before.samples < PROBES:
+        fault = f"a run of {before.samples} samples; one of fewer than {PROBES} is too short to be extended: {REMEDY}"
+    elif before.drawn != run.drawn:
+        most = 2 * REPLICATES * before.block_length - 1
         fault = (
-            f"a run of {before:,} samples, which design {design} would change if there were {samples:,}; "
-            f"up to {most:,} they stay as they are, {REMEDY}"
+            f"a run of {before.samples:,} samples, which design {run.design} would change if there were "
+            f"{run.samples:,}; up to {most:,} they stay as they are, {REMEDY}"
         )
-    elif _chunk_of(identity, design, before) != _chunk_of(identity, design, samples):
-        fault = f"a summary of {before:,} samples, and one of {samples:,} has fewer, longer files; {REMEDY}"
+    elif before.summed and before.summed["summed"]["chunk"] != run.summed["summed"]["chunk"]:
+        fault = f"a summary of {before.samples:,} samples, and one of {run.samples:,} has fewer, longer files; {REMEDY}"
     else:
         return
     raise RunFolderError(f"{folder.path}: holds {fault}")

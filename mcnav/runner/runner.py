@@ -114,4 +114,4 @@ def run_chunks(
     finally:
         if work.in_processes or executor is not None:
             end_workers()
-    return sorted(chunks, key=lambda each: each.begin), sum(place.end - place.begin for place in missing)
+    return sorted(chunks, key=lambda chunk: chunk.begin), sum(place.end - place.begin for place in missing)

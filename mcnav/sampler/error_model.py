@@ -178,7 +178,7 @@ class ErrorModel:
     @property
     def normal(self) -> bool:
         """Return whether every source with dispersion is normal."""
-        return all(isinstance(each, (Normal, Fixed)) for each in self.distributions)
+        return all(isinstance(distribution, (Normal, Fixed)) for distribution in self.distributions)
 
     def heavy_tailed(self, design: str) -> tuple[str, ...]:
         """Return the sources whose tails make a design's intervals of second moments unreliable."""
@@ -189,7 +189,10 @@ class ErrorModel:
         return self._tails(LONG_TAILS, HEAVY_TAILS[design])
 
     def _tails(self, above: float, to: float) -> tuple[str, ...]:
-        weights = [tail_weight(each) if each.standard_deviation > 0.0 else 0.0 for each in self.distributions]
+        weights = [
+            tail_weight(distribution) if distribution.standard_deviation > 0.0 else 0.0
+            for distribution in self.distributions
+        ]
         return tuple(name for name, weight in zip(self.names, weights, strict=True) if above < weight <= to)
 
     def draw(self, design: str, seed: int, samples: int, begin: int, end: int) -> Array:

@@ -21,7 +21,11 @@ def continuous_distributions() -> dict[str, Any]:
     from scipy import stats  # the import takes half a second
 
     distributions = {name: getattr(stats, name) for name in dir(stats)}
-    return {name: each for name, each in distributions.items() if isinstance(each, stats.rv_continuous)}
+    return {
+        name: distribution
+        for name, distribution in distributions.items()
+        if isinstance(distribution, stats.rv_continuous)
+    }
 
 
 def shape_names(name: str) -> tuple[str, ...]:
@@ -31,7 +35,7 @@ def shape_names(name: str) -> tuple[str, ...]:
     (('a', 'b'), ())
     """
     shapes = continuous_distributions()[name].shapes
-    return tuple(part.strip() for part in shapes.split(",")) if shapes else ()
+    return tuple(piece.strip() for piece in shapes.split(",")) if shapes else ()
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,6 @@ class Containment:
 def containment(hits: Array, count: int, confidence: float) -> tuple[Containment, ...]:
     """Return the shares of independent samples inside the ellipsoids of `LEVELS`, from the numbers inside each."""
     return tuple(
-        Containment(level, int(inside) / count, probability_interval(int(inside), count, confidence))
-        for level, inside in zip(LEVELS, hits, strict=False)
+        Containment(level, int(hit) / count, probability_interval(int(hit), count, confidence))
+        for level, hit in zip(LEVELS, hits, strict=False)
     )

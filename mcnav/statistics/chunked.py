@@ -40,8 +40,8 @@ def scatter(values: Array) -> Array:
     """Sum the products about the mean, ``sum (x - m)(x - m)^T``, shape (k, k), of samples of shape (n, k)."""
     mean = values.mean(axis=0)
     total = np.zeros((values.shape[1], values.shape[1]))
-    for part in stretches(len(values)):
-        centred = values[part] - mean
+    for stretch in stretches(len(values)):
+        centred = values[stretch] - mean
         total += centred.T @ centred
     return total
 
@@ -49,8 +49,8 @@ def scatter(values: Array) -> Array:
 def squared_distances(values: Array, centre: Array, given: Whitening) -> Array:
     """Compute squared distances from a centre in whitened coordinates, shape (n,), of samples of shape (n, k)."""
     distances = np.empty(len(values))
-    for part in stretches(len(values)):
-        distances[part] = np.sum((given.matrix.T @ (values[part] - centre).T) ** 2, axis=0)
+    for stretch in stretches(len(values)):
+        distances[stretch] = np.sum((given.matrix.T @ (values[stretch] - centre).T) ** 2, axis=0)
     return distances
 
 

@@ -1,4 +1,4 @@
-"""Tails of a generalized chi-square variable ``Q = sum lambda_j (z_j + b_j)^2``, for many centres b at once.
+"""Tails of a generalized chi-square variable ``Q = sum lambda_j (z_j + b_j)^2``, for many of them at once.
 
 Its cumulants are known (Imhof, *Biometrika* 48, 1961, 419)::
 
@@ -60,10 +60,10 @@ def tail(variances: Array, centres: Array, squares: Array, below: bool, path: in
 
     Parameters
     ----------
-    variances : ndarray, shape (k,)
-        lambda_j, in rising order.
+    variances : ndarray, shape (k,) or (n, k)
+        lambda_j, in rising order, of all or of each of n variables.
     centres : ndarray, shape (n, k)
-        ``m_j = sqrt(lambda_j) b_j`` of n variables.
+        ``m_j = sqrt(lambda_j) b_j``.
     squares : ndarray, shape (n,)
         q, above zero.
 
@@ -71,9 +71,10 @@ def tail(variances: Array, centres: Array, squares: Array, below: bool, path: in
     >>> (two / np.exp([-4.5, -12.5])).round(12)
     array([1., 1.])
     """
-    parts = range(0, len(squares), AT_ONCE)
-    ends = [_tail(variances, centres[i : i + AT_ONCE], squares[i : i + AT_ONCE], below, path) for i in parts]
-    return np.concatenate([np.zeros(0), *ends])
+    variances = np.broadcast_to(variances, centres.shape)
+    rows = [slice(first, first + AT_ONCE) for first in range(0, len(squares), AT_ONCE)]
+    tails = [_tail(variances[some], centres[some], squares[some], below, path) for some in rows]
+    return np.concatenate([np.zeros(0), *tails])
 
 
 def _tail(variances: Array, centres: Array, squares: Array, below: bool, path: int) -> Array:
@@ -81,7 +82,7 @@ def _tail(variances: Array, centres: Array, squares: Array, below: bool, path: i
     tilted, weights = variances / left, (centres / left) ** 2
     offset, result = squares - weights.sum(axis=1), np.zeros(len(squares))
     width = 1.0 / np.sqrt(np.sum(2.0 * tilted * (tilted + 2.0 * weights), axis=1) + saddle**-2)
-    height = -saddle * offset - 2.0 * saddle**2 * (weights @ variances) - 0.5 * np.log(left).sum(axis=1)
+    height = -saddle * offset - 2.0 * saddle**2 * (weights * variances).sum(axis=1) - 0.5 * np.log(left).sum(axis=1)
     rows = np.flatnonzero(height >= math.log(LEAST))  # Chernoff's bound
     nodes = PATHS[path][1]
     for block in range(BLOCKS):
@@ -126,23 +127,24 @@ def _saddles(variances: Array, centres: Array, squares: Array, below: bool) -> t
     They are looked for as ``c = -x``, or as ``c = x / (1 + 2 lambda x)`` with the largest variance, in log x: on a
     coarse grid around that of a normal variable with the mean and variance of Q, on a fine one, and by interpolation.
     """
-    doubled, means = 2.0 * (variances if below else variances[-1] - variances), centres**2
+    largest, means = variances[:, -1:], centres**2
+    doubled = 2.0 * (variances if below else largest - variances)
 
     def at(logarithms: Array) -> tuple[Array, Array]:
         x = np.exp(logarithms)
-        left = 1.0 + x[..., None] * doubled
+        left = 1.0 + x[..., None] * doubled[:, None]
         if below:
             return -x, left
-        stretched = 1.0 + 2.0 * variances[-1] * x
+        stretched = 1.0 + 2.0 * largest * x
         return x / stretched, left / stretched[..., None]
 
     def slope(logarithms: Array) -> Array:
         """Return the derivative there, shape (n, g), which rises with x: its sign is turned left of zero."""
         saddle, left = at(logarithms)
-        values = ((means[:, None] / left + variances) / left).sum(axis=2) - squares[:, None] - 1.0 / saddle
+        values = ((means[:, None] / left + variances[:, None]) / left).sum(axis=2) - squares[:, None] - 1.0 / saddle
         return np.asarray(-values if below else values)
 
-    begin, rows = -0.5 * np.log(2.0 * (variances + 2.0 * means) @ variances), np.arange(len(squares))
+    begin, rows = -0.5 * np.log(2.0 * ((variances + 2.0 * means) * variances).sum(axis=1)), np.arange(len(squares))
     while True:
         values = slope(begin[:, None] + COARSE)
         aside = np.where(values[:, 0] > 0.0, COARSE[0], np.where(values[:, -1] <= 0.0, COARSE[-1], 0.0))
@@ -153,4 +155,5 @@ def _saddles(variances: Array, centres: Array, squares: Array, below: bool) -> t
     values = slope(begin[:, None] + FINE)
     last = np.clip(np.sum(values <= 0.0, axis=1) - 1, 0, len(FINE) - 2)
     low, high = values[rows, last], values[rows, last + 1]
-    return at(begin + FINE[last] - FINE[1] * low / (high - low))
+    saddle, left = at((begin + FINE[last] - FINE[1] * low / (high - low))[:, None])
+    return saddle[:, 0], left[:, 0]

@@ -47,8 +47,8 @@ def mardia(values: Array) -> Mardia | None:
         return None
     thirds = np.zeros((rank, rank, rank))
     fourths = 0.0
-    for part in stretches(count):
-        white = own.matrix.T @ (values[part] - mean).T
+    for stretch in stretches(count):
+        white = own.matrix.T @ (values[stretch] - mean).T
         thirds += [(white * each) @ white.T / count for each in white]
         fourths += float(np.sum(np.sum(white**2, axis=0) ** 2))
     skewness, kurtosis = float(np.sum(np.square(thirds))), fourths / count

@@ -13,30 +13,15 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from scipy import special
 
 from mcnav.arrays.types import Array
 from mcnav.errors import NumericalError
-from mcnav.statistics.bisection import root_between
-from mcnav.statistics.generalized_chi_square import LEAST, tail
-
-NONE: Final = 1e-14
-"""Variance of a principal axis, as a share of the largest, below which there is none."""
+from mcnav.statistics.refusals import note_refusal
+from mcnav.statistics.size_search import SizeSearch
+from mcnav.statistics.size_tails import NONE, agree, principal_axes, refuse, size_tails
 
 ROUGH: Final = 2
 """Path to search along."""
-
-AGREEMENT: Final = 1e-6
-"""Largest difference of the two routes, as a share of the smaller tail: far above what rounding leaves."""
-
-ROUNDING: Final = 1e-15
-"""What rounding of squares leaves of a normal score, in the largest |b|."""
-
-RADIUS: Final = 1e-13
-"""Width of the last bracket of a quantile, as a share of the first one."""
-
-WIDER: Final = 1e-9
-"""Share by which the first bracket of a quantile is widened: what rounding of its ends may take."""
 
 MEAN_STEP: Final = 0.05
 """Step of the trapezoidal rule for the mean, in log t."""
@@ -71,11 +56,8 @@ class NormalSize:
         >>> round(burn.quantile(0.5), 4), round(burn.quantile(0.9973), 4)
         (5.0737, 5.8562)
         """
-        if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
-            return cls(np.zeros(0), np.zeros(0), math.nan)
-        values, vectors = np.linalg.eigh(covariance)
-        along, moves = vectors.T @ mean, values > NONE * max(float(values[-1]), 0.0)
-        return cls(values[moves], along[moves], float(np.linalg.norm(along[~moves])))
+        ((_, variances, centres, fixed),) = principal_axes(mean[None], covariance[None])
+        return cls(variances[0], centres[0], float(fixed[0]))
 
     @property
     def mean_square(self) -> float:
@@ -134,22 +116,11 @@ class NormalSize:
         """
         if not len(self.variances):
             return self.fixed
-        greatest, half = math.sqrt(float(self.variances[-1])), 0.5 * len(self.variances)
-        offset = math.hypot(self.fixed, float(np.linalg.norm(self.centres)))
-        reach, back = (greatest * _chi(half, *tails) for tails in (
-            (probability, 1.0 - probability), (1.0 - probability, probability)
-        ))  # fmt: skip
-        wanted = _score(probability, 1.0 - probability)
-
-        def score(size: float, path: int = 0) -> float:
-            return _score(*self._tails(size, path)) - wanted
-
-        low, high = max(self.fixed, offset - back) * (1.0 - WIDER), (offset + reach) * (1.0 + WIDER)
-        rounding = AGREEMENT + ROUNDING * float(np.max(np.abs(self.centres) / np.sqrt(self.variances)))
-        ends = root_between(score, (low, score(low)), (high, score(high)), RADIUS * (high - low), rounding)
-        if score(ends[0], 1) > rounding or score(ends[1], 1) < -rounding:
-            raise _refusal(f"size at the probability {probability:g}", self.variances, self.centres)
-        return 0.5 * (ends[0] + ends[1])
+        search = SizeSearch(self.variances[None], self.centres[None], np.array([self.fixed]), np.array([probability]))
+        (quantile,) = search.quantiles()
+        if isinstance(quantile, NumericalError):
+            raise quantile
+        return quantile
 
     def _checked_tails(self, size: float) -> tuple[float, float]:
         """Return the probabilities of sizes up to this one, and beyond.
@@ -159,15 +130,15 @@ class NormalSize:
         tails = self._tails(size, 0)
         if math.isnan(self.fixed):
             return tails
-        if not _agree(np.array(tails), np.array(self._tails(size, 1))):
-            raise _refusal(f"probability of {size:g}", self.variances, self.centres)
+        if not agree(np.array(tails), np.array(self._tails(size, 1))):
+            raise refuse(f"probability of {size:g}", self.variances, self.centres)
         return tails
 
     def _tails(self, size: float, path: int) -> tuple[float, float]:
         """Return the probabilities of sizes up to this one, and beyond, along one of the paths."""
         if math.isnan(self.fixed):
             return math.nan, math.nan
-        within, beyond = _tails(self.variances, self.centres[None], np.array([self.fixed]), size, path)
+        within, beyond = size_tails(self.variances, self.centres[None], np.array([self.fixed]), size, path)
         return float(within[0]), float(beyond[0])
 
 
@@ -190,17 +161,35 @@ def size_quantile(mean: Array, covariance: Array, probability: float) -> float:
     return _remembered_quantile(tuple(mean.tolist()), tuple(covariance.ravel().tolist()), probability)
 
 
-def _chi(half: float, within: float, beyond: float) -> float:
-    """Return the quantile of a chi variable of ``2 half`` degrees of freedom with these probabilities on its sides."""
-    if within < beyond:
-        return math.sqrt(2.0 * float(special.gammaincinv(half, within)))
-    return math.sqrt(2.0 * float(special.gammainccinv(half, beyond)))
+def size_quantiles(
+    means: Array, covariances: Array, probabilities: float | Array, instead: float | None = None
+) -> Array:
+    """Return the same of n normal variables, shape (n,), which are searched for together.
 
+    Parameters
+    ----------
+    means, covariances : ndarray, shapes (n, k), (n, k, k)
+    probabilities : float or ndarray, shape (n,)
+    instead : float, optional
+        What stands for a quantile that its check refuses, of which a note says why. Without it the first refusal is
+        raised, a `NumericalError`.
 
-def _score(within: float, beyond: float) -> float:
-    """Return the standard normal variable with these probabilities below and above, by the smaller of them."""
-    smaller = float(special.ndtri(max(min(within, beyond), LEAST)))
-    return smaller if within < beyond else -smaller
+    >>> size_quantiles(np.zeros((2, 2)), np.array([np.eye(2), np.diag([1.0, 0.0])]), 0.5).round(6)
+    array([1.17741, 0.67449])
+    """
+    quantiles, wanted = np.zeros(len(means)), np.broadcast_to(probabilities, len(means))
+    for rows, variances, centres, fixed in principal_axes(means, covariances):
+        search = SizeSearch(variances, centres, fixed, wanted[rows])
+        sizes = search.quantiles() if variances.shape[1] else fixed
+        for row, size in zip(rows, sizes, strict=True):
+            if not isinstance(size, NumericalError):
+                quantiles[row] = size
+            elif instead is None:
+                raise size
+            else:
+                note_refusal(size)
+                quantiles[row] = instead
+    return quantiles
 
 
 def probabilities_within(size: float, means: Array, covariance: Array, rough: bool = False) -> Array:
@@ -221,60 +210,9 @@ def probabilities_within(size: float, means: Array, covariance: Array, rough: bo
     along, moves = means @ vectors, values > NONE * max(float(values[-1]), 0.0)
     variances, centres, fixed = values[moves], along[:, moves], np.linalg.norm(along[:, ~moves], axis=1)
     if rough:
-        return _tails(variances, centres, fixed, size, ROUGH)[0]
-    tails, others = (np.array(_tails(variances, centres, fixed, size, path)) for path in (0, 1))
-    if not _agree(tails, others):
-        apart = int(np.argmax(np.abs(tails - others).max(axis=0)))
-        raise _refusal(f"probability of {size:g}", variances, centres[apart])
+        return size_tails(variances, centres, fixed, size, ROUGH)[0]
+    tails, others = (np.array(size_tails(variances, centres, fixed, size, path)) for path in (0, 1))
+    if not (equal := agree(tails, others)).all():
+        apart = int(np.argmin(equal))
+        raise refuse(f"probability of {size:g}", variances, centres[apart])
     return np.asarray(tails[0])
-
-
-def _agree(tails: Array, others: Array) -> bool:
-    """Return whether two routes give the same tails, shape (2, ...), and these are probabilities."""
-    smaller = tails.min(axis=0)
-    agree = np.abs(smaller - others.min(axis=0)) <= AGREEMENT * smaller
-    return bool(np.all(agree & (smaller >= 0.0) & (tails.max(axis=0) <= 1.0)))
-
-
-def _refusal(what: str, variances: Array, centres: Array) -> NumericalError:
-    sigmas = ", ".join(f"{sigma:g}" for sigma in np.sqrt(variances))
-    means = ", ".join(f"{centre:g}" for centre in centres)
-    return NumericalError(
-        f"two ways to compute the {what} of a vector with means {means} and sigmas {sigmas} along its principal "
-        "axes disagree"
-    )
-
-
-def _tails(variances: Array, centres: Array, fixed: Array, size: float, path: int) -> tuple[Array, Array]:
-    """Return the probabilities of sizes up to this one, and beyond, along one of the paths; shapes (n,).
-
-    Parameters
-    ----------
-    variances, centres, fixed : ndarray, shapes (k,), (n, k), (n,)
-        As in `NormalSize`, of n vectors.
-    """
-    squares = (size - fixed) * (size + fixed)
-    possible = (size > 0.0) & (squares > 0.0)
-    if not len(variances):
-        within = (squares > 0.0).astype(float)
-        return within, 1.0 - within
-    if len(variances) == 1:
-        halves = np.sqrt(np.maximum(squares, 0.0))
-        within, beyond = _interval(halves, np.abs(centres[:, 0]), math.sqrt(float(variances[0])))
-        return np.where(possible, within, 0.0), np.where(possible, beyond, 1.0)
-    within, beyond = np.zeros(len(squares)), np.ones(len(squares))
-    low = squares < variances.sum() + (centres**2).sum(axis=1)
-    for below, smaller, larger in ((True, within, beyond), (False, beyond, within)):
-        rows = np.flatnonzero(possible & (low == below))
-        smaller[rows] = tail(variances, centres[rows], squares[rows], below, path)
-        larger[rows] = 1.0 - smaller[rows]
-    return within, beyond
-
-
-def _interval(halves: Array, centres: Array, sigma: float) -> tuple[Array, Array]:
-    """Return the probabilities that normal variables lie within ``+-half``, and beyond."""
-    near, far = (halves - centres) / sigma, (halves + centres) / sigma
-    beyond = special.ndtr(-near) + special.ndtr(-far)
-    outside = special.ndtr(near) - special.ndtr(-far)
-    inside = 0.5 * (special.erf(near / math.sqrt(2.0)) + special.erf(far / math.sqrt(2.0)))
-    return np.where(near < 0.0, outside, inside), np.asarray(beyond)

@@ -26,8 +26,13 @@ def or_withheld(compute: Callable[..., Answer], *values: Any, instead: Any = mat
     try:
         return compute(*values)
     except NumericalError as refusal:
-        words = str(refusal)
-        if words not in _said and len(_said) < MOST_SAID:
-            _said.append(words)
-            note(words)
+        note_refusal(refusal)
         return instead  # type: ignore[no-any-return]
+
+
+def note_refusal(refusal: NumericalError) -> None:
+    """Say once why a number is withheld, for the first `MOST_SAID` reasons."""
+    words = str(refusal)
+    if words not in _said and len(_said) < MOST_SAID:
+        _said.append(words)
+        note(words)

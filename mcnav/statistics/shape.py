@@ -54,8 +54,8 @@ def shape_of_sums(sums: Array, counts: Array, fewest: float = 2) -> tuple[Estima
     if number < max(2, fewest):
         return Estimate(values[0], float("inf"), 0.0), Estimate(values[1], float("inf"), 0.0)
     departures, squares = np.zeros(2), np.zeros(2)
-    for part in stretches(number):
-        left = (whole[:, None] - sums[:, part]) / (count - counts[part])
+    for stretch in stretches(number):
+        left = (whole[:, None] - sums[:, stretch]) / (count - counts[stretch])
         for i, measure in enumerate(_MEASURES):
             with np.errstate(divide="ignore", invalid="ignore"):  # without one block there may be no dispersion
                 departure = measure(*left) - values[i]

@@ -137,7 +137,7 @@ class Summary:
         numbers = np.frombuffer(base64.b64decode(known["numbers"]), dtype="<f8").astype(float)
         shapes = [tuple(shape) for shape in known["shapes"]]
         cuts = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
-        arrays = [part.reshape(shape) for part, shape in zip(np.split(numbers, cuts), shapes, strict=True)]
+        arrays = [piece.reshape(shape) for piece, shape in zip(np.split(numbers, cuts), shapes, strict=True)]
         failures = {reason: FailureCount(int(samples), tuple(first)) for reason, samples, first in known["failures"]}
         return cls(BlockSums(int(known["first"]), *arrays), int(known["samples"]), failures)
 

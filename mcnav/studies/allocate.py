@@ -112,14 +112,16 @@ def allocate(
 def _judged(variations: Variations) -> tuple[int, ...]:
     """Return the requirements that linear analysis can judge; `CampaignError` where there is nothing to allocate."""
     base, file = variations.base, variations.campaign.file
-    judged = tuple(number for number, each in enumerate(base.requirements) if each.judged)
+    judged = tuple(number for number, requirement in enumerate(base.requirements) if requirement.judged)
     if base.rejections is not None and base.rejections.verdict != OnLinear.HOLDS:
         line = rejection_line(base.rejections, [output.name for output in base.outputs])
         raise CampaignError([Problem(file, "filter.gate", f"{line}; leave the gates out to allocate without them")])
     if not judged:
         lacks = "has no requirement that linear analysis can judge" if base.requirements else "is missing"
         remedy = "add an [[accept.quantile]] or another requirement"
-        if base.beyond is not None and any(each.requirement.kind != "sigma_ratio" for each in base.requirements):
+        if base.beyond is not None and any(
+            requirement.requirement.kind != "sigma_ratio" for requirement in base.requirements
+        ):
             remedy = "errors are beyond its range, and smaller multiples of them are not looked at; see mcnav lincov"
         raise CampaignError([Problem(file, "accept", f"{lacks}; {remedy}")])
     if not variations.numbers:
@@ -167,7 +169,7 @@ def _search_grades(variations: Variations, goal: tuple[int, ...], finer: bool) -
         return GradeChange(named, variations.worst(judged, goal))
 
     def best(grade_changes: Sequence[Sequence[Move]]) -> tuple[GradeChange, ...]:
-        changes = variations.in_lockstep([partial(moved, each) for each in grade_changes])
+        changes = variations.in_lockstep([partial(moved, grade_change) for grade_change in grade_changes])
         known = [change for change in changes if change is not None]
         return tuple(sorted(known, key=lambda each: -each.worst.margin))
 
@@ -201,8 +203,8 @@ def _with_instabilities(moves: Sequence[Move]) -> list[list[Move]]:
 def _irreducible(moves: Sequence[Move], meets: Callable[[Sequence[Move]], bool]) -> list[Move]:
     """Take moves back one by one while the requirements are met, and return what is left."""
     kept = list(moves)
-    for each in moves:
-        fewer = [other for other in kept if other is not each]
+    for move in moves:
+        fewer = [other for other in kept if other is not move]
         if fewer and meets(fewer):
             kept = fewer
     return kept

@@ -94,7 +94,7 @@ def compare_filters(
     for value, kind in points:  # all are read before the first runs
         at = {} if variable is None or value is None else {variable.path: variable.written(value)}
         campaigns.append(varied.at({"filter.kind": kind, **at, **samples}))
-    paces = [_pace(each.scenario) for each in campaigns]
+    paces = [_pace(campaign.scenario) for campaign in campaigns]
     _tell_time(campaigns, paces, plan.jobs)
     results = []
     for number, ((value, kind), each, pace) in enumerate(zip(points, campaigns, paces, strict=True)):
@@ -129,8 +129,8 @@ def _variable(varied: Mapping[str, str | Sequence[object]]) -> Variable | None:
 def _tell_time(campaigns: Sequence[Campaign], paces: Sequence[Pace], jobs: int) -> None:
     """Print how long the runs will take, where that is long."""
     seconds = sum(
-        time_of(each.samples, pace.milliseconds / 1000.0, pace.chunk, jobs)
-        for each, pace in zip(campaigns, paces, strict=True)
+        time_of(campaign.samples, pace.milliseconds / 1000.0, pace.chunk, jobs)
+        for campaign, pace in zip(campaigns, paces, strict=True)
     )
     if seconds >= LONG:
         runs = f"{len(campaigns)} run{'' if len(campaigns) == 1 else 's'} of {campaigns[0].samples:,} samples"

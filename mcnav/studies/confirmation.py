@@ -78,9 +78,9 @@ def confirm(
     for place, point in chosen:
         folder = path / FOLDER / "_".join(f"{number + 1:02d}" for number in place)
         summary = run_campaign(points.campaign_at(point), folder, None, jobs, progress=progress).results
-        values = [_value(each, summary) if known else np.nan for each, known in zip(measures, final, strict=True)]
+        values = [_value(measure, summary) if known else np.nan for measure, known in zip(measures, final, strict=True)]
         confirmations.append(Confirmation(place, point, folder, summary, np.array(values)))
-    return sorted(confirmations, key=lambda each: each.place)
+    return sorted(confirmations, key=lambda confirmation: confirmation.place)
 
 
 def _value(measure: Measure, summary: Summary) -> float:

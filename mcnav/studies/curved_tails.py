@@ -27,13 +27,15 @@ def with_curvature(answer: LinearAnswer, campaign: Campaign) -> tuple[LinearRequ
     Nothing is added where sources are not normal, a user's code or a filter would have to be simulated, the engine is
     slow, or a simulation fails.
     """
-    rare = [math.isfinite(each.beyond) and not each.requirement.epochs for each in answer.requirements]
+    rare = [
+        math.isfinite(requirement.beyond) and not requirement.requirement.epochs for requirement in answer.requirements
+    ]
     curvature = _curvature(campaign) if any(rare) and answer.beyond is None else None
     if curvature is None:
         return answer.requirements
     return tuple(
-        replace(each, curved=curvature.beyond(each.requirement, answer.model)) if known else each
-        for each, known in zip(answer.requirements, rare, strict=True)
+        replace(requirement, curved=curvature.beyond(requirement.requirement, answer.model)) if known else requirement
+        for requirement, known in zip(answer.requirements, rare, strict=True)
     )
 
 

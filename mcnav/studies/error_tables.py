@@ -44,7 +44,7 @@ def read_error_table(path: Path) -> ErrorTable:
             times = values
             continue
         for kind, beginnings in BEGINNINGS.items():
-            beginning = next((each for each in beginnings if name.lower().startswith(each)), None)
+            beginning = next((beginning for beginning in beginnings if name.lower().startswith(beginning)), None)
             if beginning is not None:
                 kinds[kind][name[len(beginning) :]] = values
                 break
@@ -58,7 +58,9 @@ def read_error_table(path: Path) -> ErrorTable:
         for name, values in kinds["innovation"].items()
     }
     if not errors and not innovations:
-        raise LogError(path, f"has the columns {listed([str(each) for each in table.columns])}; expected {EXPECTED}")
+        raise LogError(
+            path, f"has the columns {listed([str(column) for column in table.columns])}; expected {EXPECTED}"
+        )
     return ErrorTable(times, errors, groups, innovations)
 
 

@@ -123,13 +123,13 @@ class _Change:
 
 def _change(axis: AxisReport) -> _Change:
     """Say what replaces the values of an axis: a slow process replaces both."""
-    estimates = {each.name: each for each in axis.fitted.estimates}
-    known = {name for name, each in estimates.items() if each.identified}
+    estimates = {estimate.name: estimate for estimate in axis.fitted.estimates}
+    known = {name for name, estimate in estimates.items() if estimate.identified}
     if not {"instability", "correlation_time"} <= known:
         known -= {"instability", "correlation_time"}
     if not INTERVALS[0] <= axis.interval <= INTERVALS[1]:
         known -= {"quantization"}
-    sizes = {name: each.value for name, each in estimates.items() if name in known}
+    sizes = {name: estimate.value for name, estimate in estimates.items() if name in known}
     if "correlation_time" in sizes:
         sizes |= {"correlation_time": max(sizes["correlation_time"], SHORTEST_CORRELATION), "rate_random_walk": 0.0}
     elif "rate_random_walk" in sizes:
@@ -147,7 +147,7 @@ def _bounds(axis: AxisReport, known: set[str]) -> dict[str, float]:
         row = next(row for row in axis.parameters if row.key.split(".")[0] == name)
         if name not in known and np.isfinite(row.high):
             bounds[name] = row.high
-    estimates = {each.name: each for each in axis.fitted.estimates}
+    estimates = {estimate.name: estimate for estimate in axis.fitted.estimates}
     if "instability" in estimates and "instability" not in known and np.isfinite(estimates["instability"].high):
         bounds |= {
             "instability": estimates["instability"].high,
@@ -210,7 +210,7 @@ def _departures(scenario: Ins, processes: Mapping[str, Array], changes: Sequence
     for change in changes:
         drawn = _draw(change, generator)
         for name in change.replaced:
-            parameter = next(each for each in change.places if each in PROCESSES and change.process(each) == name)
+            parameter = next(place for place in change.places if place in PROCESSES and change.process(place) == name)
             exponent = 2.0 * drawn[parameter][:, None]
             if parameter == "instability":
                 exponent = exponent + slopes[name] * drawn["correlation_time"][:, None]

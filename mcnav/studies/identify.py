@@ -245,15 +245,25 @@ def _axis_report(instrument: str, axis: str, records: Sequence[_AxisRecord]) -> 
 
 def _parameters(instrument: str, axis: str, fitted: AxisFit) -> Iterator[ParameterRow]:
     """State every parameter of ``[imu]`` that a log at rest can show."""
-    for each in statements(fitted):
-        key = key_of(instrument, each.name)
+    for statement in statements(fitted):
+        key = key_of(instrument, statement.name)
         unit, shown = (
-            ("s", "s") if each.name == CORRELATION_TIME else PROCESS_UNITS[f"{instrument}_{key.split('.')[0]}"]
+            ("s", "s") if statement.name == CORRELATION_TIME else PROCESS_UNITS[f"{instrument}_{key.split('.')[0]}"]
         )
-        hours = None if each.duration_wanted is None else each.duration_wanted / 3600.0
-        beside = key_of(instrument, each.beside).split(".")[0] if each.beside else ""
+        hours = None if statement.duration_wanted is None else statement.duration_wanted / 3600.0
+        beside = key_of(instrument, statement.beside).split(".")[0] if statement.beside else ""
         yield ParameterRow(
-            instrument, axis, key, each.value, each.low, each.high, unit, shown, conversion(unit, shown), hours, beside
+            instrument,
+            axis,
+            key,
+            statement.value,
+            statement.low,
+            statement.high,
+            unit,
+            shown,
+            conversion(unit, shown),
+            hours,
+            beside,
         )
 
 
@@ -344,7 +354,7 @@ def _record_table(axis: AxisReport, unit: str) -> dict[str, object]:
     first, second = axis.fitted.candidates[:2]
     return {
         "mean": axis.means, "unit": unit, "model": model_words(first.model), "next_model": model_words(second.model),
-        "margin": axis.fitted.margin, "p_value": [each.p for each in axis.goodness],
-        "rejected": [each.rejected for each in axis.goodness], "agreement": axis.agreement,
+        "margin": axis.fitted.margin, "p_value": [test.p for test in axis.goodness],
+        "rejected": [test.rejected for test in axis.goodness], "agreement": axis.agreement,
         "resolution": axis.resolution,
     }  # fmt: skip

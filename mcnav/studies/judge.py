@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,21 +11,23 @@ import numpy as np
 
 from mcnav.config.documents import Description
 from mcnav.config.read import Campaign, campaign_from
-from mcnav.contract.recorded import FilteredRecord, RecordingError
+from mcnav.contract.recorded import FilteredRecord, Recording, RecordingError
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.progress import duration, note
 from mcnav.execution.threads import one_thread
 from mcnav.files.whole import indented_json, to_json, write_texts
 from mcnav.judgement.error_table import ErrorVerdict, judge_errors
+from mcnav.judgement.plain_files import IMU, START, find_fault
 from mcnav.judgement.verdict import SIMULATED, TRIALS, Judgement, judge
 from mcnav.logs.log_error import LogError
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import judged
 from mcnav.report.pages import judged_errors as errors_report
 from mcnav.report.pages.judge_page import page
+from mcnav.studies.campaign_units import in_campaign_units
 from mcnav.studies.error_tables import read_error_table
-from mcnav.studies.recordings import RecordingFiles, read_recording, recordable
+from mcnav.studies.recordings import RecordingFiles, moved_back, read_recording, recordable
 from mcnav.workflow.cost import LONG
 
 JSON, PAGE = "judge.json", "judge.html"
@@ -67,16 +69,41 @@ def judge_recording(
 def _judged(campaign: Campaign, files: RecordingFiles, simulated: int, seed: int) -> tuple[FilteredRecord, Judgement]:
     recording, notes = read_recording(campaign, files)
     scenario = recordable(campaign)
+    _refuse_faults(campaign, files, recording)
+    mean, covariance = np.asarray(campaign.errors.mean), campaign.errors.covariance
+
+    def filtered(delays: Mapping[str, float]) -> FilteredRecord:
+        record = scenario.filter_recording(moved_back(recording, delays), mean, covariance)
+        return in_campaign_units(record, campaign)
+
     try:
         with one_thread():
-            mean = np.asarray(campaign.errors.mean)
-            record = scenario.filter_recording(recording, mean, campaign.errors.covariance)
-            judgement = judge(record, simulated, min(TRIALS, simulated), seed, partial(_tell_time, simulated))
+            record = filtered({})
+            trials, tell = min(TRIALS, simulated), partial(_tell_time, simulated)
+            judgement = judge(record, simulated, trials, seed, tell, filtered)
     except RecordingError as problem:
         raise LogError(files.imu, str(problem)) from None
     except ScenarioError as problem:
         raise CampaignError([Problem(campaign.file, problem.key, str(problem))]) from None
     return record, replace(judgement, notes=(*notes, *judgement.notes))
+
+
+def _refuse_faults(campaign: Campaign, files: RecordingFiles, recording: Recording) -> None:
+    """Refuse files that are not what they say, as they are seen without a filter."""
+    sigmas = dict(
+        zip(
+            (source.name for source in campaign.scenario.sources),
+            campaign.errors.standard_deviations.tolist(),
+            strict=False,
+        )
+    )
+    position = max(sigmas.get(f"position_{axis}", 0.0) for axis in ("north", "east", "down"))
+    fault = find_fault(recording, position, sigmas.get("heading", 0.0))
+    if fault is None:
+        return
+    of_sensors = {**{name: file.path for name, file in recordable(campaign).logs.items()}, **files.measurements}
+    file = files.imu if fault.subject == IMU else files.start if fault.subject == START else of_sensors[fault.subject]
+    raise LogError(file or files.imu, fault.message)
 
 
 def _tell_time(simulated: int, seconds: float) -> None:

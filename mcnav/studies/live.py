@@ -101,7 +101,7 @@ class LiveCampaign:
         return live_state(settings, self._revision, self._error)
 
     def tune(self, revision: int, factors: Mapping[str, float]) -> None:
-        """Compute the linear answer with some numbers multiplied and the filter tuned anew, and keep it.
+        """Compute the linear answer with some numbers multiplied and the filter re-tuned, and keep it.
 
         Parameters
         ----------
@@ -118,7 +118,10 @@ class LiveCampaign:
         first = self._tried[0]
         if revision != self._revision:
             raise CampaignError([Problem(str(self._file), "", CHANGED)])
-        numbers = {each.path: each for each in data_sheet_numbers(first.content, first.campaign.scenario.sources)}
+        numbers = {
+            data_sheet_number.path: data_sheet_number
+            for data_sheet_number in data_sheet_numbers(first.content, first.campaign.scenario.sources)
+        }
         for path, factor in factors.items():
             if path not in numbers or not (math.isfinite(factor) and factor > 0.0):
                 message = f"got the factor {factor!r}; expected a number of the data sheet and a factor above zero"

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign
@@ -58,6 +59,8 @@ class RecordingFiles:
         By the names of the sensors; those of the campaign's logs are read as well.
     columns, units : mapping of str to str
         Of the readings, as `read_imu_log` takes them.
+    begin, end : float or None
+        Part of the record that is judged, s after its first reading; by default all.
 
     Examples
     --------
@@ -73,6 +76,8 @@ class RecordingFiles:
     start: Path | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    begin: float | None = None
+    end: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("imu", "reference", "start"):
@@ -107,12 +112,22 @@ def read_recording(campaign: Campaign, files: RecordingFiles) -> tuple[Recording
     if log.gyro is None or log.accelerometer is None:
         raise LogError(files.imu, "lacks gyros or accelerometers; a navigator needs both")
     notes = [f"{files.imu.name}: {note}" for note in log.notes]
-    zero = log.start - log.interval
-    ends = log.time + log.interval
+    begin = files.begin or 0.0
+    kept = (log.time >= begin - 0.5 * log.interval) & (log.time <= (np.inf if files.end is None else files.end))
+    if np.sum(kept) < 2:
+        between = f"{begin:g} to {log.time[-1] if files.end is None else files.end:g} s"
+        raise LogError(files.imu, f"has no readings from {between}; it has {log.time[-1]:.6g} s")
+    if begin > 0.0 and files.start is None:
+        raise LogError(
+            files.imu, "navigation starts within the record with --from; give its state there by --start FILE"
+        )
+    zero = log.start - log.interval + float(log.time[kept][0])
+    ends = log.time[kept] - log.time[kept][0] + log.interval
     measurements = {}
     for name, file in measured_in.items():
         measured, noticed = _read_measurements(file, zero)
         _check_overlap(file.path, measured.times, ends, files.imu)
+        measured = _part(measured, (measured.times > 0.0) & (measured.times <= ends[-1] + log.interval))
         measurements[name] = measured
         notes += noticed
     reference = start = None
@@ -127,7 +142,7 @@ def read_recording(campaign: Campaign, files: RecordingFiles) -> tuple[Recording
             raise LogError(files.imu, wrong)
     else:
         notes.append("navigation starts where the campaign's trajectory does; --start FILE gives another state")
-    return Recording(ends, log.gyro, log.accelerometer, measurements, start, reference), tuple(notes)
+    return Recording(ends, log.gyro[kept], log.accelerometer[kept], measurements, start, reference), tuple(notes)
 
 
 def _recorded_track(track: Track, zero: float) -> RecordedTrack:
@@ -138,12 +153,51 @@ def _recorded_track(track: Track, zero: float) -> RecordedTrack:
     )  # fmt: skip
 
 
+def moved_back(recording: Recording, delays: Mapping[str, float]) -> Recording:
+    """Return a recording with the stamps of sensors moved back by delays, s."""
+    measurements = {
+        name: replace(measured, times=measured.times - delays.get(name, 0.0))
+        for name, measured in recording.measurements.items()
+    }
+    return replace(recording, measurements=measurements)
+
+
+def _part(measured: RecordedMeasurements, kept: NDArray[np.bool_]) -> RecordedMeasurements:
+    """Return some of the rows of a sensor's measurements."""
+    values, sigmas = ({name: rows[kept] for name, rows in each.items()} for each in (measured.values, measured.sigmas))
+    return RecordedMeasurements(measured.times[kept], values, sigmas)
+
+
+CLOCKS: Final[Mapping[str, float]] = {
+    "GPS weeks: seconds of the week beside seconds since 1980": 604_800.0,
+    "hours: another time zone": 3_600.0,
+}
+"""Periods by multiples of which clocks differ, s."""
+
+SINCE_1970: Final = 315_964_800.0
+"""1980-01-06, in s since 1970."""
+
+
 def _check_overlap(path: Path, times: Array, ends: Array, imu: Path) -> None:
-    """Refuse a file whose times are not those of the readings."""
-    if times[-1] < ends[0] or times[0] > ends[-1]:
-        between = f"{times[0]:.6g} to {times[-1]:.6g} s after the first reading of {imu.name}"
-        message = f"lasts from {between}, which has {ends[-1]:.6g} s; both must have the same clock"
-        raise LogError(path, message, "time")
+    """Refuse a file whose times are not those of the readings, with what their clocks seem to differ by."""
+    if times[-1] >= ends[0] and times[0] <= ends[-1]:
+        return
+    between = f"{times[0]:.9g} to {times[-1]:.9g} s after the first reading of {imu.name}"
+    message = f"lasts from {between}, which has {ends[-1]:.6g} s; both must have the same clock"
+    raise LogError(path, message + _clocks(times, float(ends[-1])), "time")
+
+
+def _clocks(times: Array, last: float) -> str:
+    """Say by what two clocks differ, where the tracks would lie on each other without it."""
+    middle = 0.5 * (float(times[0]) + float(times[-1]) - last)
+    allowed = 0.5 * abs(float(times[-1] - times[0]) - last) + 30.0
+    if abs(abs(middle) - SINCE_1970) < allowed + 30.0:
+        return ": one counts from 1970, the other from 1980 (GPS)"
+    for words, period in CLOCKS.items():
+        count = round(abs(middle) / period)
+        if count and abs(abs(middle) - count * period) < min(allowed, 0.1 * period):
+            return f"; they differ by {count:,} {words}"
+    return ""
 
 
 def _read_measurements(file: MeasurementFile, zero: float) -> tuple[RecordedMeasurements, list[str]]:
@@ -245,8 +299,8 @@ def write_recording(campaign: Campaign, index: int, interval: float, folder: Pat
     texts = {IMU: _csv(["time [s]", *(f"{a} [{u}]" for a, u in zip(axes, units, strict=True))], readings)}
     for name, measured in recording.measurements.items():
         columns, values = ["time [s]"], [measured.times[:, None]]
-        of_quantities = [(COLUMNS[quantity], each) for quantity, each in measured.values.items()]
-        of_quantities += [(SIGMAS[quantity], each) for quantity, each in measured.sigmas.items()]
+        of_quantities = [(COLUMNS[quantity], value) for quantity, value in measured.values.items()]
+        of_quantities += [(SIGMAS[quantity], sigma) for quantity, sigma in measured.sigmas.items()]
         for names, each in of_quantities:
             columns += [f"{column} [{unit}]" for column, unit in names]
             values.append(each)

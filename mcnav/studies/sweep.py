@@ -129,7 +129,7 @@ class _Study:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        return tuple(len(each.values) for each in self.variables)
+        return tuple(len(variable.values) for variable in self.variables)
 
     def sweep(self) -> Sweep:
         """Compute the answers of the grid, and then those at which limits are just met."""
@@ -162,7 +162,7 @@ class _Study:
 
     def _corners(self) -> Iterator[Campaign]:
         """Read the campaigns of the corners."""
-        for point in product(*((float(each.values[0]), float(each.values[-1])) for each in self.variables)):
+        for point in product(*((float(variable.values[0]), float(variable.values[-1])) for variable in self.variables)):
             yield self.points.campaign_at(point)
 
     def _check_corners(self) -> None:
@@ -197,7 +197,9 @@ class _Study:
 
     def confirmed(self, sweep: Sweep, count: int, path: Path) -> Sweep:
         """Run Monte Carlo at so many points of the grid."""
-        chosen = choose_points(self.shape, [_place(sweep, each) for each in sweep.just_met if each.values], count)
+        chosen = choose_points(
+            self.shape, [_place(sweep, allocation) for allocation in sweep.just_met if allocation.values], count
+        )
         points = [(place, _point(self.variables, place)) for place in chosen]
         final = [
             measure.requirement is not None or time is None

@@ -93,7 +93,7 @@ class LinearPoints:
 
     def values_at(self, point: Point) -> dict[str, Value]:
         """Return the values of a point by path, as a campaign file has them."""
-        return {each.path: each.written(value) for each, value in zip(self._variables, point, strict=True)}
+        return {variable.path: variable.written(value) for variable, value in zip(self._variables, point, strict=True)}
 
     def campaign_at(self, point: Point) -> Campaign:
         """Read the campaign of a point; `CampaignError` with its first mistake."""
@@ -104,7 +104,7 @@ class LinearPoints:
 
     def grid(self) -> list[Point]:
         """Return the points of the grid; the last variable changes first."""
-        return list(product(*(each.values.tolist() for each in self._variables)))
+        return list(product(*(variable.values.tolist() for variable in self._variables)))
 
     def beside(self, grid: Sequence[Point]) -> list[tuple[Point, Array]]:
         """Return the points whose answers were computed besides those of a grid, in order, with their values."""
@@ -147,7 +147,10 @@ class LinearPoints:
     def _judge(self, campaign: Campaign, end: int, answer: CovarianceReadings) -> PointAnswer:
         """Judge a campaign by what was read out, of which one reading is the end."""
         own = campaign_requirements(campaign)
-        required = {each.requirement: each for each in requirement_measures(own, campaign.scenario.outputs)}
+        required = {
+            requirement_measure.requirement: requirement_measure
+            for requirement_measure in requirement_measures(own, campaign.scenario.outputs)
+        }
         since = _beyond_since(campaign, answer)
         values, stated, bounds, margins, exceedances, means = np.full((6, len(self._measures)), np.nan)
         for number, (measure, time) in enumerate(zip(self._measures, self._at, strict=True)):

@@ -146,12 +146,12 @@ class Variations:
     @cached_property
     def _has_covariance(self) -> bool:
         """Whether requirements are judged by covariances alone: none is of a smoother, and nothing has a gate."""
-        smoothed = any(each.requirement.of for each in self.base.requirements)
+        smoothed = any(requirement.requirement.of for requirement in self.base.requirements)
         return knows_covariance(self.campaign.scenario) and self.base.rejections is None and not smoothed
 
     def _judge(self, readings: CovarianceReadings) -> Requirements:
         moments = Moments(readings.times, readings.mean, readings.covariance)
-        required = [each.requirement for each in self.base.requirements]
+        required = [requirement.requirement for requirement in self.base.requirements]
         limits = limits_of(output.limit for output in self.base.outputs)
         return judge_within_range(required, limits, readings.mean[-1], readings.covariance[-1], moments)
 
@@ -174,19 +174,21 @@ class _Scaled:
     def __init__(self, answer: LinearAnswer) -> None:
         self._answer = answer
         self._names = [source.name for source in answer.sources]
-        self._requirements = [each.requirement for each in answer.requirements]
+        self._requirements = [requirement.requirement for requirement in answer.requirements]
         self._limits = limits_of(output.limit for output in answer.outputs)
-        self._over_time = any(each.epochs for each in self._requirements) or bool(np.isfinite(self._limits).any())
+        self._over_time = any(requirement.epochs for requirement in self._requirements) or bool(
+            np.isfinite(self._limits).any()
+        )
 
     def judged(self, changed: Sequence[DataSheetNumber], factor: float) -> tuple[LinearRequirement, ...]:
         model, history = self._answer.model, self._answer.history
         sizes = np.array([factor if any(each.covers(name) for each in changed) else 1.0 for name in self._names])
         mean, covariance = sizes * model.mean, model.covariance * np.outer(sizes, sizes)
         squares = {name: factor**2 if any(each.covers(name) for each in changed) else 1.0 for name in model.processes}
-        processes = {name: squares[name] * each for name, each in model.processes.items()}
+        processes = {name: squares[name] * process for name, process in model.processes.items()}
         scaled = replace(model, mean=mean, covariance=covariance, processes=processes)
         if history is not None and self._over_time:
-            noise = {name: squares[name] * each for name, each in history.readings.processes.items()}
+            noise = {name: squares[name] * process for name, process in history.readings.processes.items()}
             readings = replace(history.readings, processes=noise)
             history = covariance_over_time(readings, tuple(self._names), mean, covariance)
         moments = None if history is None else history.moments

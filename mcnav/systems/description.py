@@ -121,4 +121,8 @@ class ScenarioType:
     @property
     def source_patterns(self) -> Mapping[str, str]:
         """Patterns of the names of error sources that its tables bring, by SI unit; see `FurtherTable`."""
-        return {unit: each for table in self.tables.values() for unit, each in table.source_patterns.items()}
+        return {
+            unit: source_pattern
+            for table in self.tables.values()
+            for unit, source_pattern in table.source_patterns.items()
+        }

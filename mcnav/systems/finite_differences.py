@@ -103,7 +103,7 @@ def differentiate(propagate: Callable[[Array], SimulationResult], sizes: Array) 
     if 0 in outcomes.failures:
         raise ScenarioError("type", f"its flight without any error failed: {outcomes.failures[0]}")
     values = outcomes.values
-    forward, backward = (part.reshape(len(SHARES), count, -1) for part in np.split(values[1:], 2))
+    forward, backward = (piece.reshape(len(SHARES), count, -1) for piece in np.split(values[1:], 2))
     slopes = (forward - backward) / (2.0 * steps[:, :, None])  # (steps, sources, outputs); NaN where a flight failed
     moved = _moved(values[0], forward, backward)
     contributions = np.nan_to_num(np.abs(slopes)) * sizes[:, None]

@@ -41,9 +41,10 @@ def check_history(history: History) -> History:
     if any(mark not in events for panel in history.panels for mark in panel.marks):
         raise ValueError("a panel marks an event that the history does not have")
     outages = {
-        str(name): tuple((float(begin), float(end)) for begin, end in each) for name, each in history.outages.items()
+        str(name): tuple((float(begin), float(end)) for begin, end in outage)
+        for name, outage in history.outages.items()
     }
-    if any(not begin <= end for each in outages.values() for begin, end in each):
+    if any(not begin <= end for outage in outages.values() for begin, end in outage):
         raise ValueError("an outage must not end before it begins")
     return History(columns, events, history.panels, outages, str(history.title))
 

@@ -80,8 +80,9 @@ def by_counting(campaign: Campaign) -> list[str]:
 
     None without requirements on a probability at the end.
     """
-    asked = [0.5 if each.probability is None else each.probability
-             for each in campaign.requirements if each.kind != "sigma_ratio" and not each.epochs]  # fmt: skip
+    asked = [0.5 if requirement.probability is None else requirement.probability
+             for requirement in campaign.requirements
+             if requirement.kind != "sigma_ratio" and not requirement.epochs]  # fmt: skip
     largest = max(asked, default=0.0)
     runs = runs_to_show(largest, campaign.confidence) if 0.0 < largest < 1.0 else 0
     if runs is not None and runs <= campaign.samples:

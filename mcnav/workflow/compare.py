@@ -213,7 +213,7 @@ def page_name(paths: Sequence[str | Path]) -> str:
     parts = [Path(path).resolve().parts[1:] for path in paths]
     deepest = max(map(len, parts), default=1)
     names = (["-".join(each[-count:]) for each in parts] for count in range(1, deepest + 1))
-    told = [each for each in names if len(set(each)) == len(each)] or [[each[-1] for each in parts]]
+    told = [name for name in names if len(set(name)) == len(name)] or [[each[-1] for each in parts]]
     return f"{'_and_'.join(told[0])}.html"
 
 

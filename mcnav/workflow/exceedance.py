@@ -91,10 +91,12 @@ class _Law:
         if event.epochs and throughout is not None:
             epochs = np.array(event.epochs)
             partials, nominal = throughout.partials[epochs][:, chosen], throughout.nominal_errors[epochs][:, chosen]
-            processes = {name: each[epochs][:, chosen][:, :, chosen] for name, each in throughout.processes.items()}
+            processes = {
+                name: process[epochs][:, chosen][:, :, chosen] for name, process in throughout.processes.items()
+            }
         else:
             partials, nominal = model.partials[None, chosen], model.nominal[None, chosen]
-            processes = {name: each[None][:, chosen][:, :, chosen] for name, each in model.processes.items()}
+            processes = {name: process[None][:, chosen][:, :, chosen] for name, process in model.processes.items()}
         covariance = transform(partials, errors.covariance)
         mean = nominal + partials @ errors.mean
         return cls(
@@ -143,7 +145,7 @@ class _Noise:
 
         With its covariance S_p of a total S, ``|z_p|^2 = y^T S^+ S_p S^+ y``.
         """
-        parts = [each[place] for each in self.processes.values()]
+        parts = [process[place] for process in self.processes.values()]
         covariance = sum(parts, np.zeros((len(added), len(added))))
         sigma = np.sqrt(np.diag(covariance))
         inverse = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)

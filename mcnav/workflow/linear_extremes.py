@@ -64,11 +64,14 @@ def explain(result: RequirementResult, linear: RecordedModel, beyond: BeyondRang
             return result
         mean, covariance = over_time.mean[at], over_time.covariance[at]
         nominal = np.zeros_like(mean) if development.nominal is None else development.nominal[at]
-        partials, added = development.partials[at], {name: part[at] for name, part in development.processes.items()}
+        partials, added = (
+            development.partials[at],
+            {name: process[at] for name, process in development.processes.items()},
+        )
     else:
         mean, covariance, partials = model.outcome_mean, model.outcome_covariance, model.partials
         nominal = model.nominal
-        added = {name: np.diag(part) for name, part in model.processes.items()}
+        added = {name: np.diag(process) for name, process in model.processes.items()}
     names = [source.name for source in record.sources]
     squares = error_budget(partials, model.covariance).contributions ** 2
     variances = {name: squares[:, k] for k, name in enumerate(names) if squares[:, k].any()} | added

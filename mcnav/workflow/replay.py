@@ -30,7 +30,7 @@ from mcnav.report.columns.requirements import NamedRequirement, stated
 from mcnav.report.names import humanize
 from mcnav.report.pages.replay import Outcome, Replay, files
 from mcnav.runner.draws import DrawPlan
-from mcnav.runner.identity import chunk_digest, identity_of
+from mcnav.runner.identity import DrawnRun, identity_of
 from mcnav.runner.processes import IsolatedEngine
 from mcnav.runner.soundness import isolated
 from mcnav.runner.worker_processes import end_workers
@@ -90,7 +90,7 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
             raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
         finally:
             end_workers()
-        history = next((each.history for each in reversed(again) if each.history is not None), History())
+        history = next((replay.history for replay in reversed(again) if replay.history is not None), History())
         if can_replay(scenario):
             history = scenario.simulate_one(sample.errors[0])
     predicted = linear.nominal + linear.partials @ sample.errors[0]
@@ -102,9 +102,9 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
         outputs=scenario.outputs,
         errors=sample.errors[0],
         sigmas=errors.standard_deviations,
-        linear=next((each.linear for each in reversed(again) if each.linear is not None), predicted),
-        outcomes=(*(() if stored is None else (stored,)), *(each.outcome for each in again)),
-        traceback=next(filter(None, (traceback, *(each.traceback for each in again))), ""),
+        linear=next((replay.linear for replay in reversed(again) if replay.linear is not None), predicted),
+        outcomes=(*(() if stored is None else (stored,)), *(replay.outcome for replay in again)),
+        traceback=next(filter(None, (traceback, *(replay.traceback for replay in again))), ""),
         history=history,
         notes=_revision_note(manifest, campaign) + of_inputs,
     )
@@ -150,8 +150,8 @@ def replay_failure(path: Path, number: int, campaign_file: Path | None = None) -
         finally:
             end_workers()
         history = scenario.simulate_one(flight.errors) if can_replay(scenario) else History()
-    result, shown = flight.result, [each.shown_in for each in scenario.outputs]
-    units = {each.name: (conversion(each.unit, each.shown_in), each.shown_in) for each in scenario.outputs}
+    result, shown = flight.result, [output.shown_in for output in scenario.outputs]
+    units = {output.name: (conversion(output.unit, output.shown_in), output.shown_in) for output in scenario.outputs}
     names = list(units)
     predicted = model.nominal + model.partials @ flight.errors
     if flight.epoch is None and len(flight.added):
@@ -197,7 +197,7 @@ def _at(epochs: Epochs | None, epoch: int | None) -> str:
 def _way_to_fail(path: Path, manifest: Manifest, number: int) -> ExceedanceRecord:
     """Return the record of a requirement's most likely way to fail; refuse where there is none."""
     records = {each.requirement + 1: each for each in manifest.model.exceedance or ()}
-    known = [key for key, each in records.items() if each.point is not None]
+    known = [key for key, record in records.items() if record.point is not None]
     which = f"; known of {', '.join(map(str, known))}" if known else ""
     if number not in records:
         reason = "flights were chosen for no such requirement" if records else "no requirement is beyond counting"
@@ -318,7 +318,7 @@ def _stored(
     summary = manifest.store == SUMMARY
     number = index // (summary_chunk(engine_chunk, draws.samples) if summary else engine_chunk)
     path = folder.chunk_folder / chunk_name(number)
-    identity = chunk_digest(manifest.identity, draws.design, draws.samples)
+    identity = DrawnRun(manifest.identity, draws.design, draws.samples).digest
     if verify_chunk(folder.chunk_folder, number, identity, STORED_ROWS if summary else None) is None:
         if path.exists():
             raise RunFolderError(f"{path}: is damaged, or of another run; run the campaign again to mend it")

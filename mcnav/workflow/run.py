@@ -24,7 +24,7 @@ from mcnav.execution.stopping import stopped_by
 from mcnav.execution.threads import one_thread
 from mcnav.linear.polynomial_engine import engine_names
 from mcnav.runner.chunks import ChunkJob
-from mcnav.runner.identity import check_no_foreign_files, check_resumable, chunk_digest, earlier_digests, identity_of
+from mcnav.runner.identity import DrawnRun, check_no_foreign_files, check_resumable, identity_of
 from mcnav.runner.runner import ChunkExecutor
 from mcnav.runner.worker_processes import end_workers_apart
 from mcnav.store.inputs import check_as_read, check_unchanged, file_records
@@ -161,9 +161,8 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     inputs = campaign.inputs()
     identity = identity_of(campaign.resolved, engine_name, campaign.code, inputs, campaign.scenario)
     check_as_read(inputs)
-    drawn = campaign.design, campaign.samples
-    notices, processors = ([], target()) if fresh else check_resumable(folder, identity, *drawn)
-    digest, earlier = chunk_digest(identity, *drawn), earlier_digests(identity, *drawn)
+    run = DrawnRun(identity, campaign.design, campaign.samples)
+    notices, processors = ([], target()) if fresh else check_resumable(folder, run)
     system = prepare_system(campaign, engine_name, force)
     if fresh:
         folder.clear([Path(file.path) for file in inputs])
@@ -171,8 +170,8 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     frame = summary_frame(manifest, system.linear)
     folder.begin(manifest, system.history, campaign.stored_files(), inputs)
     job = ChunkJob(
-        system.draws, system.engine, folder, digest, manifest.sample_schema, campaign.sample_timeout, frame,
-        inputs=inputs, earlier=earlier,
+        system.draws, system.engine, folder, run.digest, manifest.sample_schema, campaign.sample_timeout, frame,
+        inputs=inputs, earlier=run.earlier_digests,
     )  # fmt: skip
     return _Begun(system, manifest, job, notices)
 

@@ -70,5 +70,5 @@ def _precision(folder: RunFolder, manifest: Manifest, rule: StoppingRule) -> flo
     criterion = manifest.criterion.model_copy(update={"confidence": rule.confidence})
     outputs = analyse(folder, manifest.model_copy(update={"criterion": criterion})).comparison.outputs
     ratios = [output.paired if rule.quantity.endswith("paired") else output.plain for output in outputs]
-    widths = [0.5 * (each.interval[1] - each.interval[0]) for each in ratios if each.interval is not None]
+    widths = [0.5 * (ratio.interval[1] - ratio.interval[0]) for ratio in ratios if ratio.interval is not None]
     return max(widths, default=math.inf)

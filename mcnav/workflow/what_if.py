@@ -64,11 +64,11 @@ def what_if_of_answer(answer: LinearAnswer, content: Mapping[str, Any], beside: 
     gates = ""
     if answer.rejections is not None and answer.rejections.verdict != OnLinear.HOLDS:
         gates = rejection_line(answer.rejections, [output.name for output in answer.outputs])
-    requirements = _judged([each.requirement for each in answer.requirements if not gates])
+    requirements = _judged([requirement.requirement for requirement in answer.requirements if not gates])
     entries, throughout = _entries(requirements, answer.model), None
     if answer.history is not None:
         readings = answer.history.readings
-        added = {name: picked_entries(each, entries) for name, each in readings.processes.items()}
+        added = {name: picked_entries(process, entries) for name, process in readings.processes.items()}
         throughout = _Throughout(
             readings.times, readings.label, readings.partials, readings.nominal, added, answer.history.sigma_filter,
             answer.history.settled, readings.believed, readings.origin,
@@ -84,16 +84,20 @@ def what_if_of_run(content: RunAnalysis) -> WhatIf | None:
     record = content.manifest.model
     campaign = tomllib.loads(content.campaign)
     gates = _gates(campaign) if record.gates is None else record.gates
-    requirements = _judged([each.requirement for each in content.requirements if not gates])
+    requirements = _judged([requirement.requirement for requirement in content.requirements if not gates])
     entries = _entries(requirements, content.model)
-    sources = tuple(Source(each.name, each.unit, each.shown_in, 0.0, group=each.group or "") for each in record.sources)
+    sources = tuple(
+        Source(source.name, source.unit, source.shown_in, 0.0, group=source.group or "") for source in record.sources
+    )
     throughout = _throughout(content, entries)
-    if throughout is None or any(np.isnan(each).any() for each in throughout.processes.values()):
-        requirements = [each for each in requirements if not each.epochs]  # an earlier manifest knows no more
+    if throughout is None or any(np.isnan(process).any() for process in throughout.processes.values()):
+        requirements = [
+            requirement for requirement in requirements if not requirement.epochs
+        ]  # an earlier manifest knows no more
     else:
         settled = throughout.settled
         known = {epoch for epoch in range(len(settled)) if settled[epoch] >= 0}
-        requirements = [each for each in requirements if known.issuperset(each.epochs)]
+        requirements = [requirement for requirement in requirements if known.issuperset(requirement.epochs)]
     beside = "in the folder of this report"
     what_if = _what_if(campaign, sources, content.model, requirements, entries, throughout, beside)
     measured = {
@@ -149,20 +153,24 @@ def _over_time(content: RunAnalysis, pair: tuple[int, int]) -> bool:
     """Return whether a requirement over time limits two outputs together."""
     sizes = content.model.sizes
     return any(
-        set(pair) <= set(size_members(each.requirement.outputs, sizes) or each.requirement.outputs)
-        for each in content.requirements
-        if each.requirement.epochs and not each.requirement.of
+        set(pair) <= set(size_members(requirement.requirement.outputs, sizes) or requirement.requirement.outputs)
+        for requirement in content.requirements
+        if requirement.requirement.epochs and not requirement.requirement.of
     )
 
 
 def _entries(requirements: Sequence[Requirement], model: Model) -> Entries:
-    limited = [size_members(each.outputs, model.sizes) or each.outputs for each in requirements]
+    limited = [size_members(requirement.outputs, model.sizes) or requirement.outputs for requirement in requirements]
     return entries_of(len(model.partials), limited)
 
 
 def _judged(requirements: Sequence[Requirement]) -> list[Requirement]:
     """Return the requirements that sums of the filter's errors judge: not those behind a smoother over time."""
-    return [each for each in requirements if each.kind != "sigma_ratio" and not (each.of and each.epochs)]
+    return [
+        requirement
+        for requirement in requirements
+        if requirement.kind != "sigma_ratio" and not (requirement.of and requirement.epochs)
+    ]
 
 
 def _what_if(
@@ -175,7 +183,7 @@ def _what_if(
         return None
     numbers = campaign.source_numbers, campaign.process_numbers
     moments = model.mean, model.covariance
-    ends = {name: picked_entries(each, entries)[None] for name, each in model.processes.items()}
+    ends = {name: picked_entries(process, entries)[None] for name, process in model.processes.items()}
     end = SizedSystem(model.partials[None], model.nominal[None], ends, *moments, *numbers)
     if throughout is None:
         covariance, kept, settled = scaled_covariance(end, np.array([np.nan]), "", entries), np.array([0]), np.array([])
@@ -183,24 +191,24 @@ def _what_if(
         nominal = np.zeros(throughout.partials.shape[:2]) if throughout.nominal is None else throughout.nominal
         over_time = SizedSystem(
             np.concatenate([throughout.partials, end.partials]), np.concatenate([nominal, end.nominal]),
-            {name: np.concatenate([each, ends[name]]) for name, each in throughout.processes.items()},
+            {name: np.concatenate([process, ends[name]]) for name, process in throughout.processes.items()},
             *moments, *numbers,
         )  # fmt: skip
         times, own, settled = throughout.times, throughout.own, throughout.settled
         if own is not None:
             own = np.concatenate([own, own[-1:]])
         covariance = scaled_covariance(over_time, np.append(times, times[-1]), throughout.label, entries, own)
-        kept = _kept(len(times), [int(settled[epoch]) for each in requirements for epoch in each.epochs])
+        kept = _kept(len(times), [int(settled[epoch]) for requirement in requirements for epoch in requirement.epochs])
     origin = _origin(model, throughout)
     limited = tuple(
         LimitedErrors(
-            each, chosen,
+            requirement, chosen,
             tuple(int(np.searchsorted(kept, reading)) for reading in readings) or (len(kept) - 1,),
-            counted(each, np.zeros_like(origin), origin)[np.ix_(readings or [-1], chosen)],
+            counted(requirement, np.zeros_like(origin), origin)[np.ix_(readings or [-1], chosen)],
         )
-        for each in requirements
-        for chosen in [size_members(each.outputs, model.sizes) or each.outputs]
-        for readings in [[int(settled[epoch]) for epoch in each.epochs]]
+        for requirement in requirements
+        for chosen in [size_members(requirement.outputs, model.sizes) or requirement.outputs]
+        for readings in [[int(settled[epoch]) for epoch in requirement.epochs]]
     )  # fmt: skip
     without = tuple(unsized_causes(campaign, sources, model.covariance))
     estimable = estimable_kinds(content, sources)

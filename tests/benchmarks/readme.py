@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from tests.benchmarks import slopes
 from tests.benchmarks.inertial.tables import sentence
 from tests.benchmarks.tables import FINE, OURS, markdown
 
@@ -18,12 +17,8 @@ END: Final = "<!-- end of benchmarks -->\n"
 PAGE: Final = "reports/benchmarks/benchmarks.md"
 
 
-def excerpt(
-    record: Mapping[str, Any],
-    inertial: Mapping[str, Any] | None = None,
-    whole_runs: Mapping[str, Any] | None = None,
-) -> str:
-    """Make the sentences of the README: a trajectory with the fastest peer, the longest run, aided ones, whole runs."""
+def excerpt(record: Mapping[str, Any], inertial: Mapping[str, Any] | None = None) -> str:
+    """Make the sentences of the README: a trajectory with the fastest peer, the longest run, aided ones."""
     sentences = []
     for case in record["cases"][-1:]:
         rows = [
@@ -37,7 +32,7 @@ def excerpt(
             best = min(others, key=lambda name: others[name])
             sentences.append(
                 f"On trajectory {case['trajectory']} a sample takes {times[OURS]:.2g} µs of one core at an error of "
-                f"{FINE} of sigma; the fastest of the other packages ({best}) takes {others[best]:.2g} µs."
+                f"{FINE} of sigma. The fastest of the other packages ({best}) takes {others[best]:.2g} µs."
             )
     if record["growth"]:
         run = max(record["growth"]["samples"], key=lambda row: row["samples"])
@@ -47,18 +42,11 @@ def excerpt(
         )
     if inertial:
         sentences.append(sentence(inertial))
-    if whole_runs:
-        sentences.append(slopes.sentence(whole_runs))
     sentences.append(f"All measurements, and how they are made: [Benchmarks]({PAGE}).")
     return textwrap.fill(" ".join(filter(None, sentences)), 120, break_on_hyphens=False)
 
 
-def renewed(
-    text: str,
-    record: Mapping[str, Any],
-    inertial: Mapping[str, Any] | None = None,
-    whole_runs: Mapping[str, Any] | None = None,
-) -> str:
+def renewed(text: str, record: Mapping[str, Any], inertial: Mapping[str, Any] | None = None) -> str:
     """Make the README with new figures of the chapters.
 
     Raises
@@ -70,7 +58,7 @@ def renewed(
     _, end, after = rest.partition(END)
     if not (begin and end):
         raise ValueError(f"the README lacks its marks {BEGIN.strip()} and {END.strip()}")
-    return f"{before}{BEGIN}\n{excerpt(record, inertial, whole_runs)}\n\n{END}{after}"
+    return f"{before}{BEGIN}\n{excerpt(record, inertial)}\n\n{END}{after}"
 
 
 def records(folder: Path) -> tuple[dict[str, Any], dict[str, Any] | None, dict[str, Any] | None]:
@@ -84,5 +72,5 @@ def records(folder: Path) -> tuple[dict[str, Any], dict[str, Any] | None, dict[s
 
 if __name__ == "__main__":
     readme, known = ROOT / "README.md", records((ROOT / PAGE).parent)
-    readme.write_text(renewed(readme.read_text(encoding="utf-8"), *known), encoding="utf-8")
+    readme.write_text(renewed(readme.read_text(encoding="utf-8"), *known[:2]), encoding="utf-8")
     (ROOT / PAGE).write_text(markdown(*known), encoding="utf-8")

@@ -118,22 +118,5 @@ def chapter(record: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def sentence(record: Mapping[str, Any]) -> str:
-    """Return the chapter's sentence in the README."""
-    names = {"01": "trajectory 4", "11": "a cruise", "19": "an hour with GNSS and a filter of its own"}
-    told = [
-        f"{_duration(row['microseconds'])} of {names[row['campaign'][:2]]} (the engine alone "
-        f"{_duration(row['engine_microseconds'])})"
-        for row in record["slopes"]
-    ]
-    if not told:
-        return ""
-    loads = [row["load"] for row in record["slopes"]]
-    return (
-        f"What each further sample of a whole run costs, from the command to the report, on one core at a load of "
-        f"{min(loads):.0f} to {max(loads):.0f}: {', '.join(told)}."
-    )
-
-
 def _duration(microseconds: float) -> str:
     return f"{microseconds:.2g} µs" if microseconds < 100.0 else f"{1e-3 * microseconds:.2g} ms"

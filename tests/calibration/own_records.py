@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -118,7 +119,7 @@ class Motion:
 def _ramps(time: Array, knots: tuple[tuple[float, float], ...]) -> tuple[Array, Array]:
     """Return a function through knots with smooth ramps, and its derivative."""
     value, slope = np.full_like(time, knots[0][1]), np.zeros_like(time)
-    for (begin, first), (end, last) in zip(knots, knots[1:], strict=False):
+    for (begin, first), (end, last) in pairwise(knots):
         u = np.clip((time - begin) / (end - begin), 0.0, 1.0)
         value += (last - first) * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
         slope += (last - first) * 30.0 * u**2 * (1.0 - u) ** 2 / (end - begin)

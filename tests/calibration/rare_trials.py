@@ -1,8 +1,8 @@
 """How often intervals of rare events hold, row by row, and how often a limit would be called met wrongly.
 
 ``python -m tests.calibration.rare_trials FILE SEEDS`` adds the runs that a file of runs lacks, and prints
-the table of `mcnav docs method`. Each run is written as soon as its chunk is done, so that a run that is stopped goes
-on where it was.
+the table of `mcnav docs rare-events`. Each run is written as soon as its chunk is done: a run that is stopped goes on
+where it was.
 """
 
 from __future__ import annotations

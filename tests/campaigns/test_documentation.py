@@ -31,7 +31,7 @@ from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign
-from tests import readme
+from tests import readme, reference
 from tests.commands import invoke
 from tests.conftest import ROOT, campaign
 from tests.printed import follow
@@ -342,3 +342,8 @@ def test_the_example_of_the_readme_can_be_renewed() -> None:
     assert again.partition(readme.END)[2] == text.partition(readme.END)[2]
     with pytest.raises(ValueError, match="lacks its marks"):
         readme.renewed("nothing", "another")
+
+
+@pytest.mark.parametrize("page", reference.TABLES)
+def test_tables_that_restate_the_program_are_what_it_says(page: str) -> None:
+    assert (PAGES / page).read_text(encoding="utf-8") == reference.written(page)

@@ -17,7 +17,7 @@ import pytest
 import tomli_w
 from scipy import stats
 
-from mcnav.analysis.improvements import largest_share
+from mcnav.analysis.improvements import largest_shares
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError
 from mcnav.frames.runs import open_run
@@ -148,8 +148,8 @@ def test_studies_count_the_nominal(tmp_path: Path) -> None:
     what_if = what_if_of_answer(answer, tomllib.loads(path.read_text(encoding="utf-8")), "")
     assert what_if is not None
     factors = [1.0] * len(what_if.campaign.sliders)
-    share = largest_share(what_if.covariance, what_if.requirements, factors)
-    assert share == pytest.approx(quantile(0.9973) / LIMIT, rel=1e-6)
+    shares = largest_shares(what_if.covariance, what_if.requirements, [factors])
+    assert shares == pytest.approx([quantile(0.9973) / LIMIT], rel=1e-6)
 
 
 def test_the_nominal_of_each_point_counts_in_a_sweep(tmp_path: Path) -> None:

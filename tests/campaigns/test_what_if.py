@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.analysis.improvements import improvements, largest_share
+from mcnav.analysis.improvements import improvements, largest_shares
 from mcnav.analysis.what_if import WhatIf
 from mcnav.config.documents import document_of
 from mcnav.config.read import parse_campaign, read_campaign
@@ -32,7 +32,8 @@ AIDED = {
     "correlations": [{"between": ["position_north", "velocity_north"], "coefficient": -0.6}],
     "aiding": [
         {"type": "gnss", "interval": "5 s", "position": "3 m", "lever_arm": ["1 m", "0 m", "-1 m"],
-         "lever_arm_error": "5 cm", "position_correlated": {"sigma": "2 m", "correlation_time": "60 s"}},
+         "lever_arm_error": "5 cm", "position_correlated": {"sigma": "2 m", "correlation_time": "60 s"},
+         "delay": "20 ms", "jitter": "5 ms"},
         {"type": "altimeter", "name": "radio", "interval": "30 s", "altitude": "5 m", "bias": "10 m"},
     ],
     "filter": {
@@ -81,6 +82,7 @@ def test_sum_with_a_filter_whose_gains_are_held() -> None:
     assert {slider.path for slider in found.campaign.sliders} >= {
         "imu.gyro.bias", "imu.gyro.scale_factor", "errors.position", "errors.gnss_position_bias_north",
         "aiding.gnss.position", "aiding.gnss.position_correlated", "aiding.gnss.lever_arm_error", "aiding.radio.bias",
+        "aiding.gnss.delay", "aiding.gnss.jitter",
     }  # fmt: skip
     assert not found.unsized
     sigma, own = differences(found, factors, answer)
@@ -90,8 +92,8 @@ def test_sum_with_a_filter_whose_gains_are_held() -> None:
     (judged,) = answer.requirements
     assert len(limited.readings) > 5
     assert judged.time in found.covariance.times[list(limited.readings)]
-    share = largest_share(found.covariance, found.requirements, factors)
-    assert share == pytest.approx(judged.value / 20.0, rel=1e-7)
+    shares = largest_shares(found.covariance, found.requirements, [factors])
+    assert shares == pytest.approx([judged.value / 20.0], rel=1e-7)
 
 
 def test_each_number_a_grade_finer() -> None:
@@ -106,13 +108,13 @@ def test_each_number_a_grade_finer() -> None:
     assert (by_path["imu.gyro.bias"].grade, by_path["aiding.gnss.position"].grade) == ("navigation", "")
     assert by_path["aiding.gnss.position"].factor == 0.5
     ones = [1.0] * len(paths)
-    assert before == largest_share(found.covariance, found.requirements, ones)
+    assert [before] == largest_shares(found.covariance, found.requirements, [ones])
     for path in ("imu.gyro.bias", "aiding.gnss.position"):
         each, factors = by_path[path], [*ones]
         factors[paths.index(path)] = each.factor
         sigma = found.covariance.sigma(factors)[-1] / found.covariance.sigma(ones)[-1]
         np.testing.assert_allclose(each.sigmas, sigma, rtol=1e-12)
-        assert each.used == largest_share(found.covariance, found.requirements, factors)
+        assert largest_shares(found.covariance, found.requirements, [factors]) == pytest.approx([each.used], rel=1e-12)
     assert [each.used for each in listed] == sorted(each.used or 0.0 for each in listed)
     assert before is not None
     assert (listed[0].used or 1.0) < before

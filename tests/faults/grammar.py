@@ -92,6 +92,8 @@ def sensor(chance: random.Random, kind: str, name: str) -> Tree:
     else:
         found["instants"] = [f"{second} s" for second in sorted(chance.sample(range(1, 60), 3))]
     if maybe(chance, 0.2):
+        found |= {"delay": size(chance, 1, 100, "ms"), "jitter": size(chance, 1, 10, "ms")}
+    if maybe(chance, 0.2):
         found["gate"] = chance.choice([0.9, 0.99, 0.999999])
     correlated = {"sigma": size(chance, 1e-3, 10, "m"), "correlation_time": "100 s"}
     if kind == "gnss":

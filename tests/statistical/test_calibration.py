@@ -320,5 +320,5 @@ def test_no_row_of_rare_events_is_worse_than_promised() -> None:
     assert set(measured) == set(rows())
     assert {name for name, row in measured.items() if row.holds_less} == {"a hidden corner, few flights"}
     assert not any(row.errs_more for row in measured.values())
-    shown = (ROOT / "mcnav" / "docs" / "METHOD.md").read_text(encoding="utf-8")
+    shown = (ROOT / "mcnav" / "docs" / "RARE_EVENTS.md").read_text(encoding="utf-8")
     assert "\n".join(table(runs)) in shown

@@ -1,4 +1,4 @@
-"""No sentence of an error, a warning or the help has more than 25 words."""
+"""No sentence of an error, a warning, the help or a page of the documentation has more than 25 words."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import PACKAGE
-from tests.sentences import too_long
+from tests.conftest import PACKAGE, ROOT
+from tests.sentences import prose_of, too_long
 
 SAYING = ("refuse", "_refuse", "fail", "warn")
 """Functions whose texts people read, besides those that make an error."""
@@ -55,3 +55,31 @@ def test_messages_can_be_read_at_once(room: str) -> None:
         for sentence in too_long(text)
     }
     assert long == set()
+
+
+PAGES = (
+    "GUIDE.md",
+    "COMMANDS.md",
+    "METHOD.md",
+    "RARE_EVENTS.md",
+    "OTHER_TOOLS.md",
+    "GLOSSARY.md",
+    "SCENARIOS.md",
+    "NOTEBOOK.md",
+    "TRAJECTORIES.md",
+    "howto/*.md",
+    "tutorials/*.md",
+)
+"""Pages that are read from the beginning; those that are looked up are not."""
+
+
+def test_pages_of_the_documentation_can_be_read_at_once() -> None:
+    pages = [ROOT / "README.md", *(page for name in PAGES for page in sorted((PACKAGE / "docs").glob(name)))]
+    assert len(pages) > 25
+    long = [
+        (page.name, sentence)
+        for page in pages
+        for text in prose_of(page.read_text(encoding="utf-8"))
+        for sentence in too_long(text)
+    ]
+    assert long == []

@@ -127,10 +127,10 @@ def _not_empty(kind: ScenarioType, name: str) -> Node:
 def _named(node: Any, names: Mapping[str, Node]) -> Any:
     """Put names of sources and outputs where a file has such names."""
     if isinstance(node, list):
-        return [_named(each, names) for each in node]
+        return [_named(child, names) for child in node]
     if not isinstance(node, dict):
         return node
-    inside = {key: _named(each, names) for key, each in node.items() if key != NAME_OF}
+    inside = {key: _named(child, names) for key, child in node.items() if key != NAME_OF}
     return {**inside, **names[node[NAME_OF]]} if NAME_OF in node else inside
 
 
@@ -140,5 +140,5 @@ def _names_alone(node: Any, names: Mapping[str, Node]) -> Node | None:
         return None
     if NAME_OF in node:
         return names[node[NAME_OF]]
-    inside = {key: part for key, each in node.items() if (part := _names_alone(each, names)) is not None}
+    inside = {key: part for key, child in node.items() if (part := _names_alone(child, names)) is not None}
     return inside or None

@@ -40,7 +40,7 @@ def _raw(form: TypeAdapter[Any]) -> Node:
 def _in_unit(node: Any, unit: str) -> Any:
     """Give quantities without a unit one."""
     if isinstance(node, list):
-        return [_in_unit(each, unit) for each in node]
+        return [_in_unit(child, unit) for child in node]
     if not isinstance(node, dict):
         return node
     return {key: unit if key == UNIT and not value else _in_unit(value, unit) for key, value in node.items()}
@@ -49,7 +49,7 @@ def _in_unit(node: Any, unit: str) -> Any:
 def _plain(node: Any, inside: Mapping[str, Node]) -> Any:
     """Replace references, null and the marks of `mcnav.entries` by what stands in a file."""
     if isinstance(node, list):
-        return [_plain(each, inside) for each in node]
+        return [_plain(child, inside) for child in node]
     if not isinstance(node, dict):
         return node
     if "$ref" in node:

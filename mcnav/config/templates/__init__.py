@@ -76,7 +76,7 @@ def new_scenario(name: str, folder: Path, stochastic: bool = False, closed_loop:
     Raises `CampaignError` when the name cannot be used, or a file exists.
     """
     _check_name(name)
-    changes = {"NAME": name, "CLASS": "".join(part[:1].upper() + part[1:] for part in name.split("_"))}
+    changes = {"NAME": name, "CLASS": "".join(piece[:1].upper() + piece[1:] for piece in name.split("_"))}
     template = "closed_loop" if closed_loop else "stochastic_scenario" if stochastic else "scenario"
     room = LOOPS if closed_loop else USERS
     contents = {

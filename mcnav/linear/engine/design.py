@@ -93,7 +93,7 @@ def design(
                     gain[:] = np.nan if failed else solved.T
                     if considers:
                         gain *= filtered.corrected[:, None]
-                covariance = update(covariance, gain, response, filtered.variances[u, :m])
+                covariance = update(covariance, cross, gain, response, filtered.variances[u, :m])
                 u += 1
     if timeline.end in readings:
         covariances[readings[timeline.end]] = covariance

@@ -24,7 +24,7 @@ from mcnav.execution.threads import one_thread
 from mcnav.linear.engine.design import filter_of, is_definite
 from mcnav.linear.engine.transitions import bounds
 
-TOGETHER: int = 16
+TOGETHER: int = 48
 """Tunings of one pass."""
 
 
@@ -140,9 +140,9 @@ class _Pass:
         innovations.reshape(len(innovations), -1)[:, :: m + 1] += believed
         self.innovations[u, :, :m, :m] = innovations
         gains = (np.linalg.inv(innovations) @ cross).swapaxes(1, 2) * filtered.corrected[:, None]
-        self.own = update(self.own, gains, own_response, believed)
+        self.own = update(self.own, cross, gains, own_response, believed)
         gains = filtered.place @ gains
-        self.covariance = update(self.covariance, gains, response, self.measured[u, :, :m])
+        self.covariance = update(self.covariance, response @ self.covariance, gains, response, self.measured[u, :, :m])
         self.partials -= gains @ (response @ self.partials + self.disturbances[u, :m])
 
 

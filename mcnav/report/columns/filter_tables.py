@@ -62,7 +62,7 @@ class FilterAnswer:
 def filter_answers(content: RunAnalysis, outputs: Sequence[OutputEntry]) -> list[FilterAnswer]:
     """List what the filter says of each output; empty unless it is known of all."""
     result = content.filter
-    known = {} if result is None else {each.name: each for each in result.outputs}
+    known = {} if result is None else {output.name: output for output in result.outputs}
     if result is None or any(entry.name not in known for entry in outputs):
         return []
     return [_answer(result, entry, known[entry.name]) for entry in outputs]
@@ -115,7 +115,7 @@ def _worst(consistency: FilterConsistency, each: SigmaConsistency) -> WorstSigma
     place = int(np.argmax(later)) + 1
     if place == len(consistency.times) - 1:
         return None
-    whose, time = {name: float(part[place]) for name, part in sigmas(each).items()}, float(consistency.times[place])
+    whose, time = {name: float(sigma[place]) for name, sigma in sigmas(each).items()}, float(consistency.times[place])
     return WorstSigmas(
         time=time,
         when=instant(time, consistency.label),
@@ -127,7 +127,7 @@ def _worst(consistency: FilterConsistency, each: SigmaConsistency) -> WorstSigma
 
 def at_worst(consistency: FilterConsistency) -> str:
     """Compare the true sigma with the filter's where they differ most; empty where nothing is known."""
-    output = next((each for each in consistency.outputs if each.name == consistency.output), None)
+    output = next((output for output in consistency.outputs if output.name == consistency.output), None)
     departure = consistency.departing_output
     if consistency.worst is None or consistency.factor is None:
         return ""

@@ -116,12 +116,12 @@ def gate_rows(answer: LinearAnswer) -> list[GateRow]:
 
     return [
         GateRow(
-            each.sensor, each.component, each.unit, each.time, each.probability, known(each.spike),
-            answer.outputs[each.output].name, answer.outputs[each.output].unit, known(each.spike_error), each.limit,
-            each.required, each.worst, each.risk, each.duration, known(each.ramp),
-            answer.outputs[each.ramp_output].name, answer.outputs[each.ramp_output].unit, known(each.ramp_error),
+            gate.sensor, gate.component, gate.unit, gate.time, gate.probability, known(gate.spike),
+            answer.outputs[gate.output].name, answer.outputs[gate.output].unit, known(gate.spike_error), gate.limit,
+            gate.required, gate.worst, gate.risk, gate.duration, known(gate.ramp),
+            answer.outputs[gate.ramp_output].name, answer.outputs[gate.ramp_output].unit, known(gate.ramp_error),
         )
-        for each in answer.gates
+        for gate in answer.gates
     ]  # fmt: skip
 
 
@@ -131,7 +131,7 @@ def gate_table(answer: LinearAnswer) -> Table[GateRow] | None:
     if not rows:
         return None
     shown_in = {output.name: output.shown_in for output in answer.outputs}
-    scales = {(each.sensor, each.component): (each.unit, each.shown_in) for each in answer.gates}
+    scales = {(gate.sensor, gate.component): (gate.unit, gate.shown_in) for gate in answer.gates}
 
     def of_component(row: GateRow, value: float | None, rate: bool = False) -> str:
         if value is None:

@@ -143,7 +143,7 @@ def _ratio(
     shown: tuple[Column[OutputEntry], ...] = (
         Column(f"{kind.capitalize()} ratio", both, place="page"),
         Column("", value, f"{kind} ratio", form=_decimals, place="terminal", spare=spare and spare + 1),
-        Column("", lambda each: interval(*ends(each)), f"{kind} interval", place="terminal",
+        Column("", lambda row: interval(*ends(row)), f"{kind} interval", place="terminal",
                spare=spare and spare + 2),
     )  # fmt: skip
     return ResultColumn(name, value, shown, ends)
@@ -174,44 +174,44 @@ def _bias(each: OutputEntry) -> Cell:
 
 
 RUN: Final = ResultColumn[OutputEntry](
-    "run", lambda each: each.run, (Column("Run", lambda each: each.run, "run", kind="text"),)
+    "run", lambda row: row.run, (Column("Run", lambda row: row.run, "run", kind="text"),)
 )
 OUTPUT: Final = ResultColumn[OutputEntry](
-    "output", lambda each: each.name,
-    (Column("Output", lambda each: Cell(humanize(each.name), each.unit), FINAL_ERRORS.heading, kind="text"),),
+    "output", lambda row: row.name,
+    (Column("Output", lambda row: Cell(humanize(row.name), row.unit), FINAL_ERRORS.heading, kind="text"),),
 )  # fmt: skip
 
 NUMBERS: Final[tuple[ResultColumn[OutputEntry], ...]] = (
-    ResultColumn("unit", lambda each: each.unit),
-    _sigma("sigma_linear", "linear", lambda each: each.sigma_linear),
-    _sigma("sigma_paired", "paired", lambda each: each.sigma_paired),
-    _ratio("ratio_paired", "paired", lambda each: each.ratio_paired, lambda each: each.ratio_paired_ends),
-    ResultColumn("verdict", lambda each: each.verdict, (Column("Verdict", _verdict, "verdict", kind="text"),)),
-    _sigma("sigma_plain", "plain", lambda each: each.scaled(each.summary.sigma_sample), spare=1),
-    _ratio("ratio_plain", "plain", lambda each: each.compared(each.summary.sigma_ratio),
-           lambda each: each.ends(each.summary.sigma_ratio_interval), spare=1),
-    ResultColumn("samples", lambda each: each.summary.samples),
-    ResultColumn("samples_needed", lambda each: each.samples_needed),
-    ResultColumn("mean_linear", lambda each: each.scaled(each.summary.mean_linear)),
-    ResultColumn("mean_plain", lambda each: each.scaled(each.summary.mean_sample)),
-    ResultColumn("bias", lambda each: each.scaled(each.summary.bias), (Column("Bias, % of σ", _bias, place="page"),)),
-    ResultColumn("bias_standard_error", lambda each: each.scaled(each.summary.bias_standard_error)),
-    ResultColumn("detectable_difference", lambda each: each.at(each.summary.detectable_ratio_paired), (
+    ResultColumn("unit", lambda row: row.unit),
+    _sigma("sigma_linear", "linear", lambda row: row.sigma_linear),
+    _sigma("sigma_paired", "paired", lambda row: row.sigma_paired),
+    _ratio("ratio_paired", "paired", lambda row: row.ratio_paired, lambda row: row.ratio_paired_ends),
+    ResultColumn("verdict", lambda row: row.verdict, (Column("Verdict", _verdict, "verdict", kind="text"),)),
+    _sigma("sigma_plain", "plain", lambda row: row.scaled(row.summary.sigma_sample), spare=1),
+    _ratio("ratio_plain", "plain", lambda row: row.compared(row.summary.sigma_ratio),
+           lambda row: row.ends(row.summary.sigma_ratio_interval), spare=1),
+    ResultColumn("samples", lambda row: row.summary.samples),
+    ResultColumn("samples_needed", lambda row: row.samples_needed),
+    ResultColumn("mean_linear", lambda row: row.scaled(row.summary.mean_linear)),
+    ResultColumn("mean_plain", lambda row: row.scaled(row.summary.mean_sample)),
+    ResultColumn("bias", lambda row: row.scaled(row.summary.bias), (Column("Bias, % of σ", _bias, place="page"),)),
+    ResultColumn("bias_standard_error", lambda row: row.scaled(row.summary.bias_standard_error)),
+    ResultColumn("detectable_difference", lambda row: row.at(row.summary.detectable_ratio_paired), (
         Column("Smallest detectable difference (90 % power), %",
-               lambda each: number(each.at(each.summary.detectable_ratio_paired, 100.0), 2), place="page"),)),
-    ResultColumn("sigma_unscented", lambda each: each.sigma_unscented),
-    ResultColumn("sigma_higher_order", lambda each: each.sigma_higher_order),
-    ResultColumn("skewness", lambda each: each.at(each.summary.skewness)),
-    ResultColumn("excess_kurtosis", lambda each: each.at(each.summary.excess_kurtosis)),
+               lambda row: number(row.at(row.summary.detectable_ratio_paired, 100.0), 2), place="page"),)),
+    ResultColumn("sigma_unscented", lambda row: row.sigma_unscented),
+    ResultColumn("sigma_higher_order", lambda row: row.sigma_higher_order),
+    ResultColumn("skewness", lambda row: row.at(row.summary.skewness)),
+    ResultColumn("excess_kurtosis", lambda row: row.at(row.summary.excess_kurtosis)),
 )  # fmt: skip
 
-NOMINAL: Final = _value("nominal", "Nominal", lambda each: each.nominal)
+NOMINAL: Final = _value("nominal", "Nominal", lambda row: row.nominal)
 """Values on the nominal flight, of runs with outputs other than navigation errors."""
 
-MEAN_ERROR: Final = _value("mean_error", "Mean error", lambda each: each.mean_error)
+MEAN_ERROR: Final = _value("mean_error", "Mean error", lambda row: row.mean_error)
 """Mean errors, where some exceed one sigma."""
 
-FILTERED: Final = ResultColumn[OutputEntry]("sigma_filter", lambda each: each.scaled(each.summary.sigma_filter))
+FILTERED: Final = ResultColumn[OutputEntry]("sigma_filter", lambda row: row.scaled(row.summary.sigma_filter))
 
 
 def outputs_table(summary: Summary, units: Units = "shown", caption: str = "") -> ResultTable:

@@ -54,9 +54,9 @@ def stated(entry: NamedRequirement | RequirementEntry, shown_in: Mapping[str, tu
     when = (", about the nominal" if entry.about else "") + (f", {entry.when}" if entry.when else "")
     if entry.kind in RADII:
         scale, unit = shown_in[names[0]]
-        largest = f"{limits[0] * scale:g} {unit}".rstrip()
+        radius = f"{limits[0] * scale:g} {unit}".rstrip()
         together = f"{', '.join(map(humanize, names[:-1]))} and {humanize(names[-1])}"
-        return f"{RADII[entry.kind]} of {together} below {largest}{when}"
+        return f"{RADII[entry.kind]} of {together} below {radius}{when}"
     sides = []
     for name, limit in zip(names, limits, strict=True):
         scale, unit = shown_in[name]
@@ -157,7 +157,7 @@ class RequirementRow:
         runs = self.runs_to_show
         if not runs or None in runs:
             return ""
-        none, one, two = (f"{each:,}" for each in runs)
+        none, one, two = (f"{run:,}" for run in runs)
         return f"shown by {none} samples with none beyond, {one} with one, {two} with two"
 
     @property

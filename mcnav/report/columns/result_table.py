@@ -136,9 +136,9 @@ class ResultTable:
 
 def _plain(values: Sequence[Any] | NDArray[Any]) -> Sequence[Any] | NDArray[Any]:
     """Convert a list of numbers with gaps to an array with NaN in them; others stay."""
-    numeric = not isinstance(values, np.ndarray) and any(isinstance(each, float) for each in values)
-    if numeric and all(each is None or isinstance(each, (int, float)) for each in values):
-        return np.array([np.nan if each is None else each for each in values], dtype=float)
+    numeric = not isinstance(values, np.ndarray) and any(isinstance(value, float) for value in values)
+    if numeric and all(value is None or isinstance(value, (int, float)) for value in values):
+        return np.array([np.nan if value is None else value for value in values], dtype=float)
     return values
 
 

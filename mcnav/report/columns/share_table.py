@@ -110,11 +110,11 @@ def together(budget: ErrorBudget, caused: Array, contributors: Iterable[Contribu
     ``caused`` are the final errors in the units shown, shape (outputs, causes).
     """
     rows = []
-    for each in contributors:
-        members = list(each.members)
+    for contributor in contributors:
+        members = list(contributor.members)
         final = caused[:, members]
         error = final[:, 0] if len(members) == 1 else np.sqrt((final**2).sum(axis=1))
-        rows.append(ShareRow(each.label, budget.shares[:, members].sum(axis=1), error))
+        rows.append(ShareRow(contributor.label, budget.shares[:, members].sum(axis=1), error))
     return rows
 
 

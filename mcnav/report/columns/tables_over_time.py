@@ -31,7 +31,7 @@ Bands = Callable[[SigmaConsistency], Band | None]
 
 def _stacked(values: Sequence[Array | None]) -> Array | None:
     """Put the values of quantities beside each other, shape (epochs, quantities); none unless all are known."""
-    known = [each for each in values if each is not None]
+    known = [value for value in values if value is not None]
     return np.column_stack(known) if known and len(known) == len(values) else None
 
 
@@ -51,13 +51,13 @@ def _band(name: str, of: Bands) -> TimeColumn[Sequence[SigmaConsistency]]:
     return TimeColumn(name, value, lambda all_of: _ends([of(each) for each in all_of]))
 
 
-RMS: Final = (_sigma("rms", lambda each: each.true), _sigma("sigma_filter", lambda each: each.filter))
-RMS_LINEAR: Final = _sigma("rms_linear", lambda each: each.true_linear)
-FILTER_LINEAR: Final = _sigma("sigma_filter_linear", lambda each: each.filter_linear)
-RATIO: Final = _band("ratio_filter", lambda each: each.ratio)
+RMS: Final = (_sigma("rms", lambda row: row.true), _sigma("sigma_filter", lambda row: row.filter))
+RMS_LINEAR: Final = _sigma("rms_linear", lambda row: row.true_linear)
+FILTER_LINEAR: Final = _sigma("sigma_filter_linear", lambda row: row.filter_linear)
+RATIO: Final = _band("ratio_filter", lambda row: row.ratio)
 WITHIN: Final = (
-    _band("within_1_sigma", lambda each: each.within_1),
-    _band("within_3_sigma", lambda each: each.within_3),
+    _band("within_1_sigma", lambda row: row.within_1),
+    _band("within_3_sigma", lambda row: row.within_3),
 )
 
 OF_FILTER: Final = (*RMS, RATIO, FILTER_LINEAR, *WITHIN)
@@ -68,8 +68,8 @@ STATES: Final = (*RMS, RMS_LINEAR, FILTER_LINEAR, RATIO)
 
 
 SMOOTHED: Final = (
-    RMS[0], _sigma("sigma_smoother", lambda each: each.filter), RMS_LINEAR,
-    _sigma("sigma_smoother_linear", lambda each: each.filter_linear), _band("ratio_smoother", lambda each: each.ratio),
+    RMS[0], _sigma("sigma_smoother", lambda row: row.filter), RMS_LINEAR,
+    _sigma("sigma_smoother_linear", lambda row: row.filter_linear), _band("ratio_smoother", lambda row: row.ratio),
 )  # fmt: skip
 """Columns that compare the outputs' errors behind a smoother with what it claims."""
 
@@ -88,44 +88,44 @@ def _moments(content: RunAnalysis, known: Envelopes) -> list[TimeColumn[Envelope
         return known
 
     return [
-        TimeColumn("mean_linear", lambda each: each.linear_mean, scaled=True),
-        TimeColumn("sigma_linear", lambda each: each.linear_sigma, scaled=True),
-        TimeColumn("mean_plain", lambda each: each.mean, scaled=True),
-        TimeColumn("sigma_plain", lambda each: each.sigma, intervals, True),
+        TimeColumn("mean_linear", lambda row: row.linear_mean, scaled=True),
+        TimeColumn("sigma_linear", lambda row: row.linear_sigma, scaled=True),
+        TimeColumn("mean_plain", lambda row: row.mean, scaled=True),
+        TimeColumn("sigma_plain", lambda row: row.sigma, intervals, True),
         *(_percentile(level) for level in known.percentiles),
     ]
 
 
 def _percentile(level: str) -> TimeColumn[Envelopes]:
-    return TimeColumn(f"percentile_{level}", lambda each: each.percentiles[level], scaled=True)
+    return TimeColumn(f"percentile_{level}", lambda row: row.percentiles[level], scaled=True)
 
 
 def _nees_bound(end: str, k: int) -> TimeColumn[Sequence[GroupConsistency]]:
     def value(groups: Sequence[GroupConsistency]) -> Array:
-        return np.column_stack([np.full(len(each.nees.value), each.bounds_each[k]) for each in groups])
+        return np.column_stack([np.full(len(group.nees.value), group.bounds_each[k]) for group in groups])
 
     return TimeColumn(f"nees_bounds_{end}", value)
 
 
 NEES: Final[tuple[TimeColumn[Sequence[GroupConsistency]], ...]] = (
-    TimeColumn("nees", lambda groups: _stacked([each.nees.value for each in groups]),
-               lambda groups: _ends([each.nees for each in groups])),
+    TimeColumn("nees", lambda groups: _stacked([group.nees.value for group in groups]),
+               lambda groups: _ends([group.nees for group in groups])),
     _nees_bound("from", 0), _nees_bound("to", 1),
-    TimeColumn("ratio", lambda groups: _stacked([each.ratio.value for each in groups]),
-               lambda groups: _ends([each.ratio for each in groups]), variable="nees_ratio"),
+    TimeColumn("ratio", lambda groups: _stacked([group.ratio.value for group in groups]),
+               lambda groups: _ends([group.ratio for group in groups]), variable="nees_ratio"),
     TimeColumn("ratio_linear", lambda groups: np.column_stack([
-        np.full(len(each.nees.value), np.nan) if each.linear is None else each.linear for each in groups
+        np.full(len(group.nees.value), np.nan) if group.linear is None else group.linear for group in groups
     ]), variable="nees_ratio_linear"),
 )  # fmt: skip
 """Mean NEES of each group of states, and the root of its ratio to the number of states."""
 
 NIS: Final[tuple[TimeColumn[Sequence[SensorConsistency]], ...]] = (
-    TimeColumn("accepted", lambda sensors: _stacked([each.accepted for each in sensors])),
-    TimeColumn("rejected", lambda sensors: _stacked([each.rejected for each in sensors])),
-    TimeColumn("nis", lambda sensors: _stacked([each.nis.value for each in sensors]),
-               lambda sensors: _ends([each.nis for each in sensors])),
-    TimeColumn("nis_bounds_from", lambda sensors: _stacked([each.bounds[:, 0] for each in sensors])),
-    TimeColumn("nis_bounds_to", lambda sensors: _stacked([each.bounds[:, 1] for each in sensors])),
+    TimeColumn("accepted", lambda sensors: _stacked([sensor.accepted for sensor in sensors])),
+    TimeColumn("rejected", lambda sensors: _stacked([sensor.rejected for sensor in sensors])),
+    TimeColumn("nis", lambda sensors: _stacked([sensor.nis.value for sensor in sensors]),
+               lambda sensors: _ends([sensor.nis for sensor in sensors])),
+    TimeColumn("nis_bounds_from", lambda sensors: _stacked([sensor.bounds[:, 0] for sensor in sensors])),
+    TimeColumn("nis_bounds_to", lambda sensors: _stacked([sensor.bounds[:, 1] for sensor in sensors])),
 )  # fmt: skip
 """Updates and the mean NIS of each sensor since the epoch before."""
 
@@ -155,10 +155,10 @@ def epochs(content: RunAnalysis, units: Units = "shown") -> OverTime | None:
     known, result, outputs = content.envelopes, content.filter, content.manifest.model.outputs
     if known is None:
         return None
-    shown = [in_units(each.unit, each.shown_in, units) for each in outputs]
+    shown = [in_units(output.unit, output.shown_in, units) for output in outputs]
     compared = result is not None and len(result.times) == len(known.times) and len(result.outputs) == len(outputs)
     return OverTime.of_columns(
-        EPOCHS, "Errors over the flight", (known.label, known.times), {"output": [each.name for each in outputs]},
+        EPOCHS, "Errors over the flight", (known.label, known.times), {"output": [output.name for output in outputs]},
         {"unit": [unit for _, unit in shown]}, (_moments(content, known), known),
         *([(OF_FILTER, result.outputs)] if result is not None and compared else []),
         scale=np.array([factor for factor, _ in shown]),
@@ -183,11 +183,11 @@ def budget_over_time(content: RunAnalysis, units: Units = "shown") -> OverTime |
     variances = np.stack(list(parts.values()), axis=2) if parts else np.zeros((*whole.shape, 0))
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = variances / whole[:, :, None]
-    shown = [in_units(each.unit, each.shown_in, units) for each in outputs]
+    shown = [in_units(output.unit, output.shown_in, units) for output in outputs]
     scale = np.array([factor for factor, _ in shown])
     return OverTime(
         "budget_over_time", "Linear error budget over the flight", known.label, known.times,
-        {"output": [each.name for each in outputs], "cause": list(parts)}, {"unit": [unit for _, unit in shown]},
+        {"output": [output.name for output in outputs], "cause": list(parts)}, {"unit": [unit for _, unit in shown]},
         {"sigma": np.sqrt(np.maximum(variances, 0.0)) * scale[:, None], "share": shares}, {},
     )  # fmt: skip
 
@@ -195,34 +195,35 @@ def budget_over_time(content: RunAnalysis, units: Units = "shown") -> OverTime |
 def _nees(result: FilterConsistency) -> OverTime | None:
     groups = result.groups
     return None if not groups else OverTime.of_columns(
-        "nees", "Mean NEES over the flight", (result.label, result.times), {"group": [each.name for each in groups]},
-        {"states": [each.size for each in groups]}, (NEES, groups),
+        "nees", "Mean NEES over the flight", (result.label, result.times), {"group": [group.name for group in groups]},
+        {"states": [group.size for group in groups]}, (NEES, groups),
     )  # fmt: skip
 
 
 def _nis(result: FilterConsistency) -> OverTime | None:
     sensors = result.sensors
     return None if not sensors else OverTime.of_columns(
-        "nis", "Mean NIS over the flight", (result.label, result.times), {"sensor": [each.name for each in sensors]},
-        {"components": [each.size for each in sensors]}, (NIS, sensors),
+        "nis", "Mean NIS over the flight", (result.label, result.times),
+        {"sensor": [sensor.name for sensor in sensors]}, {"components": [sensor.size for sensor in sensors]},
+        (NIS, sensors),
     )  # fmt: skip
 
 
 def _states(result: FilterConsistency, units: Units) -> OverTime | None:
     states = result.states
-    shown = [in_units(each.unit, each.shown_in, units) for each in states]
+    shown = [in_units(state.unit, state.shown_in, units) for state in states]
     return None if not states else OverTime.of_columns(
         "filter_states", "Estimated errors over the flight", (result.label, result.times),
-        {"state": [each.name for each in states]}, {"unit": [unit for _, unit in shown]}, (STATES, states),
+        {"state": [state.name for state in states]}, {"unit": [unit for _, unit in shown]}, (STATES, states),
         scale=np.array([factor for factor, _ in shown]), prefix="state_",
     )  # fmt: skip
 
 
 def _smoothed(result: FilterConsistency, units: Units) -> OverTime | None:
     outputs = result.outputs
-    shown = [in_units(each.unit, each.shown_in, units) for each in outputs]
+    shown = [in_units(output.unit, output.shown_in, units) for output in outputs]
     return None if not outputs else OverTime.of_columns(
         "smoother", "Errors behind the smoother over the flight", (result.label, result.times),
-        {"output": [each.name for each in outputs]}, {"unit": [unit for _, unit in shown]}, (SMOOTHED, outputs),
+        {"output": [output.name for output in outputs]}, {"unit": [unit for _, unit in shown]}, (SMOOTHED, outputs),
         scale=np.array([factor for factor, _ in shown]), prefix="smoothed_",
     )  # fmt: skip

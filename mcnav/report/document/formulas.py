@@ -22,9 +22,9 @@ def _terms(text: str) -> Iterator[str]:
     >>> "".join(_terms("P + 1"))
     '<mi>P</mi><mo>+</mo><mn>1</mn>'
     """
-    for each in text.split(" "):
-        tag = "mo" if each in OPERATORS else "mn" if each.isdigit() else "mi"
-        yield each if each.startswith("<") else _tag(tag, each)
+    for piece in text.split(" "):
+        tag = "mo" if piece in OPERATORS else "mn" if piece.isdigit() else "mi"
+        yield piece if piece.startswith("<") else _tag(tag, piece)
 
 
 def _row(*parts: str) -> str:

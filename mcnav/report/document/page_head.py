@@ -72,5 +72,5 @@ def page_head(text: str) -> PageHead | None:
     reader.feed(text)
     if not reader.own:
         return None
-    kind, heading, answer = (" ".join(each.split())[:LONGEST] for each in reader.texts.values())
+    kind, heading, answer = (" ".join(text.split())[:LONGEST] for text in reader.texts.values())
     return PageHead(kind, heading, answer, reader.tone if answer else "")

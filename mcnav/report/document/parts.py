@@ -177,9 +177,13 @@ class MarkKey:
 
 @dataclass(frozen=True)
 class WhatIfPart:
-    """Data of the section "What if", which its script shows: see `mcnav.report.pages.run.sections.what_if`."""
+    """Data of the section "What if", which its script shows: see `mcnav.report.pages.run.sections.what_if`.
+
+    ``first``: whether it stands on the first screen, with the numbers that matter most and a few curves.
+    """
 
     json: str
+    first: bool = False
 
 
 @dataclass(frozen=True)
@@ -258,7 +262,7 @@ class Page:
     @property
     def measured(self) -> bool:
         """Return whether a foremost table has numbers of which readers may choose the unit."""
-        return any(each.measured for part in self.head if isinstance(part, Answers) for each in part.tables)
+        return any(table.measured for part in self.head if isinstance(part, Answers) for table in part.tables)
 
     @property
     def all_sections(self) -> list[Section]:

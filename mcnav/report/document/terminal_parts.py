@@ -24,7 +24,7 @@ def printed(parts: Sequence[Part]) -> RenderableType:
         match part:
             case Verdict():
                 lines.append(Text(plain(part.headline), style=f"bold {COLOURS.get(part.tone, '')}"))
-                lines += [Text(plain(each)) for each in part.sentences]
+                lines += [Text(plain(sentence)) for sentence in part.sentences]
             case Sentence():
                 lines.append(Text(plain(part.text), style=COLOURS.get(part.tone, "")))
             case Note():

@@ -35,18 +35,18 @@ def stem(label: str) -> str:
 
 def same_unit(quantities: Sequence[SigmaConsistency]) -> list[Group]:
     """Group quantities by their units; more than have a colour are several groups."""
-    return _grouped(quantities, lambda each: (each.unit, each.shown_in))
+    return _grouped(quantities, lambda row: (row.unit, row.shown_in))
 
 
 def same_kind(quantities: Sequence[SigmaConsistency]) -> list[Group]:
     """Group quantities whose names differ only in their axis."""
-    return _grouped(quantities, lambda each: (stem(humanize(each.name)), each.unit, each.shown_in))
+    return _grouped(quantities, lambda row: (stem(humanize(row.name)), row.unit, row.shown_in))
 
 
 def _grouped(quantities: Sequence[SigmaConsistency], key: Callable[[SigmaConsistency], Hashable]) -> list[Group]:
     consistencies: dict[Hashable, list[SigmaConsistency]] = {}
-    for each in quantities:
-        consistencies.setdefault(key(each), []).append(each)
+    for quantity in quantities:
+        consistencies.setdefault(key(quantity), []).append(quantity)
     parts = [
         tuple(members[begin : begin + len(HUES)])
         for members in consistencies.values()
@@ -56,7 +56,7 @@ def _grouped(quantities: Sequence[SigmaConsistency], key: Callable[[SigmaConsist
 
 
 def _title(members: Sequence[SigmaConsistency]) -> str:
-    names = [humanize(each.name) for each in members]
+    names = [humanize(member.name) for member in members]
     stems = names if len(names) == 1 else list(dict.fromkeys(map(stem, names)))
     return stems[0] if len(stems) == 1 else f"{', '.join(stems[:-1])} and {stems[-1]}"
 
@@ -66,7 +66,7 @@ def curves(panel: int, members: Sequence[SigmaConsistency]) -> list[Series]:
 
     Where the title says the rest, labels are the axes.
     """
-    names = [humanize(each.name) for each in members]
+    names = [humanize(member.name) for member in members]
     common = len(names) > 1 and len(set(map(stem, names))) == 1
     labels = [name.split()[-1] for name in names] if common else names
     return [

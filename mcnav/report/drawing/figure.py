@@ -168,8 +168,8 @@ class Figure:
         across, down = width * columns, height * -(-len(panels) // columns)
         size = f'width="{width:g}" height="{height:g}"'
         placed = "".join(
-            each.replace("<svg ", f'<svg x="{width * (k % columns):g}" y="{height * (k // columns):g}" {size} ', 1)
-            for k, each in enumerate(panels)
+            panel.replace("<svg ", f'<svg x="{width * (k % columns):g}" y="{height * (k // columns):g}" {size} ', 1)
+            for k, panel in enumerate(panels)
         )
         whole = f'<svg xmlns="http://www.w3.org/2000/svg" width="{across:g}" height="{down:g}">{placed}</svg>'
         colours = {name: colour for colour, name in VARIABLES.items()}

@@ -72,4 +72,4 @@ def stretches(times: Array, known: NDArray[np.bool_]) -> list[IndexArray]:
     places = np.flatnonzero(known)
     gaps = np.diff(times[places])
     usual = float(np.median(gaps)) if gaps.size else 0.0
-    return [part for part in np.split(places, np.flatnonzero(gaps > USUAL * usual) + 1) if part.size]
+    return [piece for piece in np.split(places, np.flatnonzero(gaps > USUAL * usual) + 1) if piece.size]

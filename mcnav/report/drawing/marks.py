@@ -245,7 +245,7 @@ def extent(mark: Mark) -> tuple[Array, Array]:
             array_likes = (nothing, [mark.at]) if mark.level else ([mark.at], nothing)
         case _:
             array_likes = (nothing, nothing)
-    x, y = (np.asarray(each, dtype=float) for each in array_likes)
+    x, y = (np.asarray(array_like, dtype=float) for array_like in array_likes)
     return x, y
 
 

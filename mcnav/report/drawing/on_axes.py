@@ -164,7 +164,7 @@ def _looks(series: m.Series, kind: str, size: float = 6.0) -> dict[str, Any]:
         marker = {"marker": SHAPES[kind], "markersize": size * POINT}
         return {"color": series.colour, "linestyle": "none", **marker, **hollow}
     dashes = m.DASHES.get(kind, ())
-    return {"color": series.colour, "linestyle": (0, tuple(each * 0.5 for each in dashes)) if dashes else "-"}
+    return {"color": series.colour, "linestyle": (0, tuple(dash * 0.5 for dash in dashes)) if dashes else "-"}
 
 
 def _mark(axes: Axes, mark: m.Mark, order: float, font_scale: float) -> None:

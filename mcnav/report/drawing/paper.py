@@ -26,7 +26,7 @@ def read_size(text: str) -> tuple[float, float]:
     if size is None:
         raise ValueError(f"got {text!r:.60}; expected WIDTHxHEIGHT and a unit (mm, cm or in), such as 88x60mm")
     factor = CENTIMETRES[size[3]]
-    width, height = (round(float(each) * factor, 6) for each in size.groups()[:2])
+    width, height = (round(float(group) * factor, 6) for group in size.groups()[:2])
     if not (LIMITS[0] <= min(width, height) and max(width, height) <= LIMITS[1]):
         raise ValueError(f"got {text!r:.60}; expected lengths from {10.0 * LIMITS[0]:g} to {10.0 * LIMITS[1]:,g} mm")
     return width, height

@@ -303,7 +303,7 @@ def _class(series: m.Series, kind: str) -> str:
 
 def _stroke(path: str, series: m.Series, width: float, kind: str, read_as: str) -> str:
     dashes = m.DASHES.get(kind, ())
-    dashed = f' stroke-dasharray="{" ".join(str(_n(each)) for each in dashes)}"' if dashes else ""
+    dashed = f' stroke-dasharray="{" ".join(str(_n(dash)) for dash in dashes)}"' if dashes else ""
     drawn = f'fill="none" stroke="{series.variable}" stroke-width="{_n(width)}"{dashed}'
     return f'<path{_class(series, read_as)} d="{path}" {drawn}/>' if path else ""
 

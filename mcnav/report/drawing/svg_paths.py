@@ -59,7 +59,7 @@ def _coordinates(x: Array, y: Array) -> list[tuple[Array, Array]]:
         return [(np.rint(x * UNIT).astype(np.int64), np.rint(y * UNIT).astype(np.int64))] if len(x) else []
     ends = np.flatnonzero(np.diff(known.astype(np.int8))) + 1
     parts = zip(np.split(x, ends), np.split(y, ends), np.split(known, ends), strict=True)
-    return [part for a, b, own in parts if own[0] for part in _coordinates(a, b)]
+    return [coordinate for a, b, own in parts if own[0] for coordinate in _coordinates(a, b)]
 
 
 def _pairs(command: str, x: Array, y: Array, end: str = "") -> str:

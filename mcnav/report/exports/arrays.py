@@ -153,7 +153,7 @@ def arrays(content: RunAnalysis) -> dict[str, NDArray[Any]]:
         "source_units": _texts([source.unit for source in record.sources]),
         "processes": _texts(list(content.model.processes)),
     }
-    result |= {each.name: value for each in MATRICES if (value := each.value(content)) is not None}
+    result |= {matrix.name: value for matrix in MATRICES if (value := matrix.value(content)) is not None}
     for name, known in (("t_unit", content.envelopes), ("t_P_unit", content.development)):
         result |= {} if known is None else {name: _unit(known.label)}
     return {name: result[name] for name in sorted(result)}
@@ -186,7 +186,7 @@ def as_mat(mat: Mapping[str, NDArray[Any]], title: str = "mcnav") -> bytes:
     """
     from scipy.io import savemat
 
-    variables, stacks = dict[str, Any](), {each.name for each in MATRICES if each.stack}
+    variables, stacks = dict[str, Any](), {matrix.name for matrix in MATRICES if matrix.stack}
     for name, array in mat.items():
         if array.dtype.kind == "U":
             variables[name] = str(array) if array.ndim == 0 else array.astype(object)

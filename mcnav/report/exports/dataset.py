@@ -37,9 +37,9 @@ def dataset(content: RunAnalysis, units: Units = "SI") -> xr.Dataset:
     record, summary = content.manifest.model, content.summary
     scales, coordinates = {}, dict[str, Any]()
     for kind, variables in (("output", record.outputs), ("source", record.sources)):
-        shown = [in_units(each.unit, each.shown_in, units) for each in variables]
+        shown = [in_units(variable.unit, variable.shown_in, units) for variable in variables]
         scales[kind] = scales[f"other_{kind}"] = np.array([factor for factor, _ in shown])
-        names = [each.name for each in variables]
+        names = [variable.name for variable in variables]
         coordinates |= {kind: names, f"other_{kind}": names, f"{kind}_unit": (kind, [unit for _, unit in shown])}
     coordinates["process"] = np.array(list(content.model.processes), dtype=str)
     result = matrices.arrays(content)

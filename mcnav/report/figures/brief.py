@@ -37,7 +37,7 @@ def limit_to_causes(row: RequirementRow) -> Figure | None:
     if not entry.causes or value is None or entry.kind in ("box", "sigma_ratio") or not entry.limits:
         return None
     allowed = 100.0 * (entry.limits[0] / value) ** 2
-    named = [(cause_label(row.summary, each.name), each.share) for each in entry.causes if each.share > NEGLIGIBLE]
+    named = [(cause_label(row.summary, cause.name), cause.share) for cause in entry.causes if cause.share > NEGLIGIBLE]
     named = named[:LISTED]
     rest = 1.0 - sum(share for _, share in named)
     rests = "all others" if rest > 0.0 else "correlations"

@@ -41,9 +41,11 @@ def shares_figure(
     title of their panel by what precedes the per cent sign in the table. They are ``crossed`` where they have a half of
     what correlations contribute; negative ones extend to the left of zero.
     """
-    members = [j for each in contributors for j in each.members]
+    members = [j for contributor in contributors for j in contributor.members]
     kind, labels = causes
-    parts = [shares[:, each.members].sum(axis=1) for _, shares in routes.values() for each in contributors]
+    parts = [
+        shares[:, contributor.members].sum(axis=1) for _, shares in routes.values() for contributor in contributors
+    ]
     ends = np.array([[np.maximum(part, 0.0), np.minimum(part, 0.0)] for part in parts])
     sums = ends.reshape(len(routes), len(contributors), 2, len(outputs)).sum(axis=1)
     reach, least = float(sums[:, 0].max(initial=0.0)), float(sums[:, 1].min(initial=0.0))
@@ -51,7 +53,7 @@ def shares_figure(
     columns: dict[str, Sequence[object]] = {kind: [labels[j] for j in members]}
     for route, (_, shares) in routes.items():
         columns |= {f"{name}{route}, %": list(100.0 * shares[i, members]) for i, name in enumerate(outputs)}
-    several = any(len(each.members) > 1 and not each.other for each in contributors)
+    several = any(len(contributor.members) > 1 and not contributor.other for contributor in contributors)
     return Figure(
         name="budget",
         title=title,
@@ -60,7 +62,7 @@ def shares_figure(
             Panel(heading, across, Axis(names=outputs), _stacked(outputs, shares, contributors))
             for heading, shares in routes.values()
         ],
-        key=[each.series.of_kind("area") for each in contributors],
+        key=[contributor.series.of_kind("area") for contributor in contributors],
         columns=columns,
         size=(HALF[0], 82.0 + 36.0 * len(outputs)),
         caption=" ".join(
@@ -79,12 +81,14 @@ def _stacked(names: Sequence[str], shares: Array, contributors: Sequence[Contrib
     """Return the bars of each contributor's share of each output."""
     right, left, rows = np.zeros(len(names)), np.zeros(len(names)), np.arange(len(names))
     marks: list[Mark] = []
-    for each in contributors:
-        width = shares[:, each.members].sum(axis=1)
-        texts = [f"{name}, {each.label}: {100.0 * share:.3g} %" for name, share in zip(names, width, strict=True)]
+    for contributor in contributors:
+        width = shares[:, contributor.members].sum(axis=1)
+        texts = [
+            f"{name}, {contributor.label}: {100.0 * share:.3g} %" for name, share in zip(names, width, strict=True)
+        ]
         written = [f"{100.0 * share:.0f}" if share >= NUMBERED else "" for share in width]
         begin = np.where(width < 0.0, left + width, right)
-        marks.append(Bars(each.series, rows, 100.0 * begin, 100.0 * (begin + np.abs(width)), texts, written))
+        marks.append(Bars(contributor.series, rows, 100.0 * begin, 100.0 * (begin + np.abs(width)), texts, written))
         right, left = right + np.maximum(width, 0.0), left + np.minimum(width, 0.0)
     return [*marks, Rule(100.0, colour=INK, width=1.1)]
 
@@ -105,10 +109,12 @@ def development_figure(
     label, values = times
     columns = {label: values}
     for i, (name, unit) in outputs.items():
-        columns |= {f"{name}, {series.label} [{unit}]": part[:, i] for series, part in curves.items()}
+        columns |= {f"{name}, {series.label} [{unit}]": curve[:, i] for series, curve in curves.items()}
 
     def lines(i: int) -> list[Line]:
-        return [Line(each, values, part[:, i], 2.7 if each.name == ALL.name else 1.9) for each, part in curves.items()]
+        return [
+            Line(each, values, curve[:, i], 2.7 if each.name == ALL.name else 1.9) for each, curve in curves.items()
+        ]
 
     return Figure(
         name="development",

@@ -73,8 +73,8 @@ def deck(content: RunAnalysis) -> Figure | None:
     known = deck_of(content)
     if known is None:
         return None
-    truth = any(each.kind == "true" for each in known.dispersions)
-    series = [series_of(each, truth) for each in known.dispersions]
+    truth = any(dispersion.kind == "true" for dispersion in known.dispersions)
+    series = [series_of(dispersion, truth) for dispersion in known.dispersions]
     factor, rings = 1.0, ring_radii(known)
     panels: dict[str, Panel] = {}
     if known.place.moves:
@@ -89,8 +89,8 @@ def deck(content: RunAnalysis) -> Figure | None:
         panels["causes"] = _causes(known)
     places = {name: number for number, name in enumerate(panels)}
     columns: dict[str, Any] = {known.label: known.times}
-    for each, entry in zip(known.dispersions, series, strict=True):
-        axes = np.array([each.axes_at(k) for k in range(len(known.times))])
+    for dispersion, entry in zip(known.dispersions, series, strict=True):
+        axes = np.array([dispersion.axes_at(k) for k in range(len(known.times))])
         columns |= {
             f"{entry.label}, longer semi-axis [m]": axes[:, 0],
             f"shorter semi-axis [m], {entry.label}": axes[:, 1],
@@ -113,9 +113,9 @@ def deck(content: RunAnalysis) -> Figure | None:
 def ring_radii(known: Deck) -> Array:
     """Return for each instant the radius of the ring around its ellipses, m: 1, 2 or 5 times a power of ten."""
     reach = np.zeros(len(known.times))
-    for each in known.dispersions:
-        sigma = np.sqrt(np.maximum(np.diagonal(each.covariance, axis1=1, axis2=2), 0.0))
-        reach = np.maximum(reach, np.hypot(*(each.reach * sigma + np.abs(each.mean)).T))
+    for dispersion in known.dispersions:
+        sigma = np.sqrt(np.maximum(np.diagonal(dispersion.covariance, axis1=1, axis2=2), 0.0))
+        reach = np.maximum(reach, np.hypot(*(dispersion.reach * sigma + np.abs(dispersion.mean)).T))
     longest = np.maximum(reach, 1e-6)
     power = 10.0 ** np.floor(np.log10(longest))
     return np.select(
@@ -168,7 +168,9 @@ def _track(known: Deck, series: Sequence[Series]) -> tuple[Panel, float]:
     east, north = {"map": ("east", "north"), "descent": ("across", "up")}.get(place.kind, place.names)
     axes = Axis(east, "km"), Axis(north, "km")
     _, box = to_scale(axes, middle, half)
-    sizes = np.array([max(each.axes_at(k)[0] for each in known.dispersions) for k in range(len(known.times))])
+    sizes = np.array(
+        [max(dispersion.axes_at(k)[0] for dispersion in known.dispersions) for k in range(len(known.times))]
+    )
     room = 1e3 * min(box[2] - box[0], box[3] - box[1]) / WIDEST
     factor = max(1.0, _rounded_down(room / float(sizes.max()))) if sizes.max() > 0.0 else 1.0
     around = factor / 1e3 * sizes[:, None]
@@ -189,8 +191,8 @@ def _track(known: Deck, series: Sequence[Series]) -> tuple[Panel, float]:
     marks.append(_curve(TRACK, place.track, 1.8))
     ends = Points(TRACK.of_kind("ring"), place.track[[0, -1], 0], place.track[[0, -1], 1], 6.0, names=["start", "end"])
     k = known.worst
-    for entry, each in zip(series, known.dispersions, strict=True):
-        points = place.at[k] + factor / 1e3 * ellipse_of(each, k, place.axes[k])
+    for entry, dispersion in zip(series, known.dispersions, strict=True):
+        points = place.at[k] + factor / 1e3 * ellipse_of(dispersion, k, place.axes[k])
         marks.append(_curve(entry, points, 1.9))
     marks += [ends, Points(HERE, place.at[k, :1], place.at[k, 1:], 7.0)]
     return Panel(_titled(known, "Track"), *axes, marks, even=True), factor
@@ -243,8 +245,8 @@ def _ellipses(known: Deck, series: Sequence[Series], rings: Array) -> Panel:
         *(_curve(RINGS, size * circle, 0.9) for size in (0.5, 1.0)),
         Line(RINGS, [box[0], box[2]], [0.0, 0.0], 0.9, silent=True),
         Line(RINGS, [0.0, 0.0], [box[1], box[3]], 0.9, silent=True),
-        *(_curve(entry, ellipse_of(each, k) / rings[k], 2.0)
-          for entry, each in zip(series, known.dispersions, strict=True)),
+        *(_curve(entry, ellipse_of(dispersion, k) / rings[k], 2.0)
+          for entry, dispersion in zip(series, known.dispersions, strict=True)),
         Text(ring_words(rings[k]), float(np.sqrt(0.5)), float(np.sqrt(0.5)), colour=MUTED),
     ]  # fmt: skip
     return Panel(_titled(known, "Errors about the nominal"), *axes, marks, even=True)
@@ -284,10 +286,10 @@ def _height(known: Deck) -> Panel:
 
 
 def _sizes(known: Deck, series: Sequence[Series]) -> Panel:
-    sizes = [np.array([each.axes_at(k)[0] for k in range(len(known.times))]) for each in known.dispersions]
-    largest = max(float(each.max()) for each in sizes)
+    sizes = [np.array([dispersion.axes_at(k)[0] for k in range(len(known.times))]) for dispersion in known.dispersions]
+    largest = max(float(size.max()) for size in sizes)
     scale, unit = (1e-3, "km") if largest >= 1e4 else (1.0, "m")
-    shown = [np.where(each > SMALLEST * largest, each, np.nan) * scale for each in sizes]
+    shown = [np.where(size > SMALLEST * largest, size, np.nan) * scale for size in sizes]
     marks: list[Mark] = [Line(entry, known.times, each, 1.9) for entry, each in zip(series, shown, strict=True)]
     marks += _events(known)
     up = upward("longer semi-axis", unit, np.concatenate(shown))
@@ -298,7 +300,7 @@ def _strip(known: Deck) -> Panel:
     marks, listed = list[Mark](), dict[Series, None]()
     for row, lane in enumerate(known.lanes):
         for kind, entry in HAPPENINGS.items():
-            some = [each for each in lane.intervals if each.kind == kind]
+            some = [interval for interval in lane.intervals if interval.kind == kind]
             if some:
                 listed[entry] = None
                 begins, ends = [each.begin for each in some], [each.end for each in some]
@@ -306,26 +308,26 @@ def _strip(known: Deck) -> Panel:
                 marks.append(Bars(entry, [row] * len(some), begins, ends, texts, thickness=thickness(len(known.lanes))))
         if lane.rejections:
             listed[REJECTED] = None
-            times, shares = zip(*((each.time, each.share) for each in lane.rejections), strict=True)
+            times, shares = zip(*((rejection.time, rejection.share) for rejection in lane.rejections), strict=True)
             texts = [f"{lane.name}: {100.0 * share:.2g} % rejected" for share in shares]
             marks.append(
                 Points(REJECTED, times, [row + 0.5 * thickness(len(known.lanes)) + 0.08] * len(times), 3.4, texts=texts)
             )
     first, last = float(known.times[0]), float(known.times[-1])
     across = replace(axis(known.label, margin=0.0, link=True), low=first, high=last)
-    return Panel("What happens", across, Axis(names=[each.name for each in known.lanes]), [*marks, _now(known)],
+    return Panel("What happens", across, Axis(names=[lane.name for lane in known.lanes]), [*marks, _now(known)],
                  list(listed))  # fmt: skip
 
 
 def _causes(known: Deck) -> Panel:
     k = known.worst
     marks: list[Mark] = [
-        Bars(Series(f"deck-{each.series.name}", each.label, each.series.colour, "area"), [j], [0.0],
-             [100.0 * known.shares[k, j]], [f"{each.label}: {100.0 * known.shares[k, j]:.3g} %"],
+        Bars(Series(f"deck-{cause.series.name}", cause.label, cause.series.colour, "area"), [j], [0.0],
+             [100.0 * known.shares[k, j]], [f"{cause.label}: {100.0 * known.shares[k, j]:.3g} %"],
              thickness=thickness(len(known.causes)))
-        for j, each in enumerate(known.causes)
+        for j, cause in enumerate(known.causes)
     ]  # fmt: skip
-    names = [each.label for each in known.causes]
+    names = [cause.label for cause in known.causes]
     return Panel(_titled(known, f"Causes of the {known.caused}"), Axis("share", "%", low=0.0, high=100.0),
                  Axis(names=names), marks)  # fmt: skip
 
@@ -353,14 +355,14 @@ def _json(known: Deck, series: Sequence[Series], rings: Array, factor: float, pl
         "place": short(known.place.at, 6) if known.place.moves else [],
         "axes": short(known.place.axes) if known.place.moves else [],
         "ellipses": [
-            {"series": entry.name, "reach": each.reach, "mean": short(each.mean),
-             "covariance": short(each.covariance.reshape(-1, 4)[:, upper], 5)}
-            for entry, each in zip(series, known.dispersions, strict=True)
+            {"series": entry.name, "reach": dispersion.reach, "mean": short(dispersion.mean),
+             "covariance": short(dispersion.covariance.reshape(-1, 4)[:, upper], 5)}
+            for entry, dispersion in zip(series, known.dispersions, strict=True)
         ],
         "rings": short(rings),
-        "ringWords": [ring_words(float(each)) for each in rings],
+        "ringWords": [ring_words(float(ring)) for ring in rings],
         "half": 0.5 * thickness(len(known.causes)),
-        "causes": [[f"deck-{each.series.name}", each.label] for each in known.causes],
+        "causes": [[f"deck-{cause.series.name}", cause.label] for cause in known.causes],
         "shares": [round(1000.0 * float(each)) for each in known.shares.ravel()],
         "terms": [[term.group, term.first, term.second, _packed(term.values)] for term in known.terms],
     }  # fmt: skip

@@ -46,7 +46,7 @@ def envelopes(content: RunAnalysis) -> Figure | None:
     for i in moving:
         moments = {"linear mean": known.linear_mean, "linear sigma": known.linear_sigma, "mean": known.mean,
                    "sigma": known.sigma}  # fmt: skip
-        columns |= {f"{names[i]}, {words} [{units[i]}]": each[:, i] * scale[i] for words, each in moments.items()}
+        columns |= {f"{names[i]}, {words} [{units[i]}]": moment[:, i] * scale[i] for words, moment in moments.items()}
     about = ""
     if content.summary.engine not in OWN:
         about = (
@@ -99,7 +99,7 @@ def _envelope(
         [
             Band(series["band"], known.times, low, high),
             *(Line(series["linear"], known.times, each, 2.3) for each in linear),
-            *(Line(series["flown"], known.times, each) for each in flown),
+            *(Line(series["flown"], known.times, flight) for flight in flown),
             Line(series["flown"], known.times, known.mean[:, output] * scale, 1.1, "line"),
             *(Rule(place, kind="dotted", name=event) for place, event in inside),
         ],

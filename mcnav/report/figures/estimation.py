@@ -26,7 +26,7 @@ def estimation(content: RunAnalysis) -> Figure | None:
     figure = content.filter
     if figure is None:
         return None
-    known = [each for each in figure.states if np.isfinite(each.true).any() and np.any(each.filter > 0.0)]
+    known = [state for state in figure.states if np.isfinite(state.true).any() and np.any(state.filter > 0.0)]
     groups = same_kind(known)
     if not groups:
         return None
@@ -57,8 +57,8 @@ def _panel(
     series = curves(place, members)
     marks: list[Mark] = [
         Line(own, consistency.times, values, 1.9 if whose == "filter" else 1.5, LINES[whose])
-        for own, each in zip(series, members, strict=True)
-        for whose, values in sigmas(each).items()
+        for own, member in zip(series, members, strict=True)
+        for whose, values in sigmas(member).items()
     ]
     upward = Axis("1σ", members[0].shown_in, low=0.0)
     return Panel(title, whole_flight(consistency), upward, [*shaded, *marks], series)

@@ -17,7 +17,7 @@ from mcnav.report.names import humanize
 def sigma_history(result: FilterConsistency) -> str:
     """Say which ratio is certain to leave the band first; without any, whether all ratios stay within it."""
     band = f"the band of ±{100.0 * result.tolerance:g} %"
-    known = [each for each in result.outputs if each.ratio.known.any()]
+    known = [output for output in result.outputs if output.ratio.known.any()]
     certain = [each for each in known if each.finding.begin is not None]
     if certain:
         first = min(certain, key=lambda each: each.finding.begin or 0)
@@ -35,22 +35,24 @@ def sigma_history(result: FilterConsistency) -> str:
 
 def nees_history(result: FilterConsistency) -> str:
     """Say which group's mean NEES leaves its bounds first."""
-    groups = [(group_words(each.name), each.nees.value, *each.bounds_together) for each in result.groups]
+    groups = [(group_words(group.name), group.nees.value, *group.bounds_together) for group in result.groups]
     return _bounded("The mean NEES of", "every group", groups, result)
 
 
 def nis_history(result: FilterConsistency) -> str:
     """Say which sensor's mean NIS leaves its bounds first."""
-    sensors = [(humanize(each.name), each.nis.value, each.bounds[:, 0], each.bounds[:, 1]) for each in result.sensors]
+    sensors = [
+        (humanize(sensor.name), sensor.nis.value, sensor.bounds[:, 0], sensor.bounds[:, 1]) for sensor in result.sensors
+    ]
     return _bounded("The mean NIS of", "every sensor", sensors, result)
 
 
 def within_history(result: FilterConsistency) -> str:
     """Say which share of samples within the filter's sigmas leaves its bounds first."""
     shares = [
-        (f"{humanize(each.name)} within ±{multiple}σ", band.value, *bounds)
-        for each in result.outputs
-        for multiple, band, bounds in ((1, each.within_1, each.bounds_1), (3, each.within_3, each.bounds_3))
+        (f"{humanize(output.name)} within ±{multiple}σ", band.value, *bounds)
+        for output in result.outputs
+        for multiple, band, bounds in ((1, output.within_1, output.bounds_1), (3, output.within_3, output.bounds_3))
         if band is not None
     ]
     return _bounded("The share of", "every output within ±1σ and ±3σ", shares, result)
@@ -84,18 +86,18 @@ def errors(result: FilterConsistency) -> str:
     The first epoch counts only where nothing is known later: its sigmas are those of the campaign file.
     """
     best: tuple[float, str] | None = None
-    for each in result.outputs:
-        own = sigmas(each)
+    for output in result.outputs:
+        own = sigmas(output)
         true, stated = own["Monte Carlo"], own["filter"]
         if not np.isfinite(true).any():
             continue
         place = 1 + int(np.nanargmax(true[1:])) if np.isfinite(true[1:]).any() else 0
         if not (true[place] > 0.0 and stated[place] > 0.0):
             continue
-        unit, at = each.shown_in, instant(float(result.times[place]), result.label)
+        unit, at = output.shown_in, instant(float(result.times[place]), result.label)
         later = " after the start" if true[0] > true[place] else ""
         words = (
-            f"1σ of {humanize(each.name)} is largest{later} at {at}: {rounded(float(true[place]))} {unit} by Monte "
+            f"1σ of {humanize(output.name)} is largest{later} at {at}: {rounded(float(true[place]))} {unit} by Monte "
             f"Carlo; the filter states {rounded(float(stated[place]))} {unit}."
         )
         off = abs(float(np.log(true[place] / stated[place])))
@@ -109,16 +111,16 @@ def estimation(result: FilterConsistency) -> str:
     gains = dict(_gains(result.states))
     if not gains:
         return ""
-    name, left = min(gains.items(), key=lambda each: each[1])
+    name, left = min(gains.items(), key=lambda gain: gain[1])
     if left >= 1.0:
         return "No sigma by Monte Carlo is smaller at the end than at the start."
     return f"From start to end the sigma of {humanize(name)} falls most, to {100.0 * left:.3g} % by Monte Carlo."
 
 
 def _gains(states: Iterable[SigmaConsistency]) -> Iterable[tuple[str, float]]:
-    for each in states:
-        if each.true[0] > 0.0 and np.isfinite(each.true[[0, -1]]).all():
-            yield each.name, float(each.true[-1] / each.true[0])
+    for state in states:
+        if state.true[0] > 0.0 and np.isfinite(state.true[[0, -1]]).all():
+            yield state.name, float(state.true[-1] / state.true[0])
 
 
 def _begun(text: str) -> str:

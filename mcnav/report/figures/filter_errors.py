@@ -49,7 +49,7 @@ def whole_flight(consistency: FilterConsistency) -> Axis:
 
 def errors_and_sigmas(content: RunAnalysis, consistency: FilterConsistency) -> Figure | None:
     """Draw every output whose sigmas are known."""
-    known = [each for each in consistency.outputs if np.isfinite(each.true).any() and np.any(each.true > 0.0)]
+    known = [output for output in consistency.outputs if np.isfinite(output.true).any() and np.any(output.true > 0.0)]
     if not known:
         return None
     expected = [f"{output.name} [{output.unit}]" for output in content.manifest.model.outputs]

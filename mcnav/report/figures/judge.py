@@ -76,13 +76,15 @@ def whiteness(record: FilteredRecord) -> Figure:
     """Draw autocorrelation and histogram of the whitened innovations of each sensor."""
     panels = []
     columns = dict[str, Array]()
-    for sensor, each in zip(record.sensors, sensor_statistics(record, recorded(record)), strict=True):
-        name, correlations = humanize(sensor.name), each.autocorrelations[:, 0]
+    for sensor, sensor_statistic in zip(record.sensors, sensor_statistics(record, recorded(record)), strict=True):
+        name, correlations = humanize(sensor.name), sensor_statistic.autocorrelations[:, 0]
         lags = np.arange(1, len(correlations) + 1)
-        limit = np.full(len(lags), 1.96 / np.sqrt(each.whitened.shape[0] * each.whitened.shape[1]))
+        limit = np.full(
+            len(lags), 1.96 / np.sqrt(sensor_statistic.whitened.shape[0] * sensor_statistic.whitened.shape[1])
+        )
         marks: list[Mark] = [Band(WHITE, lags, -limit, limit), Line(CORRELATION, lags, correlations), Rule(0.0, True)]
         panels.append(Panel(f"{name}: autocorrelation", Axis("lag"), Axis("autocorrelation"), marks))
-        values = each.whitened[:, :, 0].ravel()
+        values = sensor_statistic.whitened[:, :, 0].ravel()
         edges = np.linspace(-5.0, 5.0, 41)
         counts, _ = np.histogram(np.clip(values, -4.999, 4.999), edges, density=True)
         curve = np.linspace(-5.0, 5.0, 201)
@@ -91,7 +93,9 @@ def whiteness(record: FilteredRecord) -> Figure:
         panels.append(Panel(f"{name}: histogram", Axis("innovation in sigmas"), Axis("density", low=0.0), bars))
         columns[f"{name}, autocorrelation"] = correlations
     longest = max(map(len, columns.values()))
-    table = {"lag": np.arange(1.0, longest + 1.0)} | {name: _filled(each, longest) for name, each in columns.items()}
+    table = {"lag": np.arange(1.0, longest + 1.0)} | {
+        name: _filled(column, longest) for name, column in columns.items()
+    }
     return Figure(
         "whiteness", "Whiteness and distribution",
         "Autocorrelation of the whitened innovations of each sensor by lag, and their histogram.", panels,

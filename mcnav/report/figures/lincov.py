@@ -106,7 +106,9 @@ def truth(answer: LinearAnswer) -> Figure | None:
 def requirements(answer: LinearAnswer, outages: Outages) -> Figure | None:
     """Draw the quantile or radius of each requirement over time with its limit; none without one over time."""
     history = answer.meaningful
-    wanted = [each for each in answer.requirements if each.requirement.epochs and each.judged]
+    wanted = [
+        requirement for requirement in answer.requirements if requirement.requirement.epochs and requirement.judged
+    ]
     if history is None or not wanted:
         return None
     label, scale = history.readings.label, scale_of(answer.outputs)
@@ -157,7 +159,7 @@ def budget(answer: LinearAnswer) -> Figure | None:
         "Error budget at the end",
         "Share of each cause in the final variance of each output, in per cent.",
         ("cause", cause_labels(answer)),
-        [humanize(each.name) for each in answer.outputs],
+        [humanize(output.name) for output in answer.outputs],
         {"": ("At the end", np.nan_to_num(answer.budget.attributed))},
         parts,
         answer.budget.crossed,
@@ -171,8 +173,8 @@ def development(answer: LinearAnswer, outages: Outages) -> Figure | None:
         return None
     label, times, scale = history.readings.label, history.readings.times, scale_of(answer.outputs)
     curves = {ALL: history.sigma * scale}
-    for each in contributors(answer):
-        curves[each.series] = np.sqrt(np.maximum(_variances(answer, history, each.members), 0.0)) * scale
+    for contributor in contributors(answer):
+        curves[contributor.series] = np.sqrt(np.maximum(_variances(answer, history, contributor.members), 0.0)) * scale
     return development_figure(
         "Standard deviation of each output over time, for all errors and for each cause.",
         (label, times),
@@ -195,8 +197,8 @@ def _variances(answer: LinearAnswer, history: LinearCovariance, members: Sequenc
 
 def correlations(answer: LinearAnswer) -> Figure:
     """Draw the correlation matrix of the final errors; the table has the covariances."""
-    names, scale = [humanize(each.name) for each in answer.outputs], scale_of(answer.outputs)
-    units = [each.shown_in for each in answer.outputs]
+    names, scale = [humanize(output.name) for output in answer.outputs], scale_of(answer.outputs)
+    units = [output.shown_in for output in answer.outputs]
     values = np.nan_to_num(answer.correlation)
     texts = [["0" if abs(value) < NIL else fixed(value, 2) for value in row] for row in values]
     rows, across = np.transpose(list(product(range(len(names)), repeat=2)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -50,6 +51,13 @@ def ratios(dispersion_range: DispersionRange, tolerance: float, names: Sequence[
         size=(THIRD[0], 240.0),
         file="linearity_dispersion.csv",
     )
+
+
+def foremost_ratio(figure: Figure, dispersion_range: DispersionRange) -> Figure:
+    """Return the figure of ratios with the panel first of the output whose sigma leaves the tolerance first."""
+    agrees = np.where(np.isnan(dispersion_range.agrees_until), np.inf, dispersion_range.agrees_until)[:-1]
+    first = int(np.argmin(agrees)) if len(agrees) else 0
+    return replace(figure, panels=[figure.panels[first], *figure.panels])
 
 
 def _ratio(name: str, dispersion_range: DispersionRange, tolerance: float, column: int) -> Panel:

@@ -19,7 +19,7 @@ from mcnav.report.names import humanize
 from mcnav.report.results.model import RunAnalysis
 
 ESTIMATE: Final = Series("flown", "Monte Carlo", FLOWN)
-BOUNDS: Final = Series("bounds", "its bounds", AREA, "area")
+BOUNDS: Final = Series("bounds", "bounds", AREA, "area")
 BY_LINEAR: Final = Series("linear", "linear", LINEAR, "dashed")
 LIMIT: Final = Series("limit", "limit", INK, "long")
 

@@ -27,7 +27,7 @@ def budget(content: RunAnalysis) -> Figure:
         ("cause", content.cause_names),
         [content.output_names[i] for i in picked],
         routes,
-        [each for each in contributors(content) if (linear[:, each.members] != 0.0).any()],
+        [contributor for contributor in contributors(content) if (linear[:, contributor.members] != 0.0).any()],
         content.budget.crossed,
     )
 

@@ -42,21 +42,21 @@ def sigma_ratios_over_time(content: RunAnalysis) -> Figure | None:
         columns |= {f"{name}, from": each.ratio.each[:, 0], f"{name}, to": each.ratio.each[:, 1]}
         if each.linear is not None:
             columns[f"{name}, linear analysis"] = each.linear
-    linear = any(each.linear is not None for each in figure.outputs)
+    linear = any(output.linear is not None for output in figure.outputs)
     tolerance = Span(TOLERANCE, 1.0 - figure.tolerance, 1.0 + figure.tolerance, level=True)
 
     def panel(place: int, title: str, members: Sequence[SigmaConsistency]) -> Panel:
         marks: list[Mark] = [tolerance, *shaded, Rule(1.0, level=True, colour=INK, width=1.0)]
         series = curves(place, members)
-        for own, each in zip(series, members, strict=True):
-            marks += areas(own, figure.times, each.ratio.each, 0.15)
-        for own, each in zip(series, members, strict=True):
-            if each.linear is not None:
-                marks.append(Line(own, figure.times, each.linear, 1.3, "dashed"))
-            marks += curve(own, figure.times, each.ratio.value)
-        known = [np.append(each.ratio.value, each.ratio.each.ravel()) for each in members]
+        for own, member in zip(series, members, strict=True):
+            marks += areas(own, figure.times, member.ratio.each, 0.15)
+        for own, member in zip(series, members, strict=True):
+            if member.linear is not None:
+                marks.append(Line(own, figure.times, member.linear, 1.3, "dashed"))
+            marks += curve(own, figure.times, member.ratio.value)
+        known = [np.append(member.ratio.value, member.ratio.each.ravel()) for member in members]
         ratio = upward("true σ / filter σ", "", np.concatenate([[tolerance.low, tolerance.high], *known]))
-        about = [each.name for each in members]
+        about = [member.name for member in members]
         return Panel(title, whole_flight(figure), ratio, marks, series, about=about)
 
     return Figure(
@@ -79,7 +79,7 @@ def shares_within(content: RunAnalysis) -> Figure | None:
     figure = content.filter
     if figure is None:
         return None
-    groups = _drawn(same_unit([each for each in figure.outputs if each.within_1 and each.within_3]))
+    groups = _drawn(same_unit([output for output in figure.outputs if output.within_1 and output.within_3]))
     if not groups:
         return None
     shaded = outages(content)
@@ -87,8 +87,8 @@ def shares_within(content: RunAnalysis) -> Figure | None:
     panels = []
     for multiple in (1, 3):
         for place, (title, members) in enumerate(groups):
-            known = [(each, statistic, bounds) for each in members
-                     for statistic, bounds in [_within(each, multiple)] if statistic is not None]  # fmt: skip
+            known = [(member, statistic, bounds) for member in members
+                     for statistic, bounds in [_within(member, multiple)] if statistic is not None]  # fmt: skip
             columns |= {f"{humanize(each.name)}, within ±{multiple}σ [%]": 100.0 * statistic.value
                         for each, statistic, _ in known}  # fmt: skip
             panels.append(_share_panel(figure, multiple, len(groups) * (multiple > 1) + place, title, known, shaded))
@@ -136,5 +136,5 @@ def _share_panel(
 
 def _drawn(groups: Sequence[Group]) -> list[Group]:
     """Leave out quantities whose ratio is not known at any epoch."""
-    known = [(title, tuple(each for each in members if each.ratio.known.any())) for title, members in groups]
+    known = [(title, tuple(member for member in members if member.ratio.known.any())) for title, members in groups]
     return [group for group in known if group[1]]

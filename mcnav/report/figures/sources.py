@@ -111,19 +111,19 @@ def ranked(
 def origins(content: RunAnalysis, consistency: FilterConsistency) -> list[Contributor]:
     """Return contributors by the origin of errors: the start, gyros, accelerometers, each sensor; others by kind."""
     record = content.manifest.model
-    outputs = {each.name for each in record.outputs}
-    names = [*(each.name for each in record.sources), *content.model.processes]
+    outputs = {output.name for output in record.outputs}
+    names = [*(source.name for source in record.sources), *content.model.processes]
     sigmas = np.diag(content.model.covariance)
-    first = ("initial errors", *INSTRUMENTS, *(humanize(each.name) for each in consistency.sensors))
+    first = ("initial errors", *INSTRUMENTS, *(humanize(sensor.name) for sensor in consistency.sensors))
     members: dict[str, list[int]] = {origin: [] for origin in first}
     for j, (name, label) in enumerate(zip(names, content.cause_names, strict=True)):
         if j < len(sigmas) and not sigmas[j] > 0.0:
             continue
         instrument = next((title for title, prefix in INSTRUMENTS.items() if name.startswith(prefix)), None)
-        sensors = [each.name for each in consistency.sensors if name.startswith(f"{each.name}_")]
+        sensors = [sensor.name for sensor in consistency.sensors if name.startswith(f"{sensor.name}_")]
         origin = "initial errors" if name in outputs else instrument or humanize(max(sensors, key=len, default=""))
         members.setdefault(origin or stem(label), []).append(j)
-    listed = [(origin, each) for origin, each in members.items() if each]
+    listed = [(origin, member) for origin, member in members.items() if member]
     rest = tuple(j for _, each in listed[SHOWN:] for j in each)
     others = [Contributor(Series("others", f"other {len(rest)} causes", OTHER), rest, other=True)] if rest else []
     return [
@@ -138,8 +138,8 @@ def _largest_over_time(content: RunAnalysis, members: Sequence[tuple[int, ...]])
     if known is None or not len(known.partials):
         return largest
     whole = np.sqrt(variance_over_time(content).max(axis=0))
-    for k, each in enumerate(members):
-        part = np.sqrt(variance_over_time(content, each).max(axis=0))
+    for k, member in enumerate(members):
+        part = np.sqrt(variance_over_time(content, member).max(axis=0))
         shares = np.divide(part, whole, out=np.zeros_like(part), where=whole > 0.0) ** 2
         largest[k] = shares[content.moving].max(initial=0.0)
     return largest

@@ -99,6 +99,40 @@ def dispersion(
     )
 
 
+def weighted(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: Sequence[Output]) -> Figure:
+    """Draw what the best start is the best of: the weighted sigma, or root mean square, against the start.
+
+    ``checks`` are Monte Carlo comparisons by start time, s.
+    """
+    starts, best = study.times / 60.0, study.best_weighted
+    linear = RMS if study.means_matter else SIGMA if study.noise is None else WITH_NOISE
+    top = float(study.weighted.max(initial=0.0))
+    marks: list[Mark] = [
+        Line(linear, starts, study.weighted, 2.1),
+        Points(BEST, [starts[best]], [study.weighted[best] + 0.02 * top], 9.0),
+        *_event(study.clock),
+    ]
+    known = [
+        (time / 60.0, float(np.sqrt(np.nansum((simulated_rms(study, time, each) * study.weights) ** 2))))
+        for time, each in checks.items() if each.outputs
+    ]  # fmt: skip
+    if known:
+        at, simulated = np.array(known).T
+        marks.append(Points(CHECKED, at, simulated, 7.5))
+    one = "rms" if study.means_matter else "σ"
+    upward = Axis(f"weighted {one}", low=0.0)
+    return Figure(
+        name="weighted",
+        title="Weighted size of all outputs by start of navigation",
+        description=f"Root sum square of the weighted {end_words(outputs).many} against the start time; a triangle "
+        "marks the best start.",
+        panels=[Panel("all outputs, weighted", start_axis(study.clock.label), upward, marks)],
+        key=(linear, *([CHECKED] if known else []), BEST),
+        columns={f"start [{study.clock.label}]": starts, "all, weighted [1]": study.weighted},
+        file="start_times.csv",
+    )
+
+
 def effects(study: StartTimeStudy, i: int, scale: float, known: Sequence[Effects], output: Output) -> Figure:
     """Draw the effect of one sigma of each source on output i against the start time."""
     starts, name = study.times / 60.0, humanize(output.name)

@@ -64,7 +64,7 @@ def scales(sweep: Sweep) -> Array:
 
 def scales_of(measures: Sequence[Measure]) -> Array:
     """Return the factors from SI to the units shown of some measures."""
-    return np.array([conversion(each.unit, each.shown_in) for each in measures])
+    return np.array([conversion(measure.unit, measure.shown_in) for measure in measures])
 
 
 def figure(sweep: Sweep, titles: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> Figure:
@@ -82,7 +82,7 @@ def figure(sweep: Sweep, titles: Sequence[str], columns: Mapping[str, NDArray[An
     panels = [draw(sweep, number, title) for number, title in enumerate(titles)]
     return Figure(
         name="sweep",
-        title="Accuracy over " + " and ".join(each.path for each in sweep.variables),
+        title="Accuracy over " + " and ".join(variable.path for variable in sweep.variables),
         description="Each measure of accuracy by linear analysis over the values that are varied, with its limit and "
         "the points at which Monte Carlo was run.",
         panels=panels,
@@ -98,14 +98,14 @@ def _key(sweep: Sweep) -> list[Series]:
     limits: list[Series] = []
     if len(sweep.variables) == 2 and sweep.variables[0].words:
         limits = [LIMIT] if np.isfinite(sweep.bounds).any() else []
-        solved = [SOLVED] if any(each.values for each in sweep.just_met) else []
+        solved = [SOLVED] if any(allocation.values for allocation in sweep.just_met) else []
         return [*(numbered(place, word) for place, word in enumerate(sweep.variables[0].words)), *limits, *solved]
     if len(sweep.variables) == 1:
         limits = [LIMIT] if np.isfinite(sweep.bounds).any() else []
     elif (met := sweep.margins <= 0.0).any():
         crossed = (met & np.isfinite(sweep.margins)).any(axis=(0, 1)) & (sweep.margins > 0.0).any(axis=(0, 1))
         limits = [*([BOUNDARY] if crossed.any() else []), MET]
-    checked = any(np.isfinite(each.values).any() for each in sweep.confirmations)
+    checked = any(np.isfinite(confirmation.values).any() for confirmation in sweep.confirmations)
     words = bool(sweep.variables[0].words)
     return [
         TRUE.of_kind("dot") if words else TRUE,
@@ -116,7 +116,7 @@ def _key(sweep: Sweep) -> list[Series]:
         ),
         *limits,
         *([ADDED] if sweep.added and len(sweep.variables) == 1 else []),
-        *([SOLVED] if any(each.values for each in sweep.just_met) else []),
+        *([SOLVED] if any(allocation.values for allocation in sweep.just_met) else []),
         *([CHECKED] if checked else []),
     ]
 
@@ -147,12 +147,14 @@ def _curve(sweep: Sweep, number: int, title: str) -> Panel:
         marks.append(
             Points(OWN.of_kind("dot"), across, own, 5.0) if variable.words else Line(OWN, variable.values, own, 1.7)
         )
-    solved = [value for each in sweep.just_met if each.measure == number for value in each.values]
+    solved = [value for allocation in sweep.just_met if allocation.measure == number for value in allocation.values]
     at_solved = np.interp(variable_places(variable, solved), variable_places(variable, variable.values), bounds)
     if solved:
         texts = [f"limit just met at {plain(value)} {variable.unit}" for value in solved]
         marks.append(Points(SOLVED, solved, at_solved, 7.0, texts=texts))
-    checked = np.array([(each.point[0], each.values[number] * scale) for each in sweep.confirmations]).reshape(-1, 2)
+    checked = np.array(
+        [(confirmation.point[0], confirmation.values[number] * scale) for confirmation in sweep.confirmations]
+    ).reshape(-1, 2)
     if np.isfinite(checked[:, 1]).any():
         marks.append(Points(CHECKED, checked[:, 0], checked[:, 1], 8.0))
     known = np.concatenate([along, own, bounds, checked[:, 1]])
@@ -173,7 +175,12 @@ def _family(sweep: Sweep, number: int, title: str) -> Panel:
         series = numbered(place, word)
         line = Points(series, variable.values, values[place], 7.0) if variable.words else None
         marks.append(line or Line(series, variable.values, values[place], 2.0))
-    solved = [(each.fixed, value) for each in sweep.just_met if each.measure == number for value in each.values]
+    solved = [
+        (allocation.fixed, value)
+        for allocation in sweep.just_met
+        if allocation.measure == number
+        for value in allocation.values
+    ]
     if solved:
         at = [float(np.interp(variable_places(variable, [value])[0], variable_places(variable, variable.values),
                               bounds[int(fixed or 0)])) for fixed, value in solved]  # fmt: skip
@@ -224,14 +231,19 @@ def _contours(sweep: Sweep, index: int, title: str) -> Panel:
         marks.append(Points(MET, across.values[i], up.values[j], 2.4, 0.7))
         refined, at_refined = boundary_table(sweep, index)
         marks += [Line(BOUNDARY, x, y, 3.0) for x, y in contour_lines(across, refined, at_refined, 0.0, False)]
-    solved = [(each.fixed, value) for each in sweep.just_met if each.measure == index for value in each.values]
+    solved = [
+        (allocation.fixed, value)
+        for allocation in sweep.just_met
+        if allocation.measure == index
+        for value in allocation.values
+    ]
     if solved:
         x, y = np.array(solved, dtype=float).T
         marks.append(Points(SOLVED, x, y, 6.5))
-    checked = [each for each in sweep.confirmations if np.isfinite(each.values[index])]
+    checked = [confirmation for confirmation in sweep.confirmations if np.isfinite(confirmation.values[index])]
     if checked:
-        texts = [f"Monte Carlo {number(float(each.values[index] * scale))} {measure.shown_in}" for each in checked]
-        x, y = np.array([each.point for each in checked]).T
+        texts = [f"Monte Carlo {number(float(check.values[index] * scale))} {measure.shown_in}" for check in checked]
+        x, y = np.array([check.point for check in checked]).T
         marks.append(Points(CHECKED, x, y, 8.0, texts=texts))
     corners = ([across.values[0], across.values[-1]], [up.values[0], up.values[-1]])
     marks.append(Line(TRUE, *corners, 0.0, silent=True))  # the axes reach over the whole grid
@@ -250,8 +262,10 @@ def boundary_table(sweep: Sweep, index: int) -> tuple[Variable, Array]:
     margins, places = sweep.margins[..., index], variable_places(up, up.values)
     curves = []
     for column, value in enumerate(across.values):
-        just_met = [each for each in sweep.just_met if each.measure == index and each.fixed == value]
-        zeros = [variable_places(up, [at])[0] for each in just_met for at in each.values]
+        just_met = [
+            allocation for allocation in sweep.just_met if allocation.measure == index and allocation.fixed == value
+        ]
+        zeros = [variable_places(up, [at])[0] for allocation in just_met for at in allocation.values]
         nodes = dict(zip(places.tolist(), margins[column].tolist(), strict=True)) | dict.fromkeys(zeros, 0.0)
         size = float(np.nanmax(np.abs(margins[column]), initial=0.0))
         for low, high in pairwise(sorted(zeros)):
@@ -266,7 +280,7 @@ def boundary_table(sweep: Sweep, index: int) -> tuple[Variable, Array]:
 
 def _is_met(just_met: Sequence[JustMet], value: float) -> bool:
     """Return whether a value lies in a span in which a limit is met."""
-    spans = [span for each in just_met for span in each.met]
+    spans = [span for allocation in just_met for span in allocation.met]
     return any((begin is None or begin <= value) and (end is None or value <= end) for begin, end in spans)
 
 

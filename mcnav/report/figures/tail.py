@@ -18,7 +18,7 @@ from mcnav.report.results.model import RunAnalysis
 
 COUNTED: Final = Series("counted", "counted samples", FLOWN)
 BOUNDS: Final = Series("bounds", "interval of the count", AREA, "area")
-BY_LINEAR: Final = Series("linear", "linear, normal errors", LINEAR, "dashed")
+BY_LINEAR: Final = Series("linear", "linear", LINEAR, "dashed")
 CURVED: Final = Series("curved", "linear with curvature", LINEAR, "dotted")
 FLIGHTS: Final = Series("flights", "flights chosen with the linear model", FILTER, "dot")
 ALLOWED: Final = Series("allowed", "limit and allowed probability", INK, "long")

@@ -89,11 +89,11 @@ def dispersion_over_time(content: RunAnalysis) -> Figure | None:
         return None
     own, remark = dict[str, Array](), ""
     if content.filter is not None and np.array_equal(content.filter.times, known.times):
-        stated = {each.name: each for each in content.filter.outputs}
+        stated = {output.name: output for output in content.filter.outputs}
         for route, attribute in (("Monte Carlo", "filter"), ("linear", "filter_linear")):
             values = [getattr(stated.get(output.name), attribute, None) for output in outputs]
             nothing = np.full(len(known.times), np.nan)
-            own[route] = np.column_stack([nothing if each is None else each for each in values])
+            own[route] = np.column_stack([nothing if value is None else value for value in values])
         remark = " The filter's own is the root of the mean variance that the samples' filters state."
     sigma = {"Monte Carlo": known.sigma, "linear": known.linear_sigma}
     return over_time(outputs, SigmasOverTime(known.label, known.times, known.events, sigma, own, remark))
@@ -101,18 +101,18 @@ def dispersion_over_time(content: RunAnalysis) -> Figure | None:
 
 def over_time(outputs: Sequence[Variable | Output], known: SigmasOverTime) -> Figure | None:
     """Draw the sigmas of each quantity that has an output of truth, a panel each; none where nothing is dispersed."""
-    drawn = {each: _curves(outputs, known, each) for each in quantities(outputs)}
+    drawn = {quantity: _curves(outputs, known, quantity) for quantity in quantities(outputs)}
     drawn = {
         each: curves
         for each, curves in drawn.items()
-        if any(np.nanmax(part, initial=0.0) > 0.0 for part in curves.values())
+        if any(np.nanmax(curve, initial=0.0) > 0.0 for curve in curves.values())
     }
     if not drawn:
         return None
     columns: dict[str, NDArray[Any]] = {known.label: known.times}
     for each, curves in drawn.items():
         name, unit = humanize(each.name), outputs[each.true].shown_in
-        columns |= {f"{name}, {series_of(*key).label}, 1σ [{unit}]": part for key, part in curves.items()}
+        columns |= {f"{name}, {series_of(*key).label}, 1σ [{unit}]": curve for key, curve in curves.items()}
     listed = {key for curves in drawn.values() for key in curves}
     return Figure(
         name="dispersion-over-time",
@@ -141,8 +141,8 @@ def _curves(outputs: Sequence[Variable | Output], known: SigmasOverTime, each: Q
 
 
 def _panel(known: SigmasOverTime, each: Quantity, unit: str, curves: Mapping[tuple[str, str], Array]) -> Panel:
-    largest = max(float(np.nanmax(part, initial=0.0)) for part in curves.values())
-    seen = {key: np.where(part > SMALLEST * largest, part, np.nan) for key, part in curves.items()}
+    largest = max(float(np.nanmax(curve, initial=0.0)) for curve in curves.values())
+    seen = {key: np.where(curve > SMALLEST * largest, curve, np.nan) for key, curve in curves.items()}
     marks: list[Mark] = [Line(series_of(*key), known.times, part, WIDTHS[key[0]]) for key, part in seen.items()]
     inside = [(at, name) for name, at in known.events.items() if known.times[0] < at < known.times[-1]]
     marks += [Rule(at, kind="dotted", name=name) for at, name in inside]

@@ -12,12 +12,19 @@ from mcnav.analysis.linear_answer import LinearRequirement
 from mcnav.analysis.simulated_requirements import Basis
 from mcnav.analysis.summary import RequirementEntry
 from mcnav.report.columns.requirements import TONES
-from mcnav.report.document.parts import Findings, Folded, Note, Page, Part, Section, Sentence, Verdict, joined
+from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Sentence, Verdict, joined
 from mcnav.report.document.table import CODE, WRAPPED, Cell, Column, Table
 from mcnav.report.figures import allocate as drawn
 from mcnav.report.figures.lincov import short_name
 from mcnav.report.format import number
-from mcnav.report.pages.lincov import headline, requirement_rows, shown_limit, shown_value, units_shown
+from mcnav.report.pages.lincov import (
+    headline,
+    requirement_rows,
+    requirements_in_brief,
+    shown_limit,
+    shown_value,
+    units_shown,
+)
 from mcnav.report.pages.screen import answered
 from mcnav.report.statements.lincov import large_mean_words
 
@@ -71,8 +78,8 @@ ENDED: Final = 1.05
 """Margin from which a multiple is not that at which a requirement is just met."""
 
 ENDS: Final = (
-    "A multiple whose linear value is well below the limit is the largest one with a linear answer: of larger ones "
-    "errors are beyond the range of linear analysis, or the campaign is refused."
+    "A multiple whose linear value is well below the limit is the largest one with a linear answer. Larger errors are "
+    "beyond the range of linear analysis, or the campaign is refused."
 )
 
 FAILING: Final = 3
@@ -103,7 +110,7 @@ def basis_words(allocation: Allocation) -> str:
     basis = allocation.basis
     if basis is None:
         return ALONE
-    names = [short_name(each, allocation.answer) for each in allocation.answer.requirements]
+    names = [short_name(requirement, allocation.answer) for requirement in allocation.answer.requirements]
     scales = [f"{name} × {number(scale, 3)}" for name, scale in zip(names, basis.scales, strict=True)
               if math.isfinite(scale)]  # fmt: skip
     return SCALED.format(samples=basis.samples, scales=", ".join(scales), confidence=100.0 * basis.confidence)
@@ -259,7 +266,7 @@ def goal_notes(goal: Goal) -> list[str]:
         notes.append(LOOKED_AT)
     if not goal.met and any(change.reached and change.factor > 1.0 for change in goal.changes):
         notes.append(GROWS)
-    if goal.met and any(math.isfinite(each.factor) and each.result.margin > ENDED for each in goal.changes):
+    if goal.met and any(math.isfinite(change.factor) and change.result.margin > ENDED for change in goal.changes):
         notes.append(ENDS)
     if goal.met and any(change.label.startswith("bias and instability") for change in goal.changes):
         notes.append(IN_RUN)
@@ -268,7 +275,7 @@ def goal_notes(goal: Goal) -> list[str]:
 
 def change_table(goal: Goal, caption: str, rows: Sequence[ChangeRow], title: str = "") -> Table[ChangeRow]:
     """Tabulate changes with which a goal is just met, or is not met."""
-    several, alone = len(goal.requirements) > 1, {each.label for each in goal.changes if len(each.paths) == 1}
+    several, alone = len(goal.requirements) > 1, {change.label for change in goal.changes if len(change.paths) == 1}
     heading = "May be" if goal.met and any(row.reached for row in rows) else "Just met with"
 
     confirmed = any(row.confirmed for row in rows)
@@ -406,8 +413,7 @@ def page(allocation: Allocation) -> Page:
     """Return the page."""
     words, tone = standing(allocation)
     name = allocation.answer.campaign
-    asked = Findings([(row.finding, row.tone, f"{row.requirement}: {row.shown}")
-                      for row in requirement_rows(allocation.answer)])  # fmt: skip
+    asked = requirements_in_brief(allocation.answer)
     sections = [_goal_section(allocation, goal, place) for place, goal in enumerate(allocation.goals, start=1)]
     if allocation.grades is not None:
         table = grade_table(allocation, allocation.grades)

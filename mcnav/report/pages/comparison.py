@@ -370,11 +370,11 @@ def _budgets(titles: Sequence[str], manifests: Sequence[Manifest], summaries: Se
         scale = conversion(output.unit, output.shown_in)
         rows: dict[str, list[str]] = {}
         for at, (manifest, summary) in enumerate(zip(manifests, summaries, strict=True)):
-            names = [each.name for each in manifest.model.outputs]
+            names = [output.name for output in manifest.model.outputs]
             if output.name not in names:
                 continue
             contributions = summary.budget.contributions[names.index(output.name)]
-            labels = [*labels_in(summary), *(humanize(each.name) for each in summary.processes)]
+            labels = [*labels_in(summary), *(humanize(process.name) for process in summary.processes)]
             for label, value in zip(labels, contributions, strict=True):
                 rows.setdefault(label, [ABSENT] * len(manifests))[at] = number(value * scale, 4)
         shown: list[Values] = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]

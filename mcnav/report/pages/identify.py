@@ -46,9 +46,9 @@ CAMPAIGN_NOTE: Final = (
 )
 
 TEST_NOTE: Final = (
-    "The test of fit looks for spectral lines, a trend, unsteadiness and another shape of the spectrum at once, and "
-    "rejects about five of a hundred records of which the model is right. A model that is not rejected may still be "
-    "wrong where the record is too short to tell."
+    "The test of fit looks for spectral lines, a trend, unsteadiness and another shape of the spectrum at once. It "
+    "rejects about five of a hundred records whose model is right. A model that is not rejected may still be wrong "
+    "where the record is too short to tell."
 )
 
 CLOSE: Final = 4.0
@@ -125,7 +125,7 @@ def terminal(report: IdentificationReport) -> list[Part]:
 
 def _head(report: IdentificationReport) -> list[Part]:
     """Say whether the models fit, and of what logs."""
-    rejected = [axis.name for axis in report.axes if any(each.rejected for each in axis.goodness)]
+    rejected = [axis.name for axis in report.axes if any(test.rejected for test in axis.goodness)]
     logs = [f"{log.name}: {_length(log)}." for log in report.logs]
     if rejected:
         return [Verdict(f"The model does not fit the readings of {', '.join(rejected)}.", "differs", logs)]
@@ -148,14 +148,16 @@ def parameter_table(report: IdentificationReport) -> Table[ParameterRow]:
     ]
     rows = sorted((row for row in report.parameters if row.stated), key=lambda row: _place(report, row))
     caption = (
-        "By maximum likelihood; 95 % intervals by its profile. Of what is not identifiable the upper bound holds with "
-        "97.5 %, and the length of a log is one that would show a value at this bound to 20 %."
+        "By maximum likelihood; 95 % intervals by its profile. Upper bounds of values that are not identifiable hold "
+        "with 97.5 %. A log of the length shown would give a value at this bound to 20 %."
     )
     return Table(caption, columns, rows, "Noise", keys=2, group=lambda row: row.instrument)
 
 
 def _place(report: IdentificationReport, row: ParameterRow) -> tuple[int, int]:
-    keys = list(dict.fromkeys(each.key for each in report.parameters if each.instrument == row.instrument))
+    keys = list(
+        dict.fromkeys(parameter.key for parameter in report.parameters if parameter.instrument == row.instrument)
+    )
     return list(report.instruments).index(row.instrument), keys.index(row.key)
 
 
@@ -181,7 +183,7 @@ def model_table(report: IdentificationReport) -> Table[AxisReport]:
         Column("Next model", lambda axis: model_words(axis.fitted.candidates[1].model), "next model", "words", spare=2),
         Column("Margin", lambda axis: axis.fitted.margin, "margin", form=lambda value: number(value, 3)),
         Column("Test of fit", _fit, "fit", "label"),
-        Column("p", lambda axis: probability(min(each.p for each in axis.goodness)), "p"),
+        Column("p", lambda axis: probability(min(test.p for test in axis.goodness)), "p"),
     ]
     if several:
         columns.append(Column("Logs agree, p", lambda axis: probability(axis.agreement or 0.0), "logs agree, p"))
@@ -196,7 +198,7 @@ def model_table(report: IdentificationReport) -> Table[AxisReport]:
 
 
 def _fit(axis: AxisReport) -> Cell:
-    worst = min(axis.goodness, key=lambda each: each.p)
+    worst = min(axis.goodness, key=lambda test: test.p)
     return Cell(worst.worst.name, tone="differs") if worst.rejected else Cell("fits", tone="agrees")
 
 
@@ -224,7 +226,7 @@ def remarks(report: IdentificationReport) -> Iterator[str]:
     for axis in report.axes:
         for place, goodness in enumerate(axis.goodness):
             where = axis.name if len(axis.goodness) == 1 else f"{axis.name} in {report.logs[place].name}"
-            yield from (f"{where}: {each}" for each in _departures(axis, goodness))
+            yield from (f"{where}: {departure}" for departure in _departures(axis, goodness))
         yield from (f"{axis.name}: {each}" for each in _of_resolution(axis))
         if axis.fitted.margin < CLOSE:
             yield f"{axis.name}: {_close(axis.fitted.candidates)}"
@@ -264,7 +266,7 @@ def _of_resolution(axis: AxisReport) -> Iterator[str]:
     if step is None:
         return
     shown = f"{number(step * conversion(axis.unit, RATES[axis.instrument]), 3)} {RATES[axis.instrument]}"
-    own = {each.name: each.value for each in axis.fitted.estimates}
+    own = {estimate.name: estimate.value for estimate in axis.fitted.estimates}
     counted = own.get("quantization", 0.0) * np.sqrt(12.0) / axis.interval
     if abs(counted / step - 1.0) < 0.2:
         yield f"resolution {shown}: an accumulated value that is counted in steps of {step * axis.interval:.4g} (SI)"
@@ -284,7 +286,7 @@ def _of_resolution(axis: AxisReport) -> Iterator[str]:
 
 
 def _close(candidates: Sequence[Candidate]) -> str:
-    first, second = (model_words(each.model) for each in candidates[:2])
+    first, second = (model_words(candidate.model) for candidate in candidates[:2])
     margin = candidates[1].criterion - candidates[0].criterion
     return f"{first} is ahead of {second} by {margin:.2g} only: the record hardly tells them apart"
 
@@ -341,4 +343,4 @@ def _named(names: Sequence[str]) -> str:
     for name in names:
         kind, _, axis = name.rpartition("_")
         axes.setdefault(kind, []).append(axis)
-    return "; ".join(f"{humanize(kind)} {', '.join(each)}" for kind, each in axes.items())
+    return "; ".join(f"{humanize(kind)} {', '.join(axis)}" for kind, axis in axes.items())

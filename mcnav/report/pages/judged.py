@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
 
-from mcnav.judgement.assessment import FACTORS
-from mcnav.judgement.verdict import (
-    CauseVerdict,
-    Finding,
-    Judgement,
-    NeesVerdict,
-    OffsetVerdict,
-    SensorVerdict,
-    Statistic,
-)
+from mcnav.judgement.assessment import FACTORS, LEVEL
+from mcnav.judgement.findings import DELAY, CauseVerdict, Finding, OffsetVerdict
+from mcnav.judgement.likelihood import Factor
+from mcnav.judgement.verdict import Judgement, NeesVerdict, SensorVerdict, Statistic
 from mcnav.physics.units import conversion
 from mcnav.report.document.parts import Lines, Note, Part, Sentence, Verdict, joined
 from mcnav.report.document.table import Cell, Column, Table
@@ -38,6 +32,10 @@ def in_unit(value: float, unit: str, shown_in: str, digits: int = 3) -> str:
     return f"{number(value * conversion(unit, shown_in), digits)} {shown_in}"
 
 
+INITIAL: Final = ("position", "velocity", "tilt", "heading")
+"""Initial errors, whose number in a campaign is a sigma."""
+
+
 def named(number_: CauseVerdict | OffsetVerdict) -> str:
     """Return the number with its place in the campaign.
 
@@ -46,7 +44,9 @@ def named(number_: CauseVerdict | OffsetVerdict) -> str:
     words = humanize(number_.name)
     if isinstance(number_, OffsetVerdict):
         return words
-    if number_.size == 1.0 and number_.unit == "1":
+    if number_.name in INITIAL:
+        words = f"initial {words} sigma"
+    if number_.absent or (number_.size == 1.0 and number_.unit == "1"):
         return words
     return f"{words} of {in_unit(number_.size, number_.unit, number_.shown_in)}"
 
@@ -56,6 +56,8 @@ def factor_words(number_: CauseVerdict) -> str:
     factor = number_.factor
     if factor is None:
         return f"the {named(number_)} is wrong"
+    if number_.absent:
+        return _absent_words(number_, factor)
     if factor.value >= 1.0:
         value, low, high, side = factor.value, factor.low, factor.high, "small"
     else:
@@ -65,20 +67,54 @@ def factor_words(number_: CauseVerdict) -> str:
     return f"the {named(number_)} is {number(value, 3)} times too {side}: {interval}"
 
 
+def _absent_words(number_: CauseVerdict, factor: Factor) -> str:
+    """Say how large a process is that the campaign does not have, with the 95 % interval."""
+    size, low, high = (
+        in_unit(number_.size * value, number_.unit, number_.shown_in)
+        for value in (factor.value, factor.low, factor.high)
+    )
+    text = f"there is {_article(named(number_))} that the campaign does not have: {size} ({low} to {high})"
+    if number_.correlation_time > 0.0:
+        text += f", with a correlation time of {number_.correlation_time:g} s"
+    return text
+
+
+def _article(words: str) -> str:
+    return f"an {words}" if words[:1] in "aeiou" else f"a {words}"
+
+
 def offset_words(number_: OffsetVerdict) -> str:
     """Say how large an error is that the campaign does not have, with the 95 % interval of each axis."""
     scale = 1.0 if number_.shown_in == "1" else conversion(number_.unit, number_.shown_in)
+    if number_.name.endswith(DELAY):
+        return _delay_words(number_, scale)
     parts = []
     for place, axis in enumerate(number_.axes):
-        value, error = number_.estimate[place], 1.959964 * number_.sigma[place]
-        if number_.used is not None:
-            value = number_.used[place] - value
+        value, error = signed_estimate(number_, place), 1.959964 * number_.sigma[place]
         parts.append(f"{axis} {number(value * scale, 3)} ± {number(error * scale, 2)}".strip())
     unit = "" if number_.shown_in == "1" else f" {number_.shown_in}"
-    what = "true" if number_.used is not None else "there is a"
     if number_.used is not None:
-        return f"the {humanize(number_.name)} is wrong: {what} are {', '.join(parts)}{unit}"
-    return f"{what} {humanize(number_.name)} that the campaign does not have: {', '.join(parts)}{unit}"
+        return f"the {humanize(number_.name)} is wrong: true are {', '.join(parts)}{unit}"
+    return f"there is {_article(humanize(number_.name))} that the campaign does not have: {', '.join(parts)}{unit}"
+
+
+def _delay_words(number_: OffsetVerdict, scale: float) -> str:
+    """Say how late a sensor is."""
+    value, error = number_.estimate[0] * scale, 1.959964 * number_.sigma[0] * scale
+    sensor = humanize(number_.name.removesuffix(DELAY))
+    size = f"{number(abs(value), 3)} ± {number(error, 2)} {number_.shown_in}"
+    if number_.beside_arm is not None:
+        free, error = (part * scale for part in number_.beside_arm)
+        size += f" ({number(abs(free), 3)} ± {number(1.959964 * error, 2)} with the lever arm free as well)"
+    if value >= 0.0:
+        return f"the {sensor} measurements are late: they were taken {size} before their stamps"
+    return f"the {sensor} measurements are early, or the readings late: they were taken {size} after their stamps"
+
+
+def signed_estimate(number_: OffsetVerdict, place: int) -> float:
+    """Return the estimate of a constant error along an axis; of a lever arm the true one, as it is pasted."""
+    value = number_.estimate[place]
+    return value if number_.used is None else number_.used[place] - value
 
 
 def words(finding: Finding) -> str:
@@ -86,8 +122,8 @@ def words(finding: Finding) -> str:
     number_ = finding.number
     text = factor_words(number_) if isinstance(number_, CauseVerdict) else offset_words(number_)
     if finding.rivals:
-        rivals = " or ".join(humanize(each) for each in finding.rivals)
-        text += f"; not told apart from another {rivals}"
+        rivals = " or ".join(_article(humanize(name)) for name in finding.rivals)
+        text += f". This record does not tell it apart from {rivals}"
     return text
 
 
@@ -100,12 +136,24 @@ def verdict(judgement: Judgement) -> Verdict:
         return Verdict(headline, "agrees", (f"{_capital(compared)}; below 5 % would be an alarm.", *power(judgement)))
     if not judgement.findings:
         headline = "This record is at odds with the campaign, and no single number of the campaign explains it."
-        return Verdict(headline, "differs", (f"{_capital(compared)}.", *power(judgement)))
+        return Verdict(headline, "differs", (f"{_capital(compared)}.", *correlated(judgement), *power(judgement)))
     first = judgement.findings[0]
     sentences = [f"{_capital(compared)}."]
-    sentences += [f"Besides, {words(each)}." for each in judgement.findings[1:]]
+    sentences += [f"Besides, {words(finding)}." for finding in judgement.findings[1:]]
     sentences.append(_left(judgement.findings[-1], len(judgement.findings), judgement.simulated))
+    if judgement.findings[-1].left <= LEVEL:
+        sentences += correlated(judgement)
     return Verdict(f"{_capital(words(first))}.", "differs", (*sentences, *power(judgement)))
+
+
+def correlated(judgement: Judgement) -> list[str]:
+    """Say of which sensors the innovations are more correlated than in simulated records."""
+    return [
+        f"Innovations of {humanize(sensor.name)} are correlated from one to the next: "
+        f"{number(sensor.autocorrelation.value, 2)}, where simulated records have {_range(sensor.autocorrelation)}. "
+        "What is named does not explain it."
+        for sensor in judgement.sensors if not sensor.autocorrelation.usual
+    ]  # fmt: skip
 
 
 def _share(probability: float, simulated: int) -> str:
@@ -135,10 +183,10 @@ def _capital(text: str) -> str:
 def power(judgement: Judgement) -> tuple[str, ...]:
     """Say what this record could have shown, a sentence for what it shows and one for what it does not."""
     shown = [
-        f"{humanize(each.name)} {each.noticed:g} times as large"
-        for each in judgement.causes if each.noticed is not None
+        f"{humanize(cause.name)} {cause.noticed:g} times as large"
+        for cause in judgement.causes if cause.noticed is not None
     ]  # fmt: skip
-    hidden = [humanize(each.name) for each in judgement.causes if each.noticed is None]
+    hidden = [humanize(cause.name) for cause in judgement.causes if cause.noticed is None]
     sentences = []
     if shown:
         sentences.append(f"Found in 9 of 10 records of this length: {', '.join(shown)}.")
@@ -165,14 +213,14 @@ def _rejected(each: SensorVerdict) -> str:
 def sensor_table(judgement: Judgement) -> Table[SensorVerdict]:
     """Tabulate the innovations of each sensor."""
     columns: list[Column[SensorVerdict]] = [
-        Column("Sensor", lambda each: humanize(each.name), "sensor", "label"),
-        Column("updates", lambda each: f"{each.updates:,}"),
+        Column("Sensor", lambda row: humanize(row.name), "sensor", "label"),
+        Column("updates", lambda row: f"{row.updates:,}"),
         Column("rejected", _rejected),
-        Column("mean NIS", lambda each: _toned(each.nis)),
-        Column("95 % of records", lambda each: _range(each.nis)),
-        Column("autocorrelation", lambda each: _toned(each.autocorrelation)),
-        Column("95 % of records", lambda each: _range(each.autocorrelation)),
-        Column("correlation length", lambda each: number(each.correlation_length.value, 2), unit="s"),
+        Column("mean NIS", lambda row: _toned(row.nis)),
+        Column("95 % of records", lambda row: _range(row.nis)),
+        Column("autocorrelation", lambda row: _toned(row.autocorrelation)),
+        Column("95 % of records", lambda row: _range(row.autocorrelation)),
+        Column("correlation length", lambda row: number(row.correlation_length.value, 2), unit="s"),
     ]
     caption = (
         "Innovations as the filter whitens them: mean square over the number of components, autocorrelation at lag 1. "
@@ -186,9 +234,9 @@ def nees_table(judgement: Judgement) -> Table[NeesVerdict] | None:
     if not judgement.nees:
         return None
     columns: list[Column[NeesVerdict]] = [
-        Column("Errors", lambda each: each.group, "errors", "label"),
-        Column("mean NEES / 3", lambda each: _toned(each.nees)),
-        Column("95 % of records", lambda each: _range(each.nees)),
+        Column("Errors", lambda row: row.group, "errors", "label"),
+        Column("mean NEES / 3", lambda row: _toned(row.nees)),
+        Column("95 % of records", lambda row: _range(row.nees)),
     ]
     caption = "Errors against the reference, whose variances are added to the filter's."
     return Table(caption, columns, judgement.nees, "Errors against the reference")
@@ -208,23 +256,23 @@ def cause_table(judgement: Judgement) -> Table[CauseVerdict]:
         return f"{number(each.factor.value, 3)} ({number(each.factor.low, 3)} to {high})"
 
     columns: list[Column[CauseVerdict]] = [
-        Column("Number", lambda each: humanize(each.name), "number", "label"),
-        Column("in the campaign", lambda each: in_unit(each.size, each.unit, each.shown_in)),
+        Column("Number", lambda row: humanize(row.name), "number", "label"),
+        Column("in the campaign", lambda row: in_unit(row.size, row.unit, row.shown_in)),
         Column("factor by this record (95 %)", factor, "factor (95 %)"),
-        Column("found if 2 times as large", lambda each: f"{100.0 * each.found[TWICE]:.0f} %", "found at 2x"),
-        Column("and named", lambda each: f"{100.0 * each.named[TWICE]:.0f} %", "named at 2x"),
-        Column("found in 9 of 10 from", lambda each: "–" if each.noticed is None else f"{each.noticed:g} x"),
+        Column("found if 2 times as large", lambda row: f"{100.0 * row.found[TWICE]:.0f} %", "found at 2x"),
+        Column("and named", lambda row: f"{100.0 * row.named[TWICE]:.0f} %", "named at 2x"),
+        Column("found in 9 of 10 from", lambda row: "–" if row.noticed is None else f"{row.noticed:g} x"),
     ]
     caption = (
-        "Each number alone, all others as in the campaign: its factor by maximum likelihood with the interval of the "
-        "likelihood ratio, and shares of simulated records in which it is found."
+        "Each number alone, all others as in the campaign: its factor by maximum likelihood, with the interval of the "
+        "likelihood ratio. Found: share of simulated records in which it is found."
     )
     return Table(caption, columns, judgement.causes, "Numbers of the campaign")
 
 
 def offset_table(judgement: Judgement) -> Table[tuple[OffsetVerdict, int]] | None:
     """Tabulate constant errors that the campaign does not have; none where there are none."""
-    rows = [(each, place) for each in judgement.offsets for place in range(len(each.axes))]
+    rows = [(offset, place) for offset in judgement.offsets for place in range(len(offset.axes))]
     if not rows:
         return None
 
@@ -233,26 +281,33 @@ def offset_table(judgement: Judgement) -> Table[tuple[OffsetVerdict, int]] | Non
         value = values[place]
         return "–" if not np.isfinite(value) else in_unit(value, each.unit, each.shown_in, digits)
 
+    def estimated(row: tuple[OffsetVerdict, int]) -> str:
+        return shown(row, [signed_estimate(row[0], place) for place in range(len(row[0].axes))], 3)
+
     columns: list[Column[tuple[OffsetVerdict, int]]] = [
         Column("Error", lambda row: f"{humanize(row[0].name)} {row[0].axes[row[1]]}".strip(), "error", "label"),
-        Column("by this record", lambda row: shown(row, row[0].estimate, 3)),
+        Column("by this record", estimated),
         Column("sigma", lambda row: shown(row, row[0].sigma, 2)),
         Column("found in 9 of 10 from", lambda row: shown(row, row[0].noticed, 2)),
     ]
-    caption = "Constant errors that the campaign does not have. That of a lever arm is the used one less the true one."
+    caption = "Constant errors that the campaign does not have, each alone. Of a lever arm, the true one is given."
     return Table(caption, columns, rows, "Errors that the campaign does not have")
 
 
 def to_paste(judgement: Judgement) -> str:
-    """Return the lines of the campaign that change; empty where nothing is named."""
-    lines = []
+    """Return the entries of the campaign that change, as TOML in which each table stands once; empty for none."""
+    tables: dict[str, list[str]] = {}
     for finding in judgement.findings:
         place, _, key = finding.number.key.partition("] ")
         sensor, _, measured = key.rpartition(": ")
-        changed = _new_value(finding.number)
-        if changed:
-            lines += [f"{place}]" + (f"  # {sensor}" if sensor else ""), f"{measured} = {changed}", ""]
-    return "\n".join(lines)
+        if finding.number.name.endswith(DELAY):
+            place, sensor, measured = "[errors", "", finding.number.name
+        header = f"{place}]" + (f"  # {sensor}" if sensor else "")
+        if changed := _new_value(finding.number):
+            entries = tables.setdefault(header, [])
+            entries[:] = [entry for entry in entries if not entry.startswith(f"{measured} = ")]
+            entries.append(f"{measured} = {changed}")
+    return "\n\n".join("\n".join([header, *entries]) for header, entries in tables.items())
 
 
 def _new_value(number_: CauseVerdict | OffsetVerdict) -> str:
@@ -261,25 +316,33 @@ def _new_value(number_: CauseVerdict | OffsetVerdict) -> str:
         return f'"{value * scale:.4g} {number_.shown_in}"'
 
     if isinstance(number_, CauseVerdict):
-        if number_.factor is None or number_.unit == "1":
-            return ""
-        if number_.log_factor is not None:
-            factor = number_.factor.value
-            return f"{number_.log_factor * factor:.4g}  # {factor:.3g} times {number_.log_factor:.4g}"
-        return (
-            f"{quoted(number_.size * number_.factor.value)}  # {number_.factor.value:.3g} times {quoted(number_.size)}"
-        )
+        return _new_size(number_, quoted)
+    if number_.name.endswith(DELAY):
+        return f'{{ distribution = "fixed", value = {quoted(number_.estimate[0])} }}'
     if number_.used is not None:
-        arm = [used - error for used, error in zip(number_.used, number_.estimate, strict=True)]
-        return f"[{', '.join(quoted(each) for each in arm)}]"
+        return f"[{', '.join(quoted(signed_estimate(number_, place)) for place in range(len(number_.axes)))}]"
     size = float(np.sqrt(np.mean(np.square(number_.estimate))))
     return f"{quoted(size)}  # a sigma, from the size that this record shows"
+
+
+def _new_size(number_: CauseVerdict, quoted: Callable[[float], str]) -> str:
+    if number_.factor is None or number_.unit == "1":
+        return ""
+    factor = number_.factor.value
+    if number_.correlation_time > 0.0:
+        time = f'correlation_time = "{number_.correlation_time:g} s"'
+        return f"{{ sigma = {quoted(number_.size * factor)}, {time} }}"
+    if number_.absent:
+        return quoted(number_.size * factor)
+    if number_.log_factor is not None:
+        return f"{number_.log_factor * factor:.4g}  # {factor:.3g} times {number_.log_factor:.4g}"
+    return f"{quoted(number_.size * factor)}  # {factor:.3g} times {quoted(number_.size)}"
 
 
 def terminal(judgement: Judgement) -> list[Part]:
     """List what the terminal shows: the verdict, what to change, then all tables."""
     pasted = to_paste(judgement)
-    notes = [Note(f"note: {each}") for each in judgement.notes]
+    notes = [Note(f"note: {note}") for note in judgement.notes]
     changed: list[Part] = [Lines(pasted, "Tables to paste")] if pasted else []
     tables = joined(sensor_table(judgement), nees_table(judgement), cause_table(judgement), offset_table(judgement))
     return [verdict(judgement), *changed, *notes, *tables]
@@ -289,8 +352,8 @@ def basis(judgement: Judgement) -> Sentence:
     """Say what was compared."""
     return Sentence(
         f"{judgement.measurements:,} measurements in {number(judgement.duration, 4)} s, compared with "
-        f"{judgement.simulated:,} records that the campaign's linear system along the recorded flight gives with the "
-        "gains that the filter used."
+        f"{judgement.simulated:,} simulated records. These are of the campaign's linear system along the recorded "
+        "flight, with the gains that the filter used."
     )
 
 

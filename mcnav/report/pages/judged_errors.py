@@ -32,7 +32,7 @@ ERROR, SIGMA = Series("error", "error", POINT), Series("filter", "stated, ±3σ"
 
 def level(verdicts: Sequence[ErrorVerdict]) -> float:
     """Return the probability of a false alarm of each test."""
-    tests = sum((each.size is not None) + (each.whiteness is not None) for each in verdicts)
+    tests = sum((verdict.size is not None) + (verdict.whiteness is not None) for verdict in verdicts)
     return LEVEL / max(tests, 1)
 
 
@@ -61,11 +61,11 @@ def wrong(verdicts: Sequence[ErrorVerdict]) -> list[str]:
 def verdict(verdicts: Sequence[ErrorVerdict]) -> Verdict:
     """Return the verdict in large type."""
     clauses = wrong(verdicts)
-    silent = [humanize(each.name) for each in verdicts if each.size is None]
+    silent = [humanize(verdict.name) for verdict in verdicts if verdict.size is None]
     further = (f"Too few independent values to say anything: {', '.join(silent)}.",) if silent else ()
     if clauses:
         return Verdict(f"{clauses[0][:1].upper()}{clauses[0][1:]}.", "differs",
-                       (*(f"Besides, {each}." for each in clauses[1:]), *further))  # fmt: skip
+                       (*(f"Besides, {clause}." for clause in clauses[1:]), *further))  # fmt: skip
     if len(silent) == len(verdicts):
         return Verdict("This record is too short, for its correlation, to say anything.", "undecided", further)
     return Verdict("Errors and innovations are as large as stated, as far as this record tells.", "agrees", further)
@@ -93,12 +93,12 @@ def error_table(verdicts: Sequence[ErrorVerdict]) -> Table[ErrorVerdict]:
         return Cell(number(each.whiteness.autocorrelation, 2), tone=tone)
 
     columns: list[Column[ErrorVerdict]] = [
-        Column("Quantity", lambda each: humanize(each.name), "quantity", "label", of_user=True),
-        Column("test", lambda each: each.kind, kind="label"),
+        Column("Quantity", lambda row: humanize(row.name), "quantity", "label", of_user=True),
+        Column("test", lambda row: row.kind, kind="label"),
         Column("mean square", ratio),
         Column("factor of the sigma (95 %)", factor, "factor (95 %)"),
-        Column("values", lambda each: "–" if each.size is None else f"{each.size.values:,}"),
-        Column("independent", lambda each: "–" if each.size is None else number(each.size.effective, 3)),
+        Column("values", lambda row: "–" if row.size is None else f"{row.size.values:,}"),
+        Column("independent", lambda row: "–" if row.size is None else number(row.size.effective, 3)),
         Column("autocorrelation", white),
     ]
     return Table("Normalized squares, over the number of components.", columns, verdicts, "Errors and innovations")
@@ -139,5 +139,5 @@ def content(verdicts: Sequence[ErrorVerdict]) -> Mapping[str, Any]:
         "alarm": bool(clauses),
         "sentence": verdict(verdicts).headline,
         "level": level(verdicts),
-        "tests": [asdict(each) for each in verdicts],
+        "tests": [asdict(verdict) for verdict in verdicts],
     }

@@ -23,7 +23,6 @@ from mcnav.report.document.html import card_html
 from mcnav.report.document.parts import (
     Answers,
     Facts,
-    Findings,
     Folded,
     Note,
     Page,
@@ -45,6 +44,7 @@ from mcnav.report.pages.lincov import (
     final_rows,
     largest_rows,
     requirement_rows,
+    requirements_in_brief,
     smoothed_rows,
     statements,
 )
@@ -110,19 +110,19 @@ def page(
         sections.append(Section("budget", "Error budget", [budget, *_budget_parts(answer, outages)]))
     if (gates := gate_table(answer)) is not None:
         sections.append(Section("gates", "What the gates stop", [gates]))
-    looped = ".py:" in answer.kind and any(each.of == "truth" for each in answer.outputs)
+    looped = ".py:" in answer.kind and any(output.of == "truth" for output in answer.outputs)
     if (helpful := remedies_section(remedies, answer.outputs, ALL_REMEDIES)) is not None:
         sections.append(helpful)
     if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped)) is not None:
         sections.append(changeable)
     if meaningful and answer.sigma.any() and (correlations := drawn.correlations(answer)) is not None:
         sections.append(Section("correlations", "Covariance and correlation", [correlations]))
-    asked = Findings([(row.finding, row.tone, f"{row.requirement}: {row.shown}") for row in requirement_rows(answer)])
+    asked = requirements_in_brief(answer)
     helps = fix(remedies, answer.outputs)
     known = [(name, words) for name, words in (("Cause", _cause(answer)), ("Fix", helps)) if words]
     facts = Facts(known, below=True) if helps else None
     head = joined(verdict, facts, asked if asked.entries else None, answers, Note(left_out) if left_out else None)
-    shown = worst_panel(answer, moving if isinstance(moving, Figure) else None)
+    shown = _foremost(answer, moving, drawn.requirements(answer, outages))
     title = f"{answer.campaign}: linear covariance"
     return answered(Page(title, "Linear covariance", answer.campaign, head, sections), shown)
 
@@ -139,12 +139,22 @@ def _cause(answer: LinearAnswer) -> str:
     return listed(kinds[:LARGEST]) if kinds else ""
 
 
-def worst_panel(answer: LinearAnswer, figure: Figure | None) -> Figure | None:
-    """Return the panel of a figure over time that shows what a filter is most wrong about; the first one elsewhere."""
-    worst = None if answer.filter is None else humanize(answer.filter.output)
-    if figure is None or worst is None:
-        return figure
-    return replace(figure, panels=sorted(figure.panels, key=lambda panel: panel.title != worst))
+def _foremost(answer: LinearAnswer, over_time: Figure | None, asked: Figure | None) -> Figure | None:
+    """Return the figure that shows the answer, its first panel the worst.
+
+    Requirements over time come first, the tightest; else the output that a filter is most wrong about, or that the
+    tightest requirement at the end limits.
+    """
+    tightest = sorted((each for each in answer.requirements if each.judged), key=lambda each: each.margin)
+    if asked is not None and (answer.filter is None or answer.filter.verdict == "consistent"):
+        names = [drawn.short_name(each, answer) for each in tightest]
+        return replace(asked, panels=sorted(asked.panels, key=lambda panel: names.index(panel.title.split(": ", 1)[1])))
+    output = "" if answer.filter is None else humanize(answer.filter.output)
+    if tightest and not output:
+        output = humanize(answer.outputs[tightest[0].requirement.outputs[0]].name)
+    if over_time is None:
+        return None
+    return replace(over_time, panels=sorted(over_time.panels, key=lambda panel: panel.title != output))
 
 
 def terminal(answer: LinearAnswer) -> list[Part]:
@@ -160,7 +170,7 @@ def terminal(answer: LinearAnswer) -> list[Part]:
         gate_table(answer),
     ]
     remarks = [Sentence(remark, "undecided") for remark in remarks_in(answer.remarks)]
-    return [Verdict(words, tone), *(Sentence(*each) for each in others), *remarks, *joined(*tables)]
+    return [Verdict(words, tone), *(Sentence(*other) for other in others), *remarks, *joined(*tables)]
 
 
 def card(answer: LinearAnswer, outages: drawn.Outages) -> str:
@@ -171,7 +181,7 @@ def card(answer: LinearAnswer, outages: drawn.Outages) -> str:
     asked = requirement_table(answer) if answer.requirements else None
     parts = joined(Sentence(STRONG(answer.campaign)), verdict, asked, final_table(answer))
     figures = [] if answer.beyond is not None else joined(drawn.budget(answer), drawn.sigmas(answer, outages))
-    return card_html([*parts, *(bare(each) for each in figures if isinstance(each, Figure))])
+    return card_html([*parts, *(bare(figure) for figure in figures if isinstance(figure, Figure))])
 
 
 def _as_read(answer: LinearAnswer, outages: drawn.Outages) -> tuple[LinearAnswer, drawn.Outages]:
@@ -179,7 +189,7 @@ def _as_read(answer: LinearAnswer, outages: drawn.Outages) -> tuple[LinearAnswer
     axis = read_axis(answer)
     if axis is None:
         return answer, outages
-    spans = {name: [(axis.read(begin), axis.read(end)) for begin, end in each] for name, each in outages.items()}
+    spans = {name: [(axis.read(begin), axis.read(end)) for begin, end in outage] for name, outage in outages.items()}
     return as_read(answer), spans
 
 
@@ -205,7 +215,7 @@ CURVED: Final = (
 
 def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
     """Tabulate the requirements and their linear values."""
-    boxes = any(each.requirement.kind == "box" for each in answer.requirements)
+    boxes = any(requirement.requirement.kind == "box" for requirement in answer.requirements)
     several = "; of several outputs within limits together, each in multiples of its limit" if boxes else ""
     rows = requirement_rows(answer)
     curved = any(row.exceedance_curved is not None for row in rows)

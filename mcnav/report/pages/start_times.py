@@ -20,6 +20,7 @@ from mcnav.report.document.table import Cell, Column, Table, five_digits, label
 from mcnav.report.figures import start_times as drawn
 from mcnav.report.format import interval, number
 from mcnav.report.names import humanize, labels_of, scale_of
+from mcnav.report.pages.screen import answered
 from mcnav.report.statements.details import NOT_DISTURBED, output_words
 from mcnav.report.statements.start_times import answer, minutes
 
@@ -70,7 +71,7 @@ def table(study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Ou
 
 def check_table(checks: Mapping[float, Comparison], outputs: Sequence[Output]) -> pd.DataFrame:
     """Tabulate the Monte Carlo checks by start time and output, SI."""
-    return pd.DataFrame([row for time, each in checks.items() for row in _check_rows(time, each, outputs)])
+    return pd.DataFrame([row for time, check in checks.items() for row in _check_rows(time, check, outputs)])
 
 
 def _check_rows(time: float, comparison: Comparison, outputs: Sequence[Output]) -> list[Mapping[str, object]]:
@@ -115,18 +116,14 @@ def page(
         if clock.weighs and not study.weights[i]:
             continue
         figure = drawn.effects(study, i, float(scale[i]), effects, output)
-        title = f"Partial derivatives of the final {humanize(output.name)}"
+        title = f"Partials of {humanize(output.name)}"
         sections.append(Section(f"partials-{i + 1}", title, joined(figure)))
-    return Page(
-        f"{campaign}: start times",
-        "Dispersion and partial derivatives by start of navigation",
-        campaign,
-        [
-            Verdict(answer(study, checks, outputs)),
-            Sentence(f"{words.title} as functions of the start of navigation. {convention}"),
-        ],
-        sections,
-    )
+    head: list[Part] = [
+        Verdict(answer(study, checks, outputs)),
+        Sentence(f"{words.title} as functions of the start of navigation. {convention}"),
+    ]
+    whole = Page(f"{campaign}: start times", "Start of navigation", campaign, head, sections)
+    return answered(whole, drawn.weighted(study, checks, outputs))
 
 
 def _best_table(study: StartTimeStudy, outputs: Sequence[Output]) -> Table[tuple[str, int]]:
@@ -235,16 +232,16 @@ def _check_table(study: StartTimeStudy, checks: Mapping[float, Comparison], outp
     columns = [Column(f"Start, {study.clock.label}", start, kind="label")]
     if len(outputs) <= MOST_BESIDE:
         columns += map(of_output, range(len(outputs)))
-        return Table(caption, columns, [(time, each, 0) for time, each in checks.items()])
+        return Table(caption, columns, [(time, check, 0) for time, check in checks.items()])
     columns += [
-        single("Output", lambda each: Cell(humanize(each.output.name), each.output.shown_in)),
-        single("Linear σ", lambda each: each.sigmas[0]),
-        single("Paired σ", lambda each: each.sigmas[1]),
-        single("Ratio", lambda each: number(each.result.paired.ratio)),
-        single("Interval", lambda each: each.ends),
-        single("Verdict", lambda each: each.verdict),
+        single("Output", lambda row: Cell(humanize(row.output.name), row.output.shown_in)),
+        single("Linear σ", lambda row: row.sigmas[0]),
+        single("Paired σ", lambda row: row.sigmas[1]),
+        single("Ratio", lambda row: number(row.result.paired.ratio)),
+        single("Interval", lambda row: row.ends),
+        single("Verdict", lambda row: row.verdict),
     ]
-    rows = [(time, each, i) for time, each in checks.items() for i in range(len(each.outputs))]
+    rows = [(time, check, i) for time, check in checks.items() for i in range(len(check.outputs))]
     return Table(caption, columns, rows)
 
 
@@ -267,7 +264,7 @@ def grouped_effects(study: StartTimeStudy, sources: Sequence[Source], outputs: S
     members: dict[str, list[int]] = {}
     for j, source in enumerate(sources):
         members.setdefault(source.group or source.name, []).append(j)
-    initial = {source.group or source.name for source in sources if source.name in {each.name for each in outputs}}
+    initial = {source.group or source.name for source in sources if source.name in {output.name for output in outputs}}
     names = list(members)
     labels = [f"initial {humanize(name)}" if name in initial else humanize(name) for name in names]
     sizes = [np.sqrt((study.effects[:, :, members[name]] ** 2).sum(axis=2)) for name in names]
@@ -275,5 +272,5 @@ def grouped_effects(study: StartTimeStudy, sources: Sequence[Source], outputs: S
         drawn.Effects(label, size, name in initial, combined=True)
         for name, label, size in zip(names, labels, sizes, strict=True)
     ]
-    effects = [each for each in effects if each.sizes.any()] or effects
+    effects = [effect for effect in effects if effect.sizes.any()] or effects
     return effects if study.noise is None else [*effects, drawn.Effects("noise", study.noise, False, combined=True)]

@@ -51,8 +51,8 @@ def frame(sweep: Sweep) -> pd.DataFrame:
 def _checked(sweep: Sweep) -> Array:
     """Return the Monte Carlo values at the points of the grid, NaN where there are none."""
     checked = np.full_like(sweep.values, np.nan)
-    for each in sweep.confirmations:
-        checked[each.place] = each.values
+    for confirmation in sweep.confirmations:
+        checked[confirmation.place] = confirmation.values
     return checked
 
 
@@ -61,17 +61,17 @@ def just_met_rows(sweep: Sweep) -> list[Mapping[str, object]]:
     *first, last = sweep.variables
     return [
         {
-            "measure": sweep.measures[each.measure].name,
+            "measure": sweep.measures[allocation.measure].name,
             "variable": last.path,
             "unit": last.unit,
-            **({first[0].path: _plain(first[0], each.fixed)} if first else {}),
-            "just_met": list(each.values),
-            "met": [[_plain(last, end) for end in span] for span in each.met],
-            "looked_at": each.looked_at,
-            "closest": None if each.closest is None else _plain(last, each.closest[0]),
-            "finding": met_words(each, last),
+            **({first[0].path: _plain(first[0], allocation.fixed)} if first else {}),
+            "just_met": list(allocation.values),
+            "met": [[_plain(last, end) for end in span] for span in allocation.met],
+            "looked_at": allocation.looked_at,
+            "closest": None if allocation.closest is None else _plain(last, allocation.closest[0]),
+            "finding": met_words(allocation, last),
         }
-        for each in sweep.just_met
+        for allocation in sweep.just_met
     ]
 
 
@@ -89,22 +89,27 @@ def table(sweep: Sweep) -> Mapping[str, object]:
     result = {
         "campaign": sweep.campaign,
         "variables": [
-            {"path": each.path, "unit": each.unit, "values": each.words or each.values, "logarithmic": each.log}
-            for each in sweep.variables
+            {
+                "path": variable.path,
+                "unit": variable.unit,
+                "values": variable.words or variable.values,
+                "logarithmic": variable.log,
+            }
+            for variable in sweep.variables
         ],
         "measures": [
             {
-                "name": each.name,
-                "kind": each.kind,
-                "outputs": [sweep.outputs[number].name for number in each.outputs],
-                "unit": each.unit,
-                "limits": each.limits,
-                "probability": None if each.kind in (SIGMA, DRMS) else each.probability,
-                "requirement": each.requirement,
+                "name": measure.name,
+                "kind": measure.kind,
+                "outputs": [sweep.outputs[number].name for number in measure.outputs],
+                "unit": measure.unit,
+                "limits": measure.limits,
+                "probability": None if measure.kind in (SIGMA, DRMS) else measure.probability,
+                "requirement": measure.requirement,
                 "time": time,
                 "present": present,
             }
-            for each, time, present in zip(sweep.measures, sweep.times, sweep.present.tolist(), strict=True)
+            for measure, time, present in zip(sweep.measures, sweep.times, sweep.present.tolist(), strict=True)
         ],
         "values": sweep.values,
         **({"means": sweep.means} if any(map(sweep.has_mean, range(len(sweep.measures)))) else {}),
@@ -114,13 +119,15 @@ def table(sweep: Sweep) -> Mapping[str, object]:
         "just_met": just_met_rows(sweep),
         "monte_carlo": [
             {
-                "point": dict(zip((v.path for v in sweep.variables), _plain_point(sweep, each.point), strict=True)),
-                "folder": str(each.folder),
-                "verdict": verdict_at(sweep, each),
-                "samples": each.summary.samples,
-                "values": each.values,
+                "point": dict(
+                    zip((v.path for v in sweep.variables), _plain_point(sweep, confirmation.point), strict=True)
+                ),
+                "folder": str(confirmation.folder),
+                "verdict": verdict_at(sweep, confirmation),
+                "samples": confirmation.summary.samples,
+                "values": confirmation.values,
             }
-            for each in sweep.confirmations
+            for confirmation in sweep.confirmations
         ],
     }
     plain: Mapping[str, object] = to_json(result)

@@ -69,9 +69,10 @@ def page(sweep: Sweep) -> Page:
     stated: Part = Verdicts([*confirmed, Verdict(words, tone)]) if tone else Sentence(words)
     others: list[Part] = [] if tone or not confirmed else [Verdicts(confirmed)]
     facts = Facts([
-        (each.path, ", ".join(each.words) or
-         f"{shown(each, each.values[0])} to {shown(each, each.values[-1])}, {len(each.values)} values")
-        for each in sweep.variables
+        (variable.path, ", ".join(variable.words) or
+         f"{shown(variable, variable.values[0])} to {shown(variable, variable.values[-1])}, "
+         f"{len(variable.values)} values")
+        for variable in sweep.variables
     ])  # fmt: skip
     sections = [Section("accuracy", "Lines of equal accuracy" if contours else "Accuracy", _accuracy(sweep))]
     if sweep.just_met:
@@ -90,7 +91,7 @@ def _mean_errors(sweep: Sweep) -> list[Part]:
 def _accuracy(sweep: Sweep) -> list[Part]:
     """Draw the measures, say how they were computed, and tabulate them for the campaign as it is."""
     data = frame(sweep)
-    titles = [title_of(each, sweep) for each in sweep.measures]
+    titles = [title_of(measure, sweep) for measure in sweep.measures]
     figure = drawn.figure(sweep, titles, {name: data[name].to_numpy() for name in data})
     note = ["Every point is a linear covariance of its own, with the other keys as in the campaign."]
     if len(sweep.variables) > 1 and not sweep.variables[0].words:
@@ -116,10 +117,10 @@ class _Limit:
 def limit_table(sweep: Sweep) -> Table[_Limit]:
     """Tabulate where each limit is met, one row for each value at which the first variable is fixed."""
     *first, last = sweep.variables
-    numbers = list(dict.fromkeys(each.measure for each in sweep.just_met))
+    numbers = list(dict.fromkeys(allocation.measure for allocation in sweep.just_met))
     rows = []
     for place in numbers:
-        own = [each for each in sweep.just_met if each.measure == place]
+        own = [allocation for allocation in sweep.just_met if allocation.measure == place]
         rows += [_Limit(each, 0 if position else len(own)) for position, each in enumerate(own)]
 
     def fixed(variable: Variable) -> Column[_Limit]:
@@ -203,7 +204,11 @@ class _Checked:
 
 def confirmation_table(sweep: Sweep, confirmations: Sequence[Confirmation]) -> Table[_Checked]:
     """Tabulate linear and Monte Carlo sigmas at points where Monte Carlo was run."""
-    rows = [_Checked(point_words(sweep, each), row) for each in confirmations for row in confirmation_rows(sweep, each)]
+    rows = [
+        _Checked(point_words(sweep, confirmation), row)
+        for confirmation in confirmations
+        for row in confirmation_rows(sweep, confirmation)
+    ]
 
     def verdict(row: _Checked) -> Cell:
         words = row.estimates["verdict"]
@@ -271,16 +276,16 @@ def _checks(sweep: Sweep) -> list[Part]:
         "Each point is an ordinary run of the campaign, judged by itself: a sigma agrees within "
         f"{within}. {end_words(sweep.outputs).title} are compared, and requirements at their own times."
     )]  # fmt: skip
-    for each in sweep.confirmations:
-        tone = verdict_at(sweep, each)
-        folder = each.folder.relative_to(each.folder.parent.parent).as_posix()
+    for confirmation in sweep.confirmations:
+        tone = verdict_at(sweep, confirmation)
+        folder = confirmation.folder.relative_to(confirmation.folder.parent.parent).as_posix()
         told = Markup('{} {} <a href="{}/report.html">Report</a>, {:,} samples.').format(
-            label(tone, tone), verdicts.headline(each.summary), folder, each.summary.samples
+            label(tone, tone), verdicts.headline(confirmation.summary), folder, confirmation.summary.samples
         )
-        requirements = requirement_table(sweep, each)
+        requirements = requirement_table(sweep, confirmation)
         parts += [
-            Heading(point_words(sweep, each, True)), Sentence(told),
-            *(Sentence(STRONG(f"{line}.")) for line in disagreements(sweep, each)),
-            confirmation_table(sweep, [each]), *([requirements] if requirements.rows else []),
+            Heading(point_words(sweep, confirmation, True)), Sentence(told),
+            *(Sentence(STRONG(f"{line}.")) for line in disagreements(sweep, confirmation)),
+            confirmation_table(sweep, [confirmation]), *([requirements] if requirements.rows else []),
         ]  # fmt: skip
     return parts

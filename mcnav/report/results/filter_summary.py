@@ -67,7 +67,7 @@ def fault_entries(faults: Sequence[FaultRecord], consistency: FilterConsistency 
 def _fault(fault: FaultRecord, consistency: FilterConsistency | None) -> FaultEntry:
     sensors = () if consistency is None else consistency.sensors
     rejected, ends = None, None
-    if consistency is not None and (found := next((each for each in sensors if each.name == fault.sensor), None)):
+    if consistency is not None and (found := next((sensor for sensor in sensors if sensor.name == fault.sensor), None)):
         rejected = float(np.sum(found.rejected[fault.first + 1 : fault.last + 1]))
         if fault.measurements == 1:
             hits = round(rejected * consistency.samples)
@@ -101,7 +101,7 @@ def _table(consistency: FilterConsistency) -> FilterSummary:
         remarks=list(consistency.remarks),
         verdict_groups=consistency.on_groups.value,
         verdict_outputs=consistency.on_outputs.value,
-        departures=[_departure(each) for each in consistency.departures],
+        departures=[_departure(departure) for departure in consistency.departures],
         groups={group.name: _group(group, consistency) for group in consistency.groups},
         outputs={output.name: _sigma(output, consistency) for output in consistency.outputs},
         states={state.name: _sigma(state, consistency) for state in consistency.states},

@@ -55,7 +55,7 @@ def planes(outputs: Sequence[Variable | Output]) -> list[tuple[Quantity, Quantit
     >>> [(right.name, upward.name) for right, upward in planes(of)]
     [('position_east', 'position_north')]
     """
-    known = {each.name: each for each in quantities(outputs) if outputs[each.true].unit == "m"}
+    known = {quantity.name: quantity for quantity in quantities(outputs) if outputs[quantity.true].unit == "m"}
     return [
         (each, known[f"{name.removesuffix(right)}{upward}"])
         for name, each in known.items()

@@ -30,9 +30,9 @@ def causes_at(content: RunAnalysis, time: float, output: int) -> list[tuple[str,
     names = [source.name for source in content.manifest.model.sources]
     squares = error_budget(row, model.covariance).contributions ** 2
     variances = {name: squares[:, k] for k, name in enumerate(names)}
-    variances |= {name: part[at, [output]] for name, part in known.processes.items()}
+    variances |= {name: process[at, [output]] for name, process in known.processes.items()}
     means = {name: row[:, k] * model.mean[k] for k, name in enumerate(names) if model.mean[k]}
-    noise = sum(float(part[at, output]) for part in known.processes.values())
+    noise = sum(float(process[at, output]) for process in known.processes.values())
     total = float(transformed_variances(row, model.covariance)[0]) + noise + float((row @ model.mean)[0] ** 2)
     labels = dict(zip([*names, *model.processes], content.cause_names, strict=True))
     return [

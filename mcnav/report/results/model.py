@@ -125,9 +125,9 @@ class RunAnalysis:
         curvature = Curvature.of_record(self.manifest.model.second_order)
         blocks = self.manifest.sampling_design.blocks(self.samples.index)
         return tuple(
-            tail_curve(each.requirement, self.model, curvature, self.outputs, blocks, self.criterion.confidence)
-            if each.exceedance is not None and not each.requirement.epochs and self.beyond is None else None
-            for each in self.requirements
+            tail_curve(result.requirement, self.model, curvature, self.outputs, blocks, self.criterion.confidence)
+            if result.exceedance is not None and not result.requirement.epochs and self.beyond is None else None
+            for result in self.requirements
         )  # fmt: skip
 
     @property
@@ -197,7 +197,7 @@ class RunAnalysis:
     def looped(self) -> bool:
         """True of a closed loop of the user's: a class of which an output is true dispersion."""
         kind = str(self.manifest.identity.campaign.get("scenario", {}).get("type", ""))
-        return ".py:" in kind and any(each.of == "truth" for each in self.manifest.model.outputs)
+        return ".py:" in kind and any(output.of == "truth" for output in self.manifest.model.outputs)
 
     @property
     def source_names(self) -> list[str]:

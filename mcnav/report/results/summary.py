@@ -73,7 +73,7 @@ def summarise(
         **_joint(comparison.joint, len(names)),
         "causes": asdict(causes) if causes else None,
         "tails": [_named(asdict(quantile), names) | {"verdict": quantile.verdict.value} for quantile in tails],
-        **({"sizes": [_size(each, names) for each in sizes]} if sizes else {}),
+        **({"sizes": [_size(size, names) for size in sizes]} if sizes else {}),
         "requirements": [_requirement(judged, names) for judged in requirements],
         "requirements_met": tally(judged.finding.value for judged in requirements),
         **({} if beyond is None else {"beyond_range": named_range(beyond, record)}),
@@ -130,11 +130,11 @@ def _linear(record: ModelRecord, model: Model) -> Keys:
     """Return the linear model, and what further simulations add to it."""
     processes = [{"name": name, "covariance": covariance} for name, covariance in model.processes.items()]
     return {
-        "sources": [{"name": each.name, "unit": each.unit} for each in record.sources],
-        "outputs": [_output(each) for each in record.outputs],
+        "sources": [{"name": source.name, "unit": source.unit} for source in record.sources],
+        "outputs": [_output(output) for output in record.outputs],
         "shown_in": {
-            "sources": [each.shown_in for each in record.sources],
-            "outputs": [each.shown_in for each in record.outputs],
+            "sources": [source.shown_in for source in record.sources],
+            "outputs": [output.shown_in for output in record.outputs],
         },
         "partials": model.partials,
         "start_mean": model.mean,
@@ -264,7 +264,7 @@ def _combinations(ellipsoid: Ellipsoid, names: Sequence[str]) -> Joint:
         mean_error=ellipsoid.mean_error,
         differing=differing,
         shifted=shifted,
-        unpredicted=[_combination(each, names) for each in ellipsoid.unpredicted],
+        unpredicted=[_combination(combination, names) for combination in ellipsoid.unpredicted],
     )
 
 

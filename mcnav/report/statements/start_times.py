@@ -117,11 +117,11 @@ def _of_single_outputs(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
 def _confirmed(study: StartTimeStudy, checks: Mapping[float, Comparison]) -> str:
     """Say whether Monte Carlo agrees at the best start; empty where it was not run there."""
     time = float(study.times[study.best_weighted])
-    confirmed = next((each for when, each in checks.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
+    confirmed = next((check for when, check in checks.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
     if confirmed is None or not confirmed.outputs:
         return ""
     weighted = [
-        each.paired.verdict for each, weight in zip(confirmed.outputs, study.weights, strict=True) if weight > 0.0
+        output.paired.verdict for output, weight in zip(confirmed.outputs, study.weights, strict=True) if weight > 0.0
     ]
     words = {
         "agrees": "Monte Carlo agrees with linear analysis there.",

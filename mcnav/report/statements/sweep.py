@@ -106,7 +106,7 @@ NOT_SIMULATED: Final = "Linear analysis alone: no point was simulated. --confirm
 def headline(sweep: Sweep) -> tuple[str, str]:
     """State where the limits are met; return the words and their tone, which Monte Carlo may take back."""
     if not sweep.just_met:
-        varied = " and ".join(each.path for each in sweep.variables)
+        varied = " and ".join(variable.path for variable in sweep.variables)
         return f"Accuracy by linear analysis over {varied}", ""
     words, tone = _linear_headline(sweep)
     refuted = sweep.confirmations and confirmed_words(sweep)[1] == "differs"
@@ -114,12 +114,12 @@ def headline(sweep: Sweep) -> tuple[str, str]:
 
 
 def _linear_headline(sweep: Sweep) -> tuple[str, str]:
-    tones = [tone_of(each) for each in sweep.just_met]
+    tones = [tone_of(allocation) for allocation in sweep.just_met]
     *first, last = sweep.variables
     if len(sweep.just_met) == 1:
         (only,) = sweep.just_met
         return f"{title_of(sweep.measures[only.measure], sweep, True)}: {met_words(only, last)}", tones[0]
-    over = " and ".join(each.path for each in sweep.variables)
+    over = " and ".join(variable.path for variable in sweep.variables)
     if set(tones) == {"agrees"}:
         return f"all limits are met at every value looked at of {over}", "agrees"
     if set(tones) == {"differs"}:
@@ -136,12 +136,12 @@ def _linear_headline(sweep: Sweep) -> tuple[str, str]:
 def common_spans(sweep: Sweep) -> tuple[Span, ...] | None:
     """Return the interval in which all limits along one variable are met; none if one has several intervals."""
     low, high = -np.inf, np.inf
-    for each in sweep.just_met:
-        if len(each.met) > 1 or (each.met and sweep.variables[-1].words):
+    for allocation in sweep.just_met:
+        if len(allocation.met) > 1 or (allocation.met and sweep.variables[-1].words):
             return None
-        if not each.met:
+        if not allocation.met:
             return ()
-        begin, end = each.met[0]
+        begin, end = allocation.met[0]
         low, high = max(low, -np.inf if begin is None else begin), min(high, np.inf if end is None else end)
     if low >= high:
         return ()
@@ -182,7 +182,7 @@ def remarks(sweep: Sweep) -> list[str]:
     if np.isfinite(sweep.own).any() and not any(drawn.differs(sweep, index) for index in range(len(sweep.measures))):
         result.append("The filter states the same values: at every point it believes what is true.")
     result += _of_filter(sweep)
-    if any(not each.whole for each in sweep.just_met):
+    if any(not allocation.whole for allocation in sweep.just_met):
         result.append(
             "Some limits are known at the values looked at alone: those between them have no answer, or more than "
             f"{MOST_ADDED} would be needed."
@@ -261,16 +261,16 @@ def verdict_at(sweep: Sweep, confirmation: Confirmation) -> str:
 def confirmed_words(sweep: Sweep) -> tuple[str, str]:
     """State whether Monte Carlo confirms the linear answers; return the words and their tone."""
     count = len(sweep.confirmations)
-    verdicts = [verdict_at(sweep, each) for each in sweep.confirmations]
+    verdicts = [verdict_at(sweep, confirmation) for confirmation in sweep.confirmations]
     if wrong := verdicts.count("differs"):
         where = f"{wrong} of {count} points: do not rely on the linear numbers there"
         return f"Monte Carlo disagrees with linear analysis at {where}", "differs"
     if undecided := verdicts.count("undecided"):
         where = f"{undecided} of {count} points whether linear analysis holds: more samples would"
         return f"Monte Carlo does not decide at {where}", "undecided"
-    joint = sum(each.summary.verdict_matrix == "differs" for each in sweep.confirmations)
+    joint = sum(confirmation.summary.verdict_matrix == "differs" for confirmation in sweep.confirmations)
     words = f"Monte Carlo agrees with linear analysis at all {count} points where it was run"
-    if others := sum(each.summary.verdict == "differs" for each in sweep.confirmations):
+    if others := sum(confirmation.summary.verdict == "differs" for confirmation in sweep.confirmations):
         return f"{words}. Other outputs differ at {others} of them", "partly"
     if joint:
         return f"{words}. The full covariance matrix differs at {joint} of them", "partly"

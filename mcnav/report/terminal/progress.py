@@ -80,7 +80,7 @@ class Lines:
         if self._lines:
             self._lines[-1].ended = now
         line = _Line(phase, note, samples, now)
-        for before in [each for each in self._lines if each.phase == phase]:
+        for before in [line for line in self._lines if line.phase == phase]:
             line.began -= (now if before.ended is None else before.ended) - before.began
             line.ready, line.stored = before.ready, before.stored
             self._lines.remove(before)

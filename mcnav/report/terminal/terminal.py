@@ -115,9 +115,11 @@ def best_starts(
 
         time = float(study.times[place])
         cells = [f"{time / 60.0:.1f}", size(study.rms[place]), size(own_rms)]
-        result = next((each for when, each in checked.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
+        result = next((check for when, check in checked.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
         if result is not None and result.outputs:
-            verdicts = [each.paired.verdict for each, weight in zip(result.outputs, weights, strict=True) if weight > 0]
+            verdicts = [
+                output.paired.verdict for output, weight in zip(result.outputs, weights, strict=True) if weight > 0
+            ]
             cells += [size(simulated_rms(study, time, result)), combine_verdicts(verdicts).value]
         elif checked:
             cells += ["–", "not checked"]

@@ -29,26 +29,26 @@ def noise_partials(
     impulses: dict[int, Array] = {}
     for number in range(end, -1, -1):
         planned = plan.instants[number]
-        for each in reversed(planned.updates):
-            if each.kind == "measure":
-                sizes = true.measurements[each.number]
-                parts.setdefault(SENSORS + each.number, []).append(response @ each.inputs * sizes)
-            elif each.kind == "correct":
-                sizes = true.corrections[each.number]
-                parts.setdefault(CORRECTIONS + each.number, []).append(response @ each.inputs * sizes)
-            response = response @ each.state
+        for update in reversed(planned.updates):
+            if update.kind == "measure":
+                sizes = true.measurements[update.number]
+                parts.setdefault(SENSORS + update.number, []).append(response @ update.inputs * sizes)
+            elif update.kind == "correct":
+                sizes = true.corrections[update.number]
+                parts.setdefault(CORRECTIONS + update.number, []).append(response @ update.inputs * sizes)
+            response = response @ update.state
         if plan.begin is not None and number == plan.begin.number:
             response = response @ plan.begin.state
-        for each in reversed(planned.steps):
-            parts.setdefault(PROCESSES, []).append(response @ each.inputs * true.modes)
-            for correction, inputs in each.corrections.items():
+        for step in reversed(planned.steps):
+            parts.setdefault(PROCESSES, []).append(response @ step.inputs * true.modes)
+            for correction, inputs in step.corrections.items():
                 added = response @ inputs * true.corrections[correction]
                 impulses[correction] = impulses.get(correction, 0.0) + added
-            response = response @ each.state
+            response = response @ step.state
     if maps.structure.markov.size:
         parts.setdefault(PROCESSES, []).append(response[:, maps.structure.markov.whole] * true.markov)
     partials = {stream: np.concatenate(blocks[::-1], axis=1) for stream, blocks in parts.items()}
-    return partials | {CORRECTIONS + number: each for number, each in impulses.items()}
+    return partials | {CORRECTIONS + number: impulse for number, impulse in impulses.items()}
 
 
 def rows_of(partials: Sequence[Mapping[int, Array]]) -> tuple[Array, dict[int, int]]:
@@ -57,16 +57,16 @@ def rows_of(partials: Sequence[Mapping[int, Array]]) -> tuple[Array, dict[int, i
     Of an earlier instant it is shorter, since what is drawn later adds nothing.
     """
     counts: dict[int, int] = {}
-    for each in partials:
-        for stream, part in each.items():
+    for partial in partials:
+        for stream, part in partial.items():
             counts[stream] = max(counts.get(stream, 0), part.shape[1])
     rows = []
-    for each in partials:
-        number = len(next(iter(each.values()))) if each else 0
+    for partial in partials:
+        number = len(next(iter(partial.values()))) if partial else 0
         padded = [np.zeros((number, count)) for count in counts.values()]
         for place, stream in zip(padded, counts, strict=True):
-            if stream in each:
-                place[:, : each[stream].shape[1]] = each[stream]
+            if stream in partial:
+                place[:, : partial[stream].shape[1]] = partial[stream]
         rows.append(np.concatenate(padded, axis=1) if padded else np.zeros((number, 0)))
     return np.concatenate(rows), counts
 
@@ -77,8 +77,8 @@ class ConditionalDraws(Noise):
     def __init__(self, seed: int, index: IndexArray, directions: Mapping[int, Array], wanted: Array) -> None:
         super().__init__(seed, index)
         random, missing = Noise(seed, index), wanted.copy()
-        for stream, each in directions.items():
-            missing -= np.einsum("kn,rk->nr", random.draw(stream, each.shape[1]), each)
+        for stream, direction in directions.items():
+            missing -= np.einsum("kn,rk->nr", random.draw(stream, direction.shape[1]), direction)
         self._moved, self._directions = missing, directions
         self._place: dict[int, int] = {}
 

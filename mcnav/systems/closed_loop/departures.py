@@ -43,14 +43,14 @@ def departures_from_twins(setup: Setup, result: SimulationResult, sigma: Array) 
     name, most = _largest(setup, result, slice(SAMPLES, None), SMALL_SHARE * sigma)
     if most > SMALL_DEPARTURE:
         return [
-            f"something bends, jumps or rounds at the nominal: with a hundredth of all errors a sample still departs "
-            f"from linear analysis by {most:.2g} sigma in {name}"
+            f"something bends, jumps or rounds at the nominal. With a hundredth of all errors a sample is still "
+            f"{most:.2g} sigma off linear analysis in {name}"
         ]
     name, most = _largest(setup, result, slice(SAMPLES), sigma)
     if most > DEPARTURE:
         return [
-            f"a sample departs from linear analysis by {most:.2g} sigma in {name}, and with a hundredth of all errors "
-            "and noise follows it: something bends within the dispersion, such as a limit, a dead band or an event"
+            f"a sample departs from linear analysis by {most:.2g} sigma in {name}. With a hundredth of all errors and "
+            "noise it does not: something bends within the spread, such as a limit, a dead band or an event"
         ]
     return []
 
@@ -110,7 +110,7 @@ def growth_of(readings: LinearSystem, names: tuple[str, ...], start: Array) -> l
 def sigmas_of(readings: LinearSystem, start: Array) -> Array:
     """Compute the linear sigmas of the outputs at the epochs, shape (m, outputs)."""
     variances = transformed_variances(readings.partials, start)
-    variances = variances + sum(np.diagonal(each, axis1=1, axis2=2) for each in readings.processes.values())
+    variances = variances + sum(np.diagonal(process, axis1=1, axis2=2) for process in readings.processes.values())
     return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
 
 

@@ -273,14 +273,14 @@ class Flight:
         setup, maps, columns = self.setup, self.setup.maps, np.flatnonzero(met)
         noises = [self.execution_errors(number)[:, self.rows] for number in range(len(maps.events))]
         of_x, of_white = self.x[:, met], white[:, :, met]
-        of_noise = [each[:, met] for each in noises]
+        of_noise = [noise[:, met] for noise in noises]
         passages = find_passages(maps, step, of_x, of_white, self.signs, self.pending[:, met], of_noise)
         ended = np.zeros(len(self.rows), dtype=bool)
         after = after.copy()
         for events, chosen in passages.groups():
             here, fractions = columns[chosen], passages.fractions[: len(events), chosen]
             of_step = white[:, :, here].reshape(2 * white.shape[1], len(here))
-            entering = np.concatenate([of_step, *(noises[each][:, here] for each in events)])
+            entering = np.concatenate([of_step, *(noises[event][:, here] for event in events)])
             own = [setup.believed.corrections[maps.events[e].number] for e in events if self._corrects(e)]
             function = self._passing(step, events)
             after[:, here] = function(self.x[:, here], entering, fractions)

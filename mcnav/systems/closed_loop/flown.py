@@ -79,14 +79,14 @@ class FlownStep:
         assert isinstance(first, FlownMap)
         composed = Composed.of(Transition(first.known.state, first.known.inputs, "step"))
         moments: list[Moment] = []
-        for part in others:
-            if isinstance(part, FlownMap):
-                composed.add(part.known.state, part.known.inputs)
+        for other in others:
+            if isinstance(other, FlownMap):
+                composed.add(other.known.state, other.known.inputs)
                 continue
-            event, saltation = part.event, part.saltation
-            moments.append(Moment(part.time, part.fraction, "before", part.before, composed.transition))
+            event, saltation = other.event, other.saltation
+            moments.append(Moment(other.time, other.fraction, "before", other.before, composed.transition))
             composed.jump(saltation, event.number if event.kind == "correction" else None)
-            moments.append(Moment(part.time, part.fraction, "after", saltation.value, composed.transition))
+            moments.append(Moment(other.time, other.fraction, "after", saltation.value, composed.transition))
         whole = composed.transition
         straight = None if others else first.known.straight
         return Transition(

@@ -118,7 +118,7 @@ class Maps:
         result = np.zeros((0, x.shape[1]))
         for number in present:
             chosen = numbers == number
-            part = function(x[:, chosen], *(each[..., chosen] for each in arrays))
+            part = function(x[:, chosen], *(array[..., chosen] for array in arrays))
             if not len(result):
                 result = np.empty((*part.shape[:-1], x.shape[1]))
             result[..., chosen] = part

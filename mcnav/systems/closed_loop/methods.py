@@ -43,7 +43,9 @@ def read_method(function: Any, where: str, known: Sequence[str], other: str = ""
         parameters = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):
         raise ScenarioError("type", f"{where} must be a function that states its arguments") from None
-    required = [each for each in parameters if each.default is inspect.Parameter.empty or each.name in known]
+    required = [
+        parameter for parameter in parameters if parameter.default is inspect.Parameter.empty or parameter.name in known
+    ]
     names = tuple(each.name for each in required)
     unknown = [name for name in names if name not in known]
     if other and len(unknown) == 1 and other not in names:

@@ -190,7 +190,7 @@ class _Flight:
         self._check_pending(end_time, over=True)
         self.kinks |= differentiate_flown(self.flown, self.steps, self.maps.structure.space, self.apart)
         return Linearization(
-            [each.linear() for each in flown], len(flown) - 1, end_time, self.event_times, self.signs, self.steps,
+            [flight.linear() for flight in flown], len(flown) - 1, end_time, self.event_times, self.signs, self.steps,
             frozenset(self.kinks), self.innovations,
         )  # fmt: skip
 
@@ -298,7 +298,7 @@ class _Flight:
 
     def _check_pending(self, time: float, over: bool = False) -> None:
         """Raise `ScenarioError` when an event should have happened by a time, or by the end of the flight."""
-        for event in (each for each, waits in zip(self.maps.events, self.pending, strict=True) if waits):
+        for event in (event for event, waits in zip(self.maps.events, self.pending, strict=True) if waits):
             if over or event.latest <= time:
                 told = f"its flight without any error meets no trigger by {min(event.latest, time):g} s"
                 raise ScenarioError("type", f"{event.name}: {told}")

@@ -161,7 +161,7 @@ def _read_plan(written: bytes) -> Plan:
 
 def given(structure: Any) -> dict[str, Any]:
     """Return the fields of a dataclass by name."""
-    return {each.name: getattr(structure, each.name) for each in fields(structure)}
+    return {attribute.name: getattr(structure, attribute.name) for attribute in fields(structure)}
 
 
 def make_plan(

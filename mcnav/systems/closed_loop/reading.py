@@ -56,12 +56,12 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
     )
     impulses = tuple(
         Impulse(
-            each,
-            read_method(each.target, f"target of {each.name}", ("time", "estimate", *also)),
-            None if isinstance(each.apply, str)
-            else read_method(each.apply, f"apply of {each.name}", ("time", "truth", "impulse"), "impulse"),
+            correction,
+            read_method(correction.target, f"target of {correction.name}", ("time", "estimate", *also)),
+            None if isinstance(correction.apply, str)
+            else read_method(correction.apply, f"apply of {correction.name}", ("time", "truth", "impulse"), "impulse"),
         )
-        for each in instance.corrections
+        for correction in instance.corrections
     )  # fmt: skip
     none = np.zeros((structure.markov.size, 1))
     maps = Maps(
@@ -93,9 +93,9 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
 def _read_events(instance: Any) -> tuple[Event, ...]:
     """Return the corrections, phases and the end that triggers begin."""
     triggers: list[tuple[str, Literal["correction", "phase", "end"], int, Any]] = [
-        (each.name, "correction", number, each.at) for number, each in enumerate(instance.corrections)
+        (correction.name, "correction", number, correction.at) for number, correction in enumerate(instance.corrections)
     ]
-    triggers += [(each.name, "phase", number, each.begins) for number, each in enumerate(instance.phases)]
+    triggers += [(phase.name, "phase", number, phase.begins) for number, phase in enumerate(instance.phases)]
     triggers.append(("end", "end", 0, instance.end))
     known = ("time", "truth", "estimate")
     return tuple(
@@ -166,7 +166,9 @@ def _sized(maps: Maps, start: Array) -> Maps:
             memory = 0 if structure.remembers else size_of(kept, "memory of guide") or 1
         command = size_of(returned, "guide")
     frame = {"time": lambda: time, "estimate": lambda: estimate, **phase}
-    axes = {each.declared.name: size_of(tried(each.target, frame), each.target.where) for each in maps.impulses}
+    axes = {
+        impulse.declared.name: size_of(tried(impulse.target, frame), impulse.target.where) for impulse in maps.impulses
+    }
     truth = maps.truth_frame(x, time)
 
     def sized(sensor: Sensor) -> Sensor:

@@ -47,7 +47,7 @@ def schema_of(maps: Maps, states: FilterStates, outputs: int) -> FilterSchema:
     return FilterSchema(
         groups={name: len(members) for name, members in group_members(maps, states).items()},
         outputs=outputs,
-        sensors={} if maps.covariance is not None else {each.declared.name: each.size for each in maps.sensors},
+        sensors={} if maps.covariance is not None else {sensor.declared.name: sensor.size for sensor in maps.sensors},
         considered=considered,
         own_outputs=() if len(own) == outputs else own,
     )

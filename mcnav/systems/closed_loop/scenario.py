@@ -161,10 +161,12 @@ class ClosedLoopScenario(PlainScenario):
         sigmas = np.sqrt(np.maximum(np.diag(self.sizes.true.start), 0.0))
         shown, known = self._shown, self._instruments
         sources = []
-        for each, sigma in zip(self.maps.structure.sources, sigmas.tolist(), strict=True):
-            usual = known[each.name].nominal if each.name in known else 1e-3 if each.unit.startswith("rad") else 1.0
-            unit = shown.get(each.name, each.unit)
-            sources.append(Source(each.name, each.unit, unit, sigma or usual, group=each.group, of=each.of))
+        for source, sigma in zip(self.maps.structure.sources, sigmas.tolist(), strict=True):
+            usual = (
+                known[source.name].nominal if source.name in known else 1e-3 if source.unit.startswith("rad") else 1.0
+            )
+            unit = shown.get(source.name, source.unit)
+            sources.append(Source(source.name, source.unit, unit, sigma or usual, group=source.group, of=source.of))
         return tuple(sources)
 
     @property

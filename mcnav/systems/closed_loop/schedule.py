@@ -59,9 +59,13 @@ def read_schedule(instance: Any, name: str, measurements: tuple[Measurement, ...
     end = instance.end
     last = _time(end.latest if isinstance(end, Trigger) else end, f"{name}.end", "a time, or Trigger(function, latest)")
     cycle = None if instance.cycle is None else _time(instance.cycle, f"{name}.cycle", "a time, or None")
-    intervals = [_time(each.interval, each.name, "an interval") for each in measurements if each.interval is not None]
+    intervals = [
+        _time(measurement.interval, measurement.name, "an interval")
+        for measurement in measurements
+        if measurement.interval is not None
+    ]
     steps = [instance.step, cycle, min(intervals, default=None)]
-    step = next((_time(each, f"{name}.step", "a time") for each in steps if each is not None), None)
+    step = next((_time(step, f"{name}.step", "a time") for step in steps if step is not None), None)
     if step is None:
         raise ScenarioError("type", f"{name}.step is needed where there is neither cycle nor interval of a measurement")
     if last / step > MOST_STEPS:
@@ -70,16 +74,23 @@ def read_schedule(instance: Any, name: str, measurements: tuple[Measurement, ...
         )
     at: dict[str, Array] = {"cycle": _multiples(step if cycle is None else cycle, last, f"{name}.cycle")}
     at["cycle"] = np.append(0.0, at["cycle"])
-    for each in measurements:
-        listed = None if each.instants is None else np.array(each.instants, dtype=float)
+    for measurement in measurements:
+        listed = None if measurement.instants is None else np.array(measurement.instants, dtype=float)
         if listed is not None and (listed.ndim != 1 or not np.isfinite(listed).all() or np.any(listed < 0.0)):
-            raise ScenarioError("type", f"{name}.measurements: instants of {each.name} must be times from zero on")
-        times = _multiples(each.interval, last, each.name) if listed is None else np.sort(listed)
-        at[f"measure {each.name}"] = times[_within_phases(each, phases_of(instance, name), times, name)]
-    for each in instance.corrections:
-        by_trigger = isinstance(each.at, Trigger)
-        time = _time(each.at.latest if by_trigger else each.at, each.name, "a time, or Trigger(function, latest)", 0.0)
-        at[f"{'latest' if by_trigger else 'correct'} {each.name}"] = np.array([time])
+            raise ScenarioError(
+                "type", f"{name}.measurements: instants of {measurement.name} must be times from zero on"
+            )
+        times = _multiples(measurement.interval, last, measurement.name) if listed is None else np.sort(listed)
+        at[f"measure {measurement.name}"] = times[_within_phases(measurement, phases_of(instance, name), times, name)]
+    for correction in instance.corrections:
+        by_trigger = isinstance(correction.at, Trigger)
+        time = _time(
+            correction.at.latest if by_trigger else correction.at,
+            correction.name,
+            "a time, or Trigger(function, latest)",
+            0.0,
+        )
+        at[f"{'latest' if by_trigger else 'correct'} {correction.name}"] = np.array([time])
     for phase in phases_of(instance, name)[1:]:
         triggered = isinstance(phase.begins, Trigger)
         time = _time(phase.begins.latest if isinstance(phase.begins, Trigger) else phase.begins, phase.name, "a time")
@@ -115,8 +126,8 @@ def _within_phases(measurement: Measurement, phases: tuple[Phase, ...], times: A
     """Tell which times lie in the phases of a measurement: from a begin on until the next one."""
     if not measurement.phases:
         return np.ones(len(times), dtype=bool)
-    known, where = [each.name for each in phases], f"{name}.measurements: {measurement.name}"
-    begins = [0.0 if each.begins is None else each.begins for each in phases] + [np.inf]
+    known, where = [phase.name for phase in phases], f"{name}.measurements: {measurement.name}"
+    begins = [0.0 if phase.begins is None else phase.begins for phase in phases] + [np.inf]
     within = np.zeros(len(times), dtype=bool)
     for phase in [measurement.phases] if isinstance(measurement.phases, str) else measurement.phases:
         if phase not in known:

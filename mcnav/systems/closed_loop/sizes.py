@@ -59,8 +59,8 @@ class Sizes:
         """Return those with a share of all errors."""
         return replace(
             self, start=share**2 * self.start, white=share * self.white, markov=share * self.markov,
-            measurements=tuple(share * each for each in self.measurements),
-            corrections=tuple(share * each for each in self.corrections),
+            measurements=tuple(share * measurement for measurement in self.measurements),
+            corrections=tuple(share * correction for correction in self.corrections),
         )  # fmt: skip
 
     @cached_property

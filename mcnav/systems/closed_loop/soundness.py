@@ -147,7 +147,7 @@ def _unmeasured(setup: Setup) -> list[str]:
     maps, states = setup.maps, setup.states
     if states is None:
         return []
-    instants = [each.instant for each in setup.plan.instants]
+    instants = [instant.instant for instant in setup.plan.instants]
     done = {number for instant in instants for number in instant.measurements}
     if not done:
         return ["the filter has no measurement within the flight: it propagates its covariance, and corrects nothing"]

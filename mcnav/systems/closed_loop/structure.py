@@ -73,7 +73,7 @@ class Structure:
     @cached_property
     def space(self) -> Space:
         """Sums and differences of X."""
-        return Space(tuple(each for block in self.blocks for each in block.attitudes))
+        return Space(tuple(attitude for block in self.blocks for attitude in block.attitudes))
 
     def rows(self, part: Part) -> slice:
         """Return the rows of X that move within a step, with others between them; all of X for both."""
@@ -204,8 +204,10 @@ class Structure:
         memories = (Quantity("memory", "1", tuple(str(each) for each in range(memory))),) if memory else ()
         kept = Block("memory", self.memory.quantities or memories, commands.whole.stop)
         impulses = tuple(
-            replace(each, axes=read_axes(each.name, size)) if (size := corrections.get(each.name, 0)) else each
-            for each in self.corrections.quantities
+            replace(quantity, axes=read_axes(quantity.name, size))
+            if (size := corrections.get(quantity.name, 0))
+            else quantity
+            for quantity in self.corrections.quantities
         )
         done = Block("correction", impulses, kept.whole.stop)
         clock = replace(self.clock, begin=done.whole.stop)
@@ -231,8 +233,8 @@ def read_structure(instance: Any, name: str) -> Structure:
         if each.turns is not None:
             raise ScenarioError("type", f"{name}: {each.name} is an Attitude, which only states can be; give its axes")
     impulses = tuple(Quantity(each.name, each.noise) for each in _listed(instance, name, "corrections", Correction))
-    for each in impulses:
-        check_unit(f"{name}.corrections", each.unit, each.unit)
+    for impulse in impulses:
+        check_unit(f"{name}.corrections", impulse.unit, impulse.unit)
     attitudes = [each.name for each in truth if each.turns is not None]
     for correction in instance.corrections:
         if correction.apply in attitudes:
@@ -243,7 +245,10 @@ def read_structure(instance: Any, name: str) -> Structure:
         raise ScenarioError("type", f"{name}.navigator_start is 'truth' or 'nominal'; got {instance.navigator_start!r}")
     blocks: list[Block] = []
     phases = phases_of(instance, name)
-    moments = [*((each.name, each.at) for each in instance.corrections), *((each.name, each.begins) for each in phases)]
+    moments = [
+        *((correction.name, correction.at) for correction in instance.corrections),
+        *((phase.name, phase.begins) for phase in phases),
+    ]
     clock = tuple(
         Quantity(f"{each}_time", "s") for each, at in (*moments, ("final", instance.end)) if isinstance(at, Trigger)
     )
@@ -293,17 +298,17 @@ def phases_of(instance: Any, name: str) -> tuple[Phase, ...]:
     """Return the phases of a user's object; `ScenarioError` when they are none, or begin in another order."""
     phases: tuple[Phase, ...] = _listed(instance, name, "phases", Phase)
     last = 0.0
-    for number, each in enumerate(phases):
-        if (each.begins is None) != (number == 0):
+    for number, phase in enumerate(phases):
+        if (phase.begins is None) != (number == 0):
             told = "begins with the flight" if number == 0 else "needs a time or a Trigger at which it begins"
-            raise ScenarioError("type", f"{name}.phases: {each.name} {told}")
-        if [other.name for other in phases].count(each.name) > 1:
-            raise ScenarioError("type", f"{name}.phases: {each.name} is there twice")
-        time = each.begins.latest if isinstance(each.begins, Trigger) else each.begins
+            raise ScenarioError("type", f"{name}.phases: {phase.name} {told}")
+        if [other.name for other in phases].count(phase.name) > 1:
+            raise ScenarioError("type", f"{name}.phases: {phase.name} is there twice")
+        time = phase.begins.latest if isinstance(phase.begins, Trigger) else phase.begins
         if number and (not isinstance(time, (int, float)) or isinstance(time, bool) or not last < time < np.inf):
             told = f"must begin at a time after {last:g} s, or by a Trigger whose latest is; got {time!r:.40}"
-            raise ScenarioError("type", f"{name}.phases: {each.name} {told}")
-        last = last if isinstance(each.begins, Trigger) or time is None else float(time)
+            raise ScenarioError("type", f"{name}.phases: {phase.name} {told}")
+        last = last if isinstance(phase.begins, Trigger) or time is None else float(time)
     for before, after in pairwise(phases):
         latest = before.begins.latest if isinstance(before.begins, Trigger) else 0.0
         if isinstance(after.begins, (int, float)) and latest > after.begins:

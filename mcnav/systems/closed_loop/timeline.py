@@ -224,7 +224,7 @@ class LoopTimeline:
             Instants(self.times, self.before, self.after),
             self.read,
             self.processes,
-            {name: np.setdiff1d(each, self.pairs[0]) for name, each in biases.items()},
+            {name: np.setdiff1d(bias, self.pairs[0]) for name, bias in biases.items()},
             self._updates,
             self._filter,
         )
@@ -243,8 +243,8 @@ class LoopTimeline:
     @cached_property
     def _innovations(self) -> list[tuple[float, Innovation]]:
         return [
-            (planned.instant.time, each)
-            for planned in self.linear.instants for each in planned.updates if isinstance(each, Innovation)
+            (planned.instant.time, update)
+            for planned in self.linear.instants for update in planned.updates if isinstance(update, Innovation)
         ]  # fmt: skip
 
     @cached_property

@@ -51,7 +51,7 @@ class WaitingMaps(Maps):
             for planned in linear.instants
             for time, x in zip(planned.instant.step_times().tolist(), planned.before, strict=False)
         }
-        given = {each.name: getattr(maps, each.name) for each in fields(Maps)}
+        given = {attribute.name: getattr(maps, attribute.name) for attribute in fields(Maps)}
         return cls(**(given | {"update": None, "covariance": None}), nominal=nominal)
 
     @property
@@ -70,7 +70,7 @@ class WaitingMaps(Maps):
         quiet = np.zeros_like(white)
         if np.any(since):
             beside = super().step(beside, time, length, quiet, since)
-        of_both = {each.name: getattr(self, each.name) for each in fields(Maps)}
+        of_both = {attribute.name: getattr(self, attribute.name) for attribute in fields(Maps)}
         reached = _Beside(**of_both).step(
             np.concatenate([x, beside], axis=1), np.tile(time, 2), _twice(length),
             np.concatenate([white, quiet], axis=2), _twice(fraction), _twice(since),

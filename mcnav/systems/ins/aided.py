@@ -312,7 +312,7 @@ def believed_shares(
 
 def smoother_schema() -> FilterSchema:
     """Return the columns of a smoother's records."""
-    return FilterSchema({name: len(range(len(OUTPUTS))[each]) for name, each in GROUPS.items()}, len(OUTPUTS))
+    return FilterSchema({name: len(range(len(OUTPUTS))[group]) for name, group in GROUPS.items()}, len(OUTPUTS))
 
 
 @dataclass(frozen=True)
@@ -322,8 +322,8 @@ class AidedReferenceEngine:
     navigation: AidedNavigation
     filter: FilterSchema
     accuracy: str = (
-        "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s; filter of its "
-        "own in earth-fixed axes with steps of at most 0.2 s"
+        "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s. Its filter: "
+        "earth-fixed axes, steps of at most 0.2 s"
     )
     parallel: str = "threads"
     chunk: int = REFERENCE_CHUNK

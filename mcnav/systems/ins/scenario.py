@@ -450,7 +450,9 @@ class Ins(PlainScenario):
         """Capabilities of the scenario."""
         always = frozenset({Capability.COVARIANCE, Capability.TRAJECTORY})
         sensors = self.navigation.sensors
-        gated = self.navigation.filter is not None and any(each.gate is not None or each.faults for each in sensors)
+        gated = self.navigation.filter is not None and any(
+            sensor.gate is not None or sensor.faults for sensor in sensors
+        )
         return always | {Capability.GATES} if gated else always
 
     @property

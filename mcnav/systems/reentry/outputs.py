@@ -96,7 +96,7 @@ def append_errors(further: tuple[FurtherOutput, ...], deviations: Array, actual:
     if not further:
         return deviations
     indicated = actual + deviations / SCALE
-    errors = [each.function(indicated) - each.function(actual) for each in further]
+    errors = [further_output.function(indicated) - further_output.function(actual) for further_output in further]
     return np.concatenate([deviations, np.stack(errors, axis=-1)], axis=-1)
 
 
@@ -110,5 +110,5 @@ def append_partials(further: tuple[FurtherOutput, ...], partials: Array, indicat
     """
     if not further:
         return partials
-    gradients = np.stack([each.gradient(indicated) / SCALE for each in further], axis=-2)
+    gradients = np.stack([further_output.gradient(indicated) / SCALE for further_output in further], axis=-2)
     return np.concatenate([partials, gradients @ partials], axis=-2)

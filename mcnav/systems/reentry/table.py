@@ -39,7 +39,7 @@ _RECENT: Final = Recent["Reentry | GuidedReentry"](most=2)
 """Scenarios of the campaigns read last, which variations of a campaign share: each has a trajectory."""
 
 
-FURTHER_BY_NAME: Final = {each.output.name: each for each in FURTHER}
+FURTHER_BY_NAME: Final = {further_output.output.name: further_output for further_output in FURTHER}
 
 
 class ConstantLiftTable(Table):
@@ -226,7 +226,10 @@ def _choose_outputs(content: Mapping[str, Any]) -> Sequence[Output]:
     """Return the outputs of the reentry of a file."""
     scenario = content["scenario"]
     asked = scenario.get("further_outputs", [])
-    errors = (*DEVIATIONS, *(each.output for name, each in FURTHER_BY_NAME.items() if name in asked))
+    errors = (
+        *DEVIATIONS,
+        *(further_output.output for name, further_output in FURTHER_BY_NAME.items() if name in asked),
+    )
     if not _has_own_truths(content):
         return errors
     guidance = scenario.get("guidance")
@@ -237,7 +240,7 @@ def _choose_outputs(content: Mapping[str, Any]) -> Sequence[Output]:
 def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
     """Build the scenario; mistakes are added to the context."""
     flight = _read_flight(table, context)
-    further = tuple(each for name, each in FURTHER_BY_NAME.items() if name in table.further_outputs)
+    further = tuple(further_output for name, further_output in FURTHER_BY_NAME.items() if name in table.further_outputs)
     if flight is None:
         return None
     guidance, following = _read_guidance(table, context), _read_following(table, context)
@@ -279,7 +282,12 @@ def _guided(
 
 
 ALL_SOURCES: Final = (*SOURCES, *SPEED_AND_ANGLE, *TRUTH_SOURCES)
-ALL_OUTPUTS: Final = (*DEVIATIONS, *(each.output for each in FURTHER), TRUE_ALTITUDE, *TRUTH_OUTPUTS)
+ALL_OUTPUTS: Final = (
+    *DEVIATIONS,
+    *(further_output.output for further_output in FURTHER),
+    TRUE_ALTITUDE,
+    *TRUTH_OUTPUTS,
+)
 """Keys of reentries with and without guidance."""
 
 REENTRY: Final = ScenarioType(ReentryTable, read_scenario, ALL_SOURCES, ALL_OUTPUTS, choose_outputs=_choose_outputs)

@@ -118,8 +118,10 @@ class _Module:
 def _globals_of(code: CodeType) -> set[str]:
     """Return the names that code looks up outside of itself, with those of all code within."""
     instructions = list(dis.get_instructions(code))
-    own = {each.argval for each in instructions if each.opname == "STORE_NAME"}
-    used = {each.argval for each in instructions if each.opname in ("LOAD_GLOBAL", "LOAD_NAME")} - own
+    own = {instruction.argval for instruction in instructions if instruction.opname == "STORE_NAME"}
+    used = {
+        instruction.argval for instruction in instructions if instruction.opname in ("LOAD_GLOBAL", "LOAD_NAME")
+    } - own
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
             used |= _globals_of(constant)

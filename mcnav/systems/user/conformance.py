@@ -144,7 +144,7 @@ def _determinism(prepared: Engine, errors: Array) -> str:
 def _spread(model: LinearModel, sizes: Array) -> Array:
     """Return the linear sigma of each output with errors of these sizes and its noise, shape (outputs,)."""
     variance = np.sum((model.partials * sizes) ** 2, axis=1)
-    noise = sum((np.diag(each) for each in model.processes.values()), np.zeros(len(variance)))
+    noise = sum((np.diag(process) for process in model.processes.values()), np.zeros(len(variance)))
     return np.asarray(np.sqrt(variance + np.maximum(noise, 0.0)))
 
 

@@ -139,7 +139,7 @@ def keep(
         shapes = [list(array.shape) for array in result.arrays]
         described = _Header(key=key, read=read, shapes=shapes, variates=result.variates)
         header = json.dumps(described.to_json() | {"variates": result.variates}).encode()
-        kind.cache.write(name, b"".join([header, b"\n", *(each.astype(NUMBERS).tobytes() for each in result.arrays)]))
+        kind.cache.write(name, b"".join([header, b"\n", *(array.astype(NUMBERS).tobytes() for array in result.arrays)]))
     return result
 
 
@@ -229,7 +229,7 @@ def _imported(text: str) -> tuple[str, ...]:
     names = set[str]()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
-            names |= {each.name.partition(".")[0] for each in node.names}
+            names |= {name.name.partition(".")[0] for name in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             names.add(node.module.partition(".")[0])
     return tuple(sorted(names))

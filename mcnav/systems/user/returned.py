@@ -36,7 +36,7 @@ def real_numbers(returned: Any, where: str) -> Array:
     ValueError: propagate must return real numbers; got dtype complex128
     """
     rows = returned if isinstance(returned, (list, tuple)) else (returned,)
-    masked = next((each for each in rows if isinstance(each, np.ma.MaskedArray)), None)
+    masked = next((row for row in rows if isinstance(row, np.ma.MaskedArray)), None)
     if masked is not None:
         lost = f"got a masked array of dtype {masked.dtype}, whose mask would be lost"
         raise ValueError(f"{where} must return real numbers; {lost}")

@@ -122,7 +122,7 @@ def schema_of(
         named = {output for output in known if output.startswith(name)}  # the analysis takes them for the group's
         if named and named != set(members):
             raise ValueError(f"groups: {name!r} must list the outputs whose names begin with it, or have another name")
-    sizes = {name: _columns(name, each)[1].shape[1] for name, each in simulated.innovations.items()}
+    sizes = {name: _columns(name, innovation)[1].shape[1] for name, innovation in simulated.innovations.items()}
     return FilterSchema(
         groups={ALL: len(known)} | {name: len(members) for name, members in groups.items()},
         outputs=len(outputs),

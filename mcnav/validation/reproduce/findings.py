@@ -55,8 +55,8 @@ def verdicts_in_words(findings: Sequence[Finding]) -> Markup:
 def finding_table(findings: Sequence[Finding], heading: str) -> Table[Finding]:
     """Tabulate what is said, what was found, and the verdict."""
     columns: list[Column[Finding]] = [
-        Column(heading, lambda each: each.said, kind="words"),
-        Column("Finding", lambda each: each.found, kind="words"),
-        Column("Verdict", lambda each: Cell(each.verdict, tone=TONES.get(each.verdict, "")), kind="label"),
+        Column(heading, lambda row: row.said, kind="words"),
+        Column("Finding", lambda row: row.found, kind="words"),
+        Column("Verdict", lambda row: Cell(row.verdict, tone=TONES.get(row.verdict, "")), kind="label"),
     ]
     return Table("", columns, findings, style="findings")

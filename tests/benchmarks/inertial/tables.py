@@ -208,8 +208,7 @@ def sentence(record: Mapping[str, Any]) -> str:
     compared = f" ({', '.join(others)})" if others else ""
     minutes = record["case"]["seconds"] / 60.0
     return (
-        f"{minutes:.0f} minutes of inertial navigation with GNSS once a second and a filter of its own take "
-        f"{_duration(least[OWN])} a sample{compared}."
+        f"{minutes:.0f} minutes with GNSS once a second and a filter take {_duration(least[OWN])} a sample{compared}."
     )
 
 

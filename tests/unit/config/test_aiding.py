@@ -65,6 +65,8 @@ def test_a_sensor_with_everything() -> None:
         "position_correlated": {"sigma": "2 m", "correlation_time": ["100 s", "200 s", "300 s"]},
         "lever_arm": ["1 m", "0 m", "-0.5 m"],
         "lever_arm_error": "2 cm",
+        "delay": "20 ms",
+        "jitter": "5 ms",
         "gate": "99.9 %",
     }
     campaign = read(entry, errors={"position": "10 m", "receiver_velocity_bias_east": "2 cm/s"})
@@ -72,6 +74,7 @@ def test_a_sensor_with_everything() -> None:
     (found,) = campaign.scenario.navigation.sensors
     assert (found.name, found.kind, found.has_lever_arm) == ("receiver", "gnss", True)
     assert found.gate == pytest.approx(0.999)
+    assert (found.has_delay, found.jitter) == (True, 0.005)
     assert found.lever_arm == pytest.approx([1.0, 0.0, -0.5])
     measured = [(each.quantity, each.axis, each.noise, each.correlated) for each in found.components]
     assert measured == [
@@ -87,6 +90,7 @@ def test_a_sensor_with_everything() -> None:
             "receiver_position_bias_north": 1.0, "receiver_position_bias_east": 1.0,
             "receiver_velocity_bias_east": 0.02, "receiver_velocity_bias_down": 0.01,
             "receiver_lever_arm_x": 0.02, "receiver_lever_arm_y": 0.02, "receiver_lever_arm_z": 0.02,
+            "receiver_delay": 0.02,
         }
     )  # fmt: skip
 
@@ -94,16 +98,16 @@ def test_a_sensor_with_everything() -> None:
 @pytest.mark.parametrize(
     ("entry", "quantity", "axes", "constants"),
     [
-        (GNSS, "position", 3, 6),
-        ({"type": "gnss", "interval": "1 s", "velocity": "1 m/s"}, "velocity", 3, 6),
-        ({**ALTIMETER, "bias": "30 m", "scale_factor": "1e-3"}, "altitude", 1, 2),
-        ({"type": "star-tracker", "interval": "1 s", "attitude": "5 arcsec", "bias": "3 arcsec"}, "attitude", 3, 3),
+        (GNSS, "position", 3, 7),
+        ({"type": "gnss", "interval": "1 s", "velocity": "1 m/s"}, "velocity", 3, 7),
+        ({**ALTIMETER, "bias": "30 m", "scale_factor": "1e-3"}, "altitude", 1, 3),
+        ({"type": "star-tracker", "interval": "1 s", "attitude": "5 arcsec", "bias": "3 arcsec"}, "attitude", 3, 4),
         ({"type": "position-fix", "instants": ["100 s"], "position": {"north": "9 m", "down": "9 m"}}, "position", 2,
-         2),
+         3),
         ({"type": "zero-velocity", "instants": ["30 s"], "velocity": "1 cm/s"}, "velocity", 3, 3),
         ({"type": "velocity", "interval": "1 s", "velocity": {"x": "1 m/s"}, "scale_factor": "1 %"}, "body_velocity", 1,
-         2),
-        ({"type": "heading", "interval": "1 s", "heading": "1 deg", "bias": "2 deg"}, "heading", 1, 1),
+         3),
+        ({"type": "heading", "interval": "1 s", "heading": "1 deg", "bias": "2 deg"}, "heading", 1, 2),
     ],
     ids=lambda each: each["type"] if isinstance(each, dict) else str(each),
 )  # fmt: skip
@@ -293,6 +297,11 @@ ODOMETER = {"type": "velocity", "interval": "1 s"}
         ({**GNSS, "lever_arm": ["1 m", "2 m", "1e7 m"]}, "aiding #1.lever_arm #3: got '1e7 m'; at most 1e+05 m"),
         ({**GNSS, "lever_arm": ["1 m", "2 m", "-1e7 m"]}, "aiding #1.lever_arm #3: got '-1e7 m'; at most 1e+05 m"),
         ({**GNSS, "lever_arm_error": "-1 cm"}, "aiding #1.lever_arm_error: got '-1 cm'; a size must not be negative"),
+        ({**GNSS, "delay": "-1 ms"}, "aiding #1.delay: got '-1 ms'; a size must not be negative"),
+        ({**GNSS, "delay": "1 m"}, "aiding #1.delay: got '1 m', which is a length; expected a time"),
+        ({**GNSS, "jitter": "2 h"}, "aiding #1.jitter: got '2 h'; at most 60 s makes sense"),
+        ({**REST, "instants": ["30 s"], "delay": "20 ms"},
+         "aiding #1.delay: the vehicle is at rest, and nothing that it measures changes: it cannot be late; leave it"),
         ({**GNSS, "gate": 1}, "aiding #1.gate: got 1; expected a probability between 0 and 1, such as 0.999"),
         ({**GNSS, "gate": 0.0}, "aiding #1.gate: got 0.0; expected a probability between 0 and 1"),
         ({**GNSS, "gate": "3 m"}, "aiding #1.gate: got '3 m', which is a length; expected a pure number"),

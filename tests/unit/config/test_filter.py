@@ -46,7 +46,7 @@ def test_a_filter_believes_the_truth() -> None:
     (believed,), (sensor,) = beliefs.sensors, scenario.navigation.sensors
     assert believed.components == sensor.components
     assert believed.times is sensor.times
-    assert list(beliefs.sigmas) == [*CONSTANTS, "altimeter_bias", "altimeter_scale_factor"]
+    assert list(beliefs.sigmas) == [*CONSTANTS, "altimeter_bias", "altimeter_scale_factor", "altimeter_delay"]
     np.testing.assert_array_equal(list(beliefs.sigmas.values()), campaign.errors.standard_deviations)
     np.testing.assert_allclose(beliefs.covariance, campaign.errors.covariance[:9, :9], rtol=1e-15)
     assert beliefs.covariance[OUTPUTS.index("position_north"), OUTPUTS.index("tilt_east")] != 0.0

@@ -45,6 +45,7 @@ position = "5 m"
 velocity_north = { distribution = "uniform", half_width = "0.1 m/s" }
 tilt = { distribution = "scipy.t", df = 5, scale = "1 mrad" }
 gnss_lever_arm_x = "2 cm"
+barometer_delay = { distribution = "fixed", value = "50 ms" }
 barometer_bias = { distribution = "fixed", value = "10 m" }
 
 [[correlations]]
@@ -64,6 +65,8 @@ position = "3 m"
 velocity = "0.1 m/s"
 position_correlated = { sigma = "2 m", correlation_time = "100 s" }
 lever_arm = ["1 m", "0 m", "-0.5 m"]
+delay = "20 ms"
+jitter = "5 ms"
 gate = 0.999
 
 [[aiding]]
@@ -106,8 +109,8 @@ heading = "1 deg"
 correlated = { sigma = "1 deg", correlation_time = "60 s" }
 
 [filter]
-estimates = ["position", "velocity", "attitude", "gyro_bias", "barometer_scale_factor"]
-considers = ["gnss_lever_arm"]
+estimates = ["position", "velocity", "attitude", "gyro_bias", "barometer_scale_factor", "barometer_delay"]
+considers = ["gnss_lever_arm", "gnss_delay"]
 gate = 0.9999
 
 [filter.believes.imu.gyro]
@@ -120,6 +123,7 @@ gnss_lever_arm = "5 cm"
 
 [filter.believes.aiding.gnss]
 position = "5 m"
+delay = "30 ms"
 
 [accept]
 sigma_ratio = "5 %"
@@ -197,6 +201,9 @@ WRONG: dict[str, Content] = {
     "nothing measured": {"aiding": [{"type": "gnss", "interval": "10 s"}]},
     "a key of another sensor": {
         "aiding": [{"type": "heading", "interval": "10 s", "heading": "1 deg", "altitude": "1 m"}]
+    },
+    "a vehicle at rest that is late": {
+        "aiding": [{"type": "zero-velocity", "interval": "10 s", "velocity": "1 cm/s", "delay": "20 ms"}]
     },
     "a lever arm for all axes": {
         "aiding": [{"type": "gnss", "interval": "10 s", "position": "1 m", "lever_arm": "1 m"}]

@@ -45,7 +45,7 @@ def test_curved_limits_are_estimated_within_five_percent(event):
 
 
 def test_intervals_hold():
-    """At 94 % so few hold in 21 trials with a probability of 1e-4; the measured share is in METHOD.md."""
+    """At 94 % so few hold in 21 trials with a probability of 1e-4; the measured share is in RARE_EVENTS.md."""
     results = [Coverage.of(event, 7) for event in CURVED]
     assert all(result.refused == 0.0 for result in results)
     assert sum(7 * result.holds for result in results) >= stats.binom.ppf(1e-4, 21, 0.94)

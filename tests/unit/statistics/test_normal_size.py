@@ -11,7 +11,7 @@ from scipy import special, stats
 from mcnav.arrays.types import Array
 from mcnav.errors import NumericalError
 from mcnav.statistics import generalized_chi_square
-from mcnav.statistics.normal_size import NormalSize, size_quantile
+from mcnav.statistics.normal_size import NormalSize, size_quantile, size_quantiles
 
 # The burn of nasa/condor's rendezvous: mean, and a covariance with the same sigmas.
 BURN = np.array([1.45222327, 0.0, 0.30311604])
@@ -159,6 +159,10 @@ def test_routes_that_disagree_are_refused(monkeypatch: pytest.MonkeyPatch) -> No
         law.probability(5.0)
     with pytest.raises(NumericalError, match=r"two ways to compute the size at the probability 0\.9973"):
         law.quantile(0.9973)
+    turned_up, flat = np.array([[0.0, 5.5], [1.0, 0.0]]), np.array([np.diag([1.0, 0.02]), np.diag([0.0, 1.0])])
+    assert size_quantiles(turned_up, flat, 0.9973, instead=np.inf)[0] == np.inf
+    with pytest.raises(NumericalError, match=r"two ways to compute the size at the probability 0\.9973"):
+        size_quantiles(turned_up, flat, 0.9973)
     generalized_chi_square._hyperbola.cache_clear()
 
 

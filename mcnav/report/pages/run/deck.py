@@ -245,7 +245,7 @@ def _chosen(count: int) -> IndexArray:
 
 def _place(content: RunAnalysis, times: Array) -> Place | None:
     """Choose the plane: a map, a descent about the earth, or the two directions in which a loop moves most."""
-    columns, names = content.history.columns, {each.name for each in content.manifest.model.outputs}
+    columns, names = content.history.columns, {output.name for output in content.manifest.model.outputs}
     flown = columns[next(iter(columns))]
     if {"latitude [deg]", "longitude [deg]"} <= set(columns) and {"position_north", "position_east"} <= names:
         place = np.radians(columns["latitude [deg]"]), np.radians(columns["longitude [deg]"])
@@ -324,7 +324,7 @@ def _plane(content: RunAnalysis, flown: Array, times: Array) -> Place | None:
 
 def _dispersions(content: RunAnalysis, known: Envelopes, place: Place, chosen: IndexArray) -> list[Dispersion]:
     """Return the moments of the two outputs by each kind and method, those of the truth first."""
-    outputs = {each.name: number for number, each in enumerate(content.manifest.model.outputs)}
+    outputs = {output.name: number for number, output in enumerate(content.manifest.model.outputs)}
     routes: list[tuple[Route, Array, Array | None]] = [
         ("Monte Carlo", known.mean, known.covariance),
         ("linear", known.linear_mean, _linear(content, known)),
@@ -376,7 +376,7 @@ def _causes(
     development, nothing = content.development, np.empty((len(times), 0))
     if development is None or not len(development.times):
         return (), nothing, "", ()
-    outputs = {each.name: number for number, each in enumerate(content.manifest.model.outputs)}
+    outputs = {output.name: number for number, output in enumerate(content.manifest.model.outputs)}
     prefix, words = (
         (TRUE, SUBJECTS["true"])
         if {f"{TRUE}{place.right}", f"{TRUE}{place.up}"} & outputs.keys()
@@ -405,7 +405,7 @@ def _terms(
         return ()
     system = SizedSystem(
         known.partials[readings][:, outputs], np.zeros((len(readings), len(outputs))),
-        {name: each[readings][:, outputs] for name, each in known.processes.items()},
+        {name: process[readings][:, outputs] for name, process in known.processes.items()},
         model.mean, model.covariance, campaign.source_numbers, campaign.process_numbers,
     )  # fmt: skip
     split = [

@@ -63,12 +63,14 @@ class Lane:
     def words_at(self, time: float) -> str:
         """Say what there is at a time, such as ``gnss outage``; empty where there is nothing but updates."""
         said = [
-            each.kind if each.kind != "requirement" else "holds"
-            for each in self.intervals
-            if each.kind != "updates" and each.begin <= time <= each.end
+            interval.kind if interval.kind != "requirement" else "holds"
+            for interval in self.intervals
+            if interval.kind != "updates" and interval.begin <= time <= interval.end
         ]
         said += [
-            f"with {_percent(each.share)} of its updates rejected" for each in self.rejections if each.time == time
+            f"with {_percent(rejection.share)} of its updates rejected"
+            for rejection in self.rejections
+            if rejection.time == time
         ]
         words = " and ".join(dict.fromkeys(said))
         return words if self.name == MANOEUVRES else f"{self.name} {words}" if said else ""

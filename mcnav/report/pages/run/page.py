@@ -200,7 +200,7 @@ def _notes(content: RunAnalysis) -> list[str]:
         f"seed {summary.seed}{took}."
     )
     kind = str(content.manifest.identity.campaign.get("scenario", {}).get("type", ""))
-    causes = [*(each.name for each in content.manifest.model.sources), *content.model.processes]
+    causes = [*(source.name for source in content.manifest.model.sources), *content.model.processes]
     left_out = not_modelled(kind, causes, bool(content.manifest.identity.campaign.get("faults")))
     remarks = (*_further(content), certain_but_small(summary), stopping(summary))
     return [*filter(None, (missing, *remarks, kept, flown, left_out))]

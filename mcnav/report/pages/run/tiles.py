@@ -222,7 +222,7 @@ def _linear(summary: Summary, _: str) -> Worst:
         return _jointly(summary)
     verdict, ratios = summary.verdict, summary.sigma_ratio_paired
     known = [i for i, ratio in enumerate(ratios) if ratio is not None and math.isfinite(ratio)]
-    if any(each == "differs" and i not in known for i, each in enumerate(summary.verdicts)):
+    if any(verdict == "differs" and i not in known for i, verdict in enumerate(summary.verdicts)):
         return NOTHING  # the sentence names outputs of which there is no ratio
     picked = [i for i in known if summary.verdicts[i] == verdict] or known
     if not picked:

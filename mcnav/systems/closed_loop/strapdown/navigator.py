@@ -50,7 +50,7 @@ ERRORS: Final = {name: unit for kinds in INSTRUMENTS.values() for name, unit in 
 
 PROCESSES: Final[Mapping[str, White | GaussMarkov]] = {
     **{f"{each}_{walk}": White(units_of_values()[each][walk], AXES) for each, walk in WALKS.items()},
-    **{f"{each}_{INSTABILITY}": GaussMarkov(units_of_values()[each]["bias"], AXES) for each in WALKS},
+    **{f"{walk}_{INSTABILITY}": GaussMarkov(units_of_values()[walk]["bias"], AXES) for walk in WALKS},
 }
 
 
@@ -175,7 +175,7 @@ class Strapdown:
         if self.estimates:
             estimated = {name: getattr(estimate, name) for name in self.estimates}
             gyro, accelerometer = _responses(estimated, len(force))
-            drift, push = (estimated.get(f"{each}_{INSTABILITY}", np.zeros(3))[..., None, :] for each in WALKS)
+            drift, push = (estimated.get(f"{walk}_{INSTABILITY}", np.zeros(3))[..., None, :] for walk in WALKS)
             rates, forces = compensate(rate[:, None], force[:, None], gyro, accelerometer, drift, push)
             force, rate = forces[:, 0], rates[:, 0]
         return self.frame.move(estimate.position, estimate.velocity, estimate.attitude, force, rate)

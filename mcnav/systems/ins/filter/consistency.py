@@ -77,7 +77,7 @@ def normalized_errors(errors: ErrorModel, deviation: Array, covariance: Array, t
     result = [
         _normalized(deviation[each], covariance[np.ix_(each, each)]) for each in (estimated, estimated[:NAVIGATION])
     ]
-    result += [_normalized(outputs[each], mapped[each, each]) for each in OUTPUT_GROUPS]
+    result += [_normalized(outputs[output_group], mapped[output_group, output_group]) for output_group in OUTPUT_GROUPS]
     others = estimated[NAVIGATION:]
     if len(others):
         result.append(_normalized(deviation[others], covariance[np.ix_(others, others)]))

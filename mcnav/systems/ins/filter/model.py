@@ -163,7 +163,9 @@ def _states_of(kind: str, beliefs: Beliefs, considered: bool) -> list[FilterStat
                 for rate in (False, True)
             )
             time = 1.0 / sensor.flexure.decay_rate
-            states += [FilterState(each.name, each.sigma, time, 0.0, considered, flexure=each) for each in of_axes]
+            states += [
+                FilterState(flexure.name, flexure.sigma, time, 0.0, considered, flexure=flexure) for flexure in of_axes
+            ]
     gravity = beliefs.imu.gravity
     return states + [
         FilterState(name, gravity.sigma(name), np.inf, 0.0, considered, gravity.length(name))
@@ -210,8 +212,8 @@ def _correlated_of(kind: str, beliefs: Beliefs) -> list[tuple[str, float, float]
             sizes = (noise.instability.tolist(), noise.correlation_time.tolist())
             return list(zip(names, *sizes, strict=True))
     return [
-        (each.error_name("correlated"), each.correlated, each.correlation_time)
+        (component.error_name("correlated"), component.correlated, component.correlation_time)
         for sensor in beliefs.sensors
-        for each in sensor.components
-        if _kind(each.error_name("bias")) == kind
+        for component in sensor.components
+        if _kind(component.error_name("bias")) == kind
     ]

@@ -1,4 +1,4 @@
-"""Where a first order in a sensor's delay is not enough, and where its measurements cannot tell delay from lever arm."""
+"""Where the first order in a delay is not enough, and where measurements cannot tell a delay from a lever arm."""
 
 from __future__ import annotations
 
@@ -110,5 +110,5 @@ def _one_with_arm(loop: ClosedLoop, number: int, delay: float) -> str:
     speed = float(np.sqrt(np.mean(np.sum(loop.truth.earth_fixed(loop.measurements.times[updates])[1] ** 2, axis=1))))
     return (
         f"the measurements of {sensor.name} cannot tell its delay from its lever arm. At constant speed the two are "
-        f"one: {1e3 * delay:.3g} ms are {speed * delay:.3g} m. A filter divides their sum by the sigmas it was given"
+        f"one: {1e3 * delay:.3g} ms are {speed * delay:.3g} m"
     )

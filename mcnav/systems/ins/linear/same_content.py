@@ -18,7 +18,9 @@ def same_content(one: object, other: object) -> bool:
     if isinstance(one, np.ndarray):
         return np.array_equal(one, np.asarray(other))
     if is_dataclass(one):
-        return all(same_content(getattr(one, each.name), getattr(other, each.name)) for each in fields(one))
+        return all(
+            same_content(getattr(one, attribute.name), getattr(other, attribute.name)) for attribute in fields(one)
+        )
     if isinstance(one, tuple) and isinstance(other, tuple):
         return len(one) == len(other) and all(map(same_content, one, other))
     if isinstance(one, dict) and isinstance(other, dict):

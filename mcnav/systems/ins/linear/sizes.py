@@ -32,7 +32,10 @@ def _geometry(sensors: tuple[Sensor, ...]) -> tuple[object, ...]:
     return tuple(
         (
             sensor.name, sensor.times, sensor.lever_arm, sensor.has_lever_arm,
-            tuple((each.quantity, each.axis, each.label, each.correlation_time) for each in sensor.components),
+            tuple(
+                (component.quantity, component.axis, component.label, component.correlation_time)
+                for component in sensor.components
+            ),
             sensor.faults, sensor.offsets, sensor.arrangement,
             None if sensor.flexure is None else replace(sensor.flexure, sigma=(0.0, 0.0, 0.0)),
         )

@@ -37,6 +37,9 @@ OF_INSTRUMENTS: Final = ("gyro_bias", "accelerometer_bias")
 MISSING_TIME: Final = 30.0
 """Correlation time of the processes that a campaign does not have, s."""
 
+JITTER: Final = 0.01
+"""Sigma from which jitter is looked for, s."""
+
 LEAST: Final = {"gyro": 5e-6, "accelerometer": 1e-3}
 """Sigma from which a process of instruments without white noise is looked for, rad/s and m/s^2."""
 
@@ -77,6 +80,7 @@ class Campaign:
         units |= {each.name: (each.unit, each.shown_in, 1.0) for each in processes}
         components = [component for sensor in sensors for component in sensor.components]
         units |= {each.error_name("correlated"): units[each.error_name("noise")] for each in components}
+        units |= {sensor.jitter_name: units[sensor.delay_name] for sensor in sensors if sensor.has_delay}
         return cls(tuple(each.name for each in sources), mean, covariance, units, imu, sensors)
 
     def with_missing(self) -> Campaign:
@@ -100,10 +104,11 @@ class Campaign:
             replace(sensor, components=tuple(
                 replace(each, correlated=each.noise, correlation_time=MISSING_TIME) if each.label in labels else each
                 for each in sensor.components
-            ))
+            ), jitter=sensor.jitter or JITTER * sensor.has_delay)
             for sensor in self.sensors
         )  # fmt: skip
         missing += [f"{label}_correlated" for label in sorted(labels)]
+        missing += [sensor.jitter_name for sensor in self.sensors if sensor.has_delay and not sensor.jitter]
         return replace(self, imu=replace(self.imu, gyro=gyro, accelerometer=accelerometer), sensors=sensors,
                        missing=tuple(missing))  # fmt: skip
 
@@ -137,7 +142,11 @@ class Campaign:
             for sensor in self.sensors if SENSOR_TYPES[sensor.kind].errors
             for component in sensor.components
         ]  # fmt: skip
-        return (*biases, *(f"{sensor.name}_lever_arm" for sensor in self.sensors if sensor.has_lever_arm))
+        arms = (f"{sensor.name}_lever_arm" for sensor in self.sensors if sensor.has_lever_arm)
+        times = (
+            name for sensor in self.sensors if sensor.has_delay for name in (sensor.delay_name, sensor.jitter_name)
+        )
+        return (*times, *biases, *arms)
 
     @cached_property
     def model(self) -> ErrorModel:
@@ -230,7 +239,7 @@ def _cause(campaign: Campaign, kind: str, sizes: list[float], name: str) -> Caus
     absent = kind in campaign.missing
     return Cause(
         kind, float(max(sizes)), unit, shown_in, key_of(kind, campaign.sensors), absent=absent,
-        correlation_time=MISSING_TIME if absent else 0.0,
+        correlation_time=MISSING_TIME if absent and not kind.endswith("_jitter") else 0.0,
     )  # fmt: skip
 
 

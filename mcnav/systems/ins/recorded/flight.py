@@ -32,9 +32,7 @@ from mcnav.systems.ins.recorded.causes import Campaign, CauseTable, list_offsets
 from mcnav.systems.ins.recorded.measurements import true_state
 from mcnav.systems.ins.recorded.readings import gauss_readings
 from mcnav.systems.ins.recorded.reference import ReferenceStates
-from mcnav.systems.ins.recorded.times import with_times
 from mcnav.systems.ins.reference.aided import LONGEST_FILTER_STEP, SHARE_OF_CORRELATION
-from mcnav.systems.ins.reference.collocation import NODES
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps
 from mcnav.systems.ins.reference.earth_fixed_sensors import SensorModel
 from mcnav.systems.ins.reference.filtered_navigator import FilteredNavigator, Passage
@@ -45,9 +43,6 @@ from mcnav.systems.ins.sensors.delay import WITHOUT_MEMORY
 
 Motion: TypeAlias = tuple[Array | None, Array, Array, tuple[Part, ...]]
 """F, B, D and the noise of the processes, as a `Stage` has them."""
-
-SOON: Final = 1e-3
-"""Time over which what is predicted for a measurement is differenced, s."""
 
 LEAST_MEASUREMENTS: Final = 10
 """Measurements below which a record says nothing."""
@@ -158,7 +153,6 @@ class _Passing:
         self.longest = min([LONGEST_FILTER_STEP, *(SHARE_OF_CORRELATION / rate for rate in remembered)])
         self.supports = [self._support(number) for number in range(len(self.causes.driving))]
         self.reference = ReferenceStates.of(flight.earth, flight.recording.reference)
-        self.rates: list[Array] = []
 
     def _support(self, number: int) -> IndexArray:
         """Return the errors that a process drives, at once or later."""
@@ -193,11 +187,10 @@ class _Passing:
         to_states = np.eye(self.everything.size)
         to_states[:NAVIGATION, :NAVIGATION] = np.linalg.inv(self.to_outputs)
         sensors = tuple(_recorded_sensor(sensor, campaign) for sensor in flight.sensors)
-        record = FilteredRecord(
+        return FilteredRecord(
             sensors, tuple(stages), self.causes.causes, list_offsets(campaign), to_states @ mean, covariance,
             self.causes.start, to_states, float(flight.stops[-1]),
         )  # fmt: skip
-        return with_times(record, self.rates)
 
     def _advance(self, first: int, last: int) -> Motion:
         """Navigate over steps; return F, B, D and the noise of the processes."""
@@ -250,22 +243,12 @@ class _Passing:
         _, of_all = everything.innovation(
             true, indicated, np.zeros(len(self.everything.states)), nothing, nothing, np.zeros(3)
         )
-        later = navigator.indicated(indicated.reading, self._soon(indicated.reading, time))
-        ahead, _ = own.innovation(true, later, navigator.estimates, nothing, nothing, np.zeros(3))
-        self.rates.append((ahead - innovation) / SOON)
         update = navigator.update(innovation, response, own.variances[row], own.threshold)
         transition, feedback, decay, processes = motion
         return Stage(
             time, sensor, innovation, update.covariance, update.accepted, transition, feedback, decay, of_all,
             response[:, NAVIGATION:], update.gain, processes, self._noise(sensor, row), self._read_out(time),
         )  # fmt: skip
-
-    def _soon(self, reading: Array, time: float) -> Array:
-        """Return the indicated state a moment later."""
-        readings = np.tile(reading, (1, len(NODES), 1))
-        return np.asarray(
-            self.navigator.integrate(self.navigator.state, readings, np.array([time]), np.array([SOON]))[1]
-        )
 
     def _noise(self, sensor: int, row: int) -> tuple[Part, ...]:
         """Return the covariance of a measurement's noise by cause."""

@@ -57,6 +57,7 @@ def filter_recording(
         Of the true sources.
     """
     aided = _recordable(navigation)
+    recording, shortened = _until_end(aided, recording)
     names = [sensor.name for sensor in aided.sensors]
     if unknown := [name for name in recording.measurements if name not in names]:
         raise RecordingError(f"there is no sensor named {unknown[0]!r}; the campaign has {', '.join(names)}")
@@ -72,10 +73,26 @@ def filter_recording(
     flight = RecordedFlight(
         aided.truth.earth, recording, sensors, aided.filter, campaign, _start(aided, recording)
     )  # fmt: skip
-    notes = [f"{sensor.name} has no measurements and is left out" for sensor in aided.sensors if sensor not in sensors]
+    notes = [
+        *shortened,
+        *(f"{sensor.name} has no measurements and is left out" for sensor in aided.sensors if sensor not in sensors),
+    ]
     if aided.imu.quantized:
         notes.append("quantization of the readings is left out of the simulated records")
     return replace(flight.fly(), notes=tuple(notes))
+
+
+def _until_end(aided: AidedNavigation, recording: Recording) -> tuple[Recording, tuple[str, ...]]:
+    """Leave out what was recorded after the end that the campaign states, earlier than its trajectory's."""
+    last, of_trajectory = float(aided.times[-1]), float(aided.truth.times[-1])
+    duration = last - aided.start
+    if last >= of_trajectory - 1e-6 or recording.ends[-1] <= duration:
+        return recording, ()
+    kept = recording.ends <= duration + 1e-6
+    note = f"what was recorded after {duration:g} s is left out: the campaign ends there"
+    return replace(
+        recording, ends=recording.ends[kept], gyro=recording.gyro[kept], accelerometer=recording.accelerometer[kept]
+    ), (note,)
 
 
 def _check_measured(name: str, quantities: Sequence[str], recording: Recording) -> None:

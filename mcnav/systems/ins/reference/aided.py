@@ -402,7 +402,7 @@ class AidedFlight:
         to_outputs = self.navigator.frame().to_outputs(state[4:7])
         own = self.navigator.filter.P
         covariance = map_covariances(to_outputs, own[:NAVIGATION, :NAVIGATION])
-        counts = [each.read() for each in self.counts]
+        counts = [count.read() for count in self.counts]
         nees = normalized_errors(self.model, deviation, own, to_outputs)
         return errors, record_row(nees, covariance, errors, states, np.diag(own)[NAVIGATION:], counts)
 

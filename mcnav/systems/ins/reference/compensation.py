@@ -58,12 +58,12 @@ class Compensation:
             return measured
         constants = {True: np.zeros(len(GYRO)), False: np.zeros(len(ACCELEROMETER))}
         varying = {True: np.zeros((*elapsed.shape, 3)), False: np.zeros((*elapsed.shape, 3))}
-        for each in self.errors.instruments:
-            rate = self.errors.decay_rates[each.place]
+        for instrument in self.errors.instruments:
+            rate = self.errors.decay_rates[instrument.place]
             if rate > 0.0:
-                varying[each.gyro][..., each.axis] += estimates[each.place] * np.exp(-rate * elapsed)
+                varying[instrument.gyro][..., instrument.axis] += estimates[instrument.place] * np.exp(-rate * elapsed)
             else:
-                constants[each.gyro][each.constant] += estimates[each.place]
+                constants[instrument.gyro][instrument.constant] += estimates[instrument.place]
         gyro, accelerometer = response_matrix(constants[True]), response_matrix(constants[False])
         return np.concatenate(
             compensate(measured[..., :3], measured[..., 3:], gyro, accelerometer, varying[True], varying[False]),

@@ -211,7 +211,7 @@ class ErrorModel:
     @cached_property
     def _alone(self) -> tuple[IndexArray, Array]:
         """Places of the correlated errors of sensors among the other states, and their variances."""
-        result = np.setdiff1d(np.flatnonzero(self.decay_rates), [each.place for each in self.instruments])
+        result = np.setdiff1d(np.flatnonzero(self.decay_rates), [instrument.place for instrument in self.instruments])
         return result, np.array([self.states[place].sigma for place in result]) ** 2
 
     def initial_covariance(self, to_outputs: Array) -> Array:
@@ -260,7 +260,8 @@ class ErrorModel:
         square = system @ system
         cube, first, second = square @ system, system @ coupling, square @ coupling
         half, whole = (
-            self._transition(each, (system, square, cube), (coupling, first, second)) for each in steps.integrals
+            self._transition(integral, (system, square, cube), (coupling, first, second))
+            for integral in steps.integrals
         )
         for place, state in self._flexures:
             pair = slice(place, place + 2)
@@ -303,10 +304,10 @@ class ErrorModel:
         coupling = np.zeros((count, NAVIGATION, len(self.states)))
         if self.instruments:
             inputs = np.concatenate([np.ones((len(rates), 1)), rates, forces, forces**2], axis=1)
-            columns = axes[:, :, [each.axis for each in self.instruments]]
-            columns = steps.mean(columns * inputs[:, None, [each.input for each in self.instruments]])
-            for number, each in enumerate(self.instruments):
-                coupling[:, ATTITUDE if each.gyro else VELOCITY, each.place] = columns[:, :, number]
+            columns = axes[:, :, [instrument.axis for instrument in self.instruments]]
+            columns = steps.mean(columns * inputs[:, None, [instrument.input for instrument in self.instruments]])
+            for number, instrument in enumerate(self.instruments):
+                coupling[:, ATTITUDE if instrument.gyro else VELOCITY, instrument.place] = columns[:, :, number]
         return system, coupling
 
     def _transition(self, integrals: Array, system: Sequence[Array], coupling: Sequence[Array]) -> Array:

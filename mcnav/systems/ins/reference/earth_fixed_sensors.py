@@ -164,7 +164,7 @@ class SensorModel:
         """Measured quantities: the components that measure each, and their axes."""
         quantities = {}
         for quantity in QUANTITIES:
-            places = [n for n, each in enumerate(self.sensor.components) if each.quantity == quantity]
+            places = [n for n, component in enumerate(self.sensor.components) if component.quantity == quantity]
             axes = [self.sensor.components[place].axis for place in places]
             if places:
                 quantities[quantity] = (np.array(places), np.array(axes))
@@ -206,7 +206,7 @@ class SensorModel:
     @cached_property
     def _gyro_states(self) -> tuple[InstrumentState, ...]:
         """The filter's states that are errors of the gyros."""
-        return tuple(each for each in instrument_states(self.states) if each.gyro)
+        return tuple(state for state in instrument_states(self.states) if state.gyro)
 
     def true_at(self, row: int) -> TrueState:
         """Return the truth at a measurement by its number."""
@@ -227,8 +227,8 @@ class SensorModel:
             Used lever arm less the true one, m.
         """
         values = dict(zip(self.sensor.constants(), constants, strict=True))
-        bias = [values[each.error_name("bias")] for each in self.sensor.components]
-        factors = [values.get(each.error_name("scale_factor"), 0.0) for each in self.sensor.components]
+        bias = [values[component.error_name("bias")] for component in self.sensor.components]
+        factors = [values.get(component.error_name("scale_factor"), 0.0) for component in self.sensor.components]
         arm = [values.get(f"{self.sensor.name}_lever_arm_{axis}", 0.0) for axis in AXES]
         return bias + noise, np.array(factors), np.array(arm)
 
@@ -331,6 +331,6 @@ class SensorModel:
         """Return the responses of a rate to the filter's states that are errors of the gyros, shape (3, q)."""
         gyros = np.zeros((3, len(self.states)))
         inputs = np.concatenate([[1.0], reading])
-        for each in self._gyro_states:
-            gyros[each.axis, each.place] = inputs[each.input]
+        for gyro_state in self._gyro_states:
+            gyros[gyro_state.axis, gyro_state.place] = inputs[gyro_state.input]
         return gyros

@@ -166,9 +166,9 @@ class Mechanization:
         if not np.all(np.isfinite(errors)):
             raise Diverged("the sample has errors that are not finite")
         noises = [np.zeros((steps, 3)) if each is None else each for each in (gyro_noise, accelerometer_noise)]
-        for each in noises:
-            if each.shape != (steps, 3):
-                raise ValueError(f"noise must have shape ({steps}, 3), one row for each step; got {each.shape}")
+        for noise in noises:
+            if noise.shape != (steps, 3):
+                raise ValueError(f"noise must have shape ({steps}, 3), one row for each step; got {noise.shape}")
         start = self.indicated_start(errors[: len(OUTPUTS)])
         instruments = errors[len(OUTPUTS) :]
         gyro, accelerometer = instruments[: len(GYRO)], instruments[-len(ACCELEROMETER) :]

@@ -97,7 +97,7 @@ def update_by_sigma_points(
     covariance = navigator.filter.P
     errors = sigma_points(covariance)
     central = measure(navigator.state, navigator.estimates)[0]
-    apart = np.array([measure(*navigator.corrected(each))[0] for each in errors]) - central
+    apart = np.array([measure(*navigator.corrected(error))[0] for error in errors]) - central
     mean, own = moments(apart)
     mean, own = central + mean, own + np.diag(variances)
     cross = -WEIGHT * errors.T @ apart
@@ -115,7 +115,7 @@ def advance_by_sigma_points(
     navigator: FilteredNavigator, measured: Array, begins: Array, durations: Array, steps: FilterSteps, until: float
 ) -> None:
     """Integrate the indicated state and the sigma points over n steps, as `FilteredNavigator.advance` does."""
-    points = [navigator.corrected(each) for each in sigma_points(navigator.filter.P)]
+    points = [navigator.corrected(sigma_point) for sigma_point in sigma_points(navigator.filter.P)]
     elapsed = (begins - navigator.estimated_at)[:, None] + durations[:, None] * NODES
     duration = until - navigator.estimated_at
     decay = np.exp(-navigator.model.decay_rates * duration)

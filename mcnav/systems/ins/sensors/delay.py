@@ -67,13 +67,13 @@ def change_along_truth(
 def _axes_turn_along_truth(along: Surroundings, reference: Reference, spin: Array) -> Array:
     """Return the rate over the earth of the axes against which a quantity is measured, in inertial axes, rad/s."""
     if reference == "stars":
-        return np.broadcast_to(-spin, along.velocity.shape)
+        return np.asarray(np.broadcast_to(-spin, along.velocity.shape))
     if reference == "earth":
         return np.zeros_like(along.velocity)
     north, east, _ = np.einsum("nji,nj->in", along.level, along.velocity)
     meridian, prime = along.radii
     in_level = np.stack([east / prime, -north / meridian, -east / prime * np.tan(along.latitude)], axis=1)
-    return np.einsum("nij,nj->ni", along.level, in_level)
+    return np.asarray(np.einsum("nij,nj->ni", along.level, in_level))
 
 
 def change_as_indicated(at: Comparison, quantity: QuantityDefinition, reference: Reference) -> Array:
@@ -103,7 +103,7 @@ def change_as_indicated(at: Comparison, quantity: QuantityDefinition, reference:
 def _axes_turn(at: Comparison, reference: Reference, spin: Array) -> Array:
     """Return the rate over the earth of the axes against which a quantity is measured, in earth-fixed axes, rad/s."""
     if reference == "stars":
-        return -spin
+        return np.asarray(-spin)
     if reference == "earth":
         return np.zeros(3)
     frame = at.indicated.frame

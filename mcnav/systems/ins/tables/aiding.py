@@ -178,7 +178,7 @@ def _check_motion(entry: object, navigation: Navigation, key: str, context: File
     table = validate(InstantsTable, given, silent)
     if table is not None and table.log is None and InstantRule().broken(given.keys(), "") is None:
         times = _read_times(table, kind, entry, navigation, key, silent)
-        context.problems.extend(each for each in silent.problems if len(times) and each.key == key)
+        context.problems.extend(problem for problem in silent.problems if len(times) and problem.key == key)
 
 
 def _check_measured(
@@ -251,7 +251,7 @@ def _check_names(sensor: Sensor, earlier: list[Sensor], key: str, context: FileC
 
 
 def _error_names(sensor: Sensor) -> set[str]:
-    processes = {each.error_name(error) for each in sensor.components for error in RANDOM}
+    processes = {component.error_name(error) for component in sensor.components for error in RANDOM}
     if sensor.flexure is not None:
         processes |= {*sensor.processes(), f"{sensor.name}_flexure"}
     if sensor.has_delay:

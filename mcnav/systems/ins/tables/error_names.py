@@ -50,4 +50,4 @@ def _suffixes(axes: bool = True) -> Iterator[tuple[str, str]]:
         if kind.delays:
             yield "delay", DELAY[0]
         if kind.lever_arm:
-            yield from ((f"lever_arm{axis}", LEVER_ARM[0]) for axis in ("", *(f"_{each}" for each in AXES if axes)))
+            yield from ((f"lever_arm{axis}", LEVER_ARM[0]) for axis in ("", *(f"_{axis}" for axis in AXES if axes)))

@@ -180,7 +180,7 @@ def _without(
     sensor: Sensor, begin: float, end: float, navigation: Navigation, key: str, context: FileContext
 ) -> Sensor:
     """Return a sensor without the measurements of an outage."""
-    if sensor.log is not None or any(each.noise_at is not None for each in sensor.components):
+    if sensor.log is not None or any(component.noise_at is not None for component in sensor.components):
         context.problem(f"{key}.sensor", f"got {sensor.name!r}; outages of a recorded sensor are those of its log")
         return sensor
     silent = within(sensor.times, begin, end, same_times(navigation))

@@ -119,17 +119,21 @@ class FilterTable(Table):
     kind: Annotated[
         Literal["ekf", "iterated", "left-invariant", "right-invariant", "ukf"],
         Field(
-            description="Kind of the filter: error-state EKF, iterated update, left- or right-invariant error, "
-            "sigma points. Others than ekf are simulated by the reference engine."
+            description="Kind of the filter: ekf, the error-state filter; iterated, with responses at the corrected "
+            "state; left-invariant and right-invariant, with errors of the group SE2(3); ukf, of sigma points. Others "
+            "than ekf are simulated by the reference engine."
         ),
     ] = "ekf"
     smoother: Annotated[
         SmootherEntry | None,
-        Field(description="Smoother that follows the filter: of all measurements, or of those up to a lag later."),
+        Field(description='"fixed-interval" knows all measurements, { lag = "60 s" } those up to a minute later.'),
     ] = None
     stops: Annotated[
         StopsTable,
-        Field(description="With what probability gates stop errors whose size is asked for, and how long ramps are."),
+        Field(
+            description='Spike and ramp of which gates say what they stop: { probability = 0.95, ramp = "60 s" } '
+            "unless given."
+        ),
     ] = StopsTable()
     believes: BelievesTable = Field(
         default_factory=BelievesTable, description="What the filter takes errors for; the truth where nothing is given."
@@ -314,7 +318,7 @@ def _believed_errors(entries: Mapping[str, Any], sources: Sequence[Source], cont
     known = {source.name: [source] for source in sources}
     names = [*known, *(group for group in groups if group not in known)]
     believed_errors: dict[str, float] = {}
-    for name, entry in sorted(entries.items(), key=lambda each: each[0] in known):  # groups first
+    for name, entry in sorted(entries.items(), key=lambda entry: entry[0] in known):  # groups first
         key = f"filter.believes.errors.{name}"
         meant = known.get(name) or groups.get(name)
         if meant is None:
@@ -340,7 +344,7 @@ def _believed_sensor(
         context.problem(
             f"{key}.lever_arm", f"is that of [[aiding]]; a wrong one is an error such as {known} in [errors]"
         )
-        entry = {name: each for name, each in entry.items() if name != "lever_arm"}
+        entry = {name: item for name, item in entry.items() if name != "lever_arm"}
     table = validate(BELIEVED[sensor.kind], entry, context, key)
     if table is None or not isinstance(entry, dict):
         return sensor, {}

@@ -155,7 +155,7 @@ def _noise(table: Instrument, replaced: Noise | None = None) -> Noise:
     missing = np.full(3, np.nan)
     stated = Noise(missing if walk is None else walk, *_processes_of_bias(table), *_quantization(quantization))
     below = replaced or Noise()
-    pairs = ((getattr(stated, each.name), getattr(below, each.name)) for each in fields(Noise))
+    pairs = ((getattr(stated, attribute.name), getattr(below, attribute.name)) for attribute in fields(Noise))
     return Noise(*(np.where(np.isnan(result), other, result) for result, other in pairs))
 
 

@@ -64,7 +64,7 @@ def _read_list(entry: object) -> Array:
     if not isinstance(entry, list) or not entry:
         raise told('expected a list of times such as ["600 s", "1200 s"]')
     mistakes: list[Mistake] = []
-    times = [_read_time(each, number, mistakes) for number, each in enumerate(entry)]
+    times = [_read_time(item, number, mistakes) for number, item in enumerate(entry)]
     if mistakes:
         raise refuse(mistakes)
     return np.array(times)

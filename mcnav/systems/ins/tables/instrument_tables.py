@@ -100,7 +100,10 @@ Misalignments = Annotated[
 ]  # fmt: skip
 
 
-RATE_RANDOM_WALK: Final = Field(description="Random walk of the bias, K: its sigma is K sqrt(t).")
+RATE_RANDOM_WALK: Final = Field(
+    description="Random walk of the bias, K: its sigma is K sqrt(t). Or { density = …, correlation_time = … }, K and "
+    "tau of a simulator: a stationary process of sigma K sqrt(tau / 2), in place of bias_instability."
+)
 
 
 class GyroErrors(Table):
@@ -111,7 +114,7 @@ class GyroErrors(Table):
     misalignment: Misalignments = None
     angle_random_walk: Annotated[
         Annotated[Array, AxisSizes("rad/sqrt(s)", AXES)] | None,
-        Field(description="White noise of the rates, N: the angle has the sigma N sqrt(t)."),
+        Field(description="White noise of the rates, N, a density per sqrt(Hz): the angle has the sigma N sqrt(t)."),
     ] = None
     rate_random_walk: Annotated[
         Annotated[WalkTable[RateWalks], OrSizes(AxisSizes("rad/s/sqrt(s)", AXES))] | None, RATE_RANDOM_WALK
@@ -130,7 +133,7 @@ class AccelerometerErrors(Table):
     misalignment: Misalignments = None
     velocity_random_walk: Annotated[
         Annotated[Array, AxisSizes("m/s/sqrt(s)", AXES)] | None,
-        Field(description="White noise of the specific force, N: the velocity has the sigma N sqrt(t)."),
+        Field(description="White noise of the force, N, a density per sqrt(Hz): the velocity has the sigma N sqrt(t)."),
     ] = None
     rate_random_walk: Annotated[
         Annotated[WalkTable[AccelerationWalks], OrSizes(AxisSizes("m/s^2/sqrt(s)", AXES))] | None, RATE_RANDOM_WALK
@@ -144,8 +147,14 @@ class AccelerometerErrors(Table):
 CountedAngles = Annotated[QuantizationTable[Angles], OrSizes(AxisSizes("rad", AXES))]
 CountedVelocities = Annotated[QuantizationTable[Velocities], OrSizes(AxisSizes("m/s", AXES))]
 
-INSTABILITY: Final = Field(description="Gauss-Markov process of the bias.")
-QUANTIZATION: Final = Field(description="White error of each reading of the accumulated angle or velocity.")
+INSTABILITY: Final = Field(
+    description="{ sigma = …, correlation_time = … }: a first-order Gauss-Markov process, stationary from the start; "
+    "or allan_minimum in place of sigma, 0.617 of it."
+)
+QUANTIZATION: Final = Field(
+    description="White error Q of each reading of the accumulated angle or velocity, as in IEEE Std 952: its Allan "
+    "deviation is sqrt(3) Q / tau. Or { step = …, interval = … }."
+)
 
 
 class GyroTable(GyroErrors):

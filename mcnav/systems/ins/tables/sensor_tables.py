@@ -63,12 +63,24 @@ def _read_gate(entry: object) -> float:
     return gate
 
 
+def _read_delay(entry: object) -> float:
+    size = quantity(entry, "s")
+    if wrong := within(0.0, LONGEST_DELAY, "s")(size):
+        raise told(f"got {entry!r}; {wrong}")
+    return size
+
+
 OfName: Final = WithJsonSchema({"type": "string", "pattern": f"^{NAME.pattern}$"})
 SensorName = Annotated[str, PlainValidator(_read_name), OfName]
 Gate = Annotated[
     float,
     PlainValidator(_read_gate),
     WithJsonSchema({UNIT: "1", "gt": 0.0, "lt": 1.0, "examples": [0.999]}),
+]
+Delay = Annotated[
+    float,
+    PlainValidator(_read_delay),
+    WithJsonSchema({UNIT: "s", "ge": 0.0, "le": LONGEST_DELAY, "examples": ["20 ms"]}),
 ]
 OfGate: Final = Field(description="Probability with which an expected measurement is accepted.")
 
@@ -182,9 +194,7 @@ def _errors(kind: SensorType, believed: bool = False) -> Fields:
 
 
 def _delay(description: str) -> tuple[Any, Any]:
-    size = Annotated[float, QuantityIn("s")]
-    described = Field(ge=0.0, le=LONGEST_DELAY, description=description, examples=["20 ms"])
-    return Annotated[size | None, described], None
+    return Annotated[Delay | None, Field(description=description)], None
 
 
 def _lever_arm() -> tuple[Any, Any]:

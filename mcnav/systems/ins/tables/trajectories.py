@@ -188,7 +188,7 @@ def _from_reentry(
 def _from_segments(
     table: SegmentsTable, entry: Mapping[str, Any], earth: Earth, context: FileContext, key: str
 ) -> TrajectorySpec | None:
-    segments = [each.segment() for each in table.segments]
+    segments = [segment.segment() for segment in table.segments]
     at = table.start
     start = flown.Start(at.latitude, at.longitude, at.altitude, at.course, at.speed)
 
@@ -214,7 +214,7 @@ def _from_boost(
 ) -> TrajectorySpec | None:
     at = table.boost
     stages = tuple(
-        Stage(each.acceleration, each.last or each.acceleration, each.burn, each.pause) for each in at.stages
+        Stage(stage.acceleration, stage.last or stage.acceleration, stage.burn, stage.pause) for stage in at.stages
     )
     boost = Boost(at.latitude, at.longitude, at.azimuth, stages, at.altitude, at.rise, at.kick, at.kick_time, at.coast)
 

@@ -103,7 +103,7 @@ class _Flight:
         self.bands = altitude_bands(navigation.switching_altitude)
         self.stretches, self.limit = lift_stretches(navigation)
         self.band = next(i for i, band in enumerate(self.bands) if self.state[0] < band.top)
-        self.stretch = next(i for i, each in enumerate(self.stretches) if self.state[self.fed + 1] < each.end)
+        self.stretch = next(i for i, stretch in enumerate(self.stretches) if self.state[self.fed + 1] < stretch.end)
         self.side = self._side()
         args = self._args()
         rates = guided_rates(self.time, self.state, *args)
@@ -226,7 +226,7 @@ def _first_beyond(flown: FlownPhase, within: Callable[[Array], Array]) -> FlownP
 def largest_force(flight: list[FlownPhase]) -> float:
     """Compute the largest size of the specific force over a flight, m/s^2, also between the ends of steps."""
     forces = [each.forces() for each in flight]
-    largest = most = max(float(each.max()) for each in forces)
+    largest = most = max(float(force.max()) for force in forces)
     for each, sizes in zip(flight, forces, strict=True):
         padded = np.pad(sizes, 1, constant_values=-np.inf)
         top = (sizes >= padded[:-2]) & (sizes >= padded[2:]) & (sizes >= NEAR_THE_PEAK * largest)

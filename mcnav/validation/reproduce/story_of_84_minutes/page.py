@@ -46,7 +46,7 @@ PHRASES: Final = {
 
 def table(numbers: Sequence[Number]) -> pd.DataFrame:
     """Tabulate the numbers."""
-    frame = pd.DataFrame([asdict(each) | {"standing": each.standing.value} for each in numbers])
+    frame = pd.DataFrame([asdict(number) | {"standing": number.standing.value} for number in numbers])
     frame = frame.rename(columns={"closed": "closed form", "flown": "flown at rest", "cruising": "flown cruising"})
     return frame[[*frame.columns[:-3], "standing", "remark"]]
 
@@ -119,13 +119,13 @@ def _quantity(each: Number, remark: str = "") -> Cell:
 def _misprint_table(numbers: Sequence[Number]) -> Table[Number]:
     """Tabulate the wrong printed numbers."""
     columns: list[Column[Number]] = [
-        Column("Where", lambda each: each.place, kind="label"),
+        Column("Where", lambda row: row.place, kind="label"),
         Column("Quantity", _quantity, kind="words"),
         Column("Printed", _printed),
-        Column("Correct", lambda each: _text(each.closed, each)),
-        Column("Cause", lambda each: each.remark, kind="words"),
+        Column("Correct", lambda row: _text(row.closed, row)),
+        Column("Cause", lambda row: row.remark, kind="words"),
     ]
-    rows = [each for each in numbers if each.standing is Standing.MISPRINT]
+    rows = [number for number in numbers if number.standing is Standing.MISPRINT]
     return Table("Wrong printed numbers, the correct values, and the causes.", columns, rows)
 
 
@@ -139,14 +139,14 @@ def _number_table(numbers: Sequence[Number]) -> Table[Number]:
         return Cell(_text(each.closed, each), mark=KINDS[each.standing], hint=each.standing.value)
 
     columns: list[Column[Number]] = [
-        Column("Where", lambda each: each.place, kind="label"),
-        Column("Quantity", lambda each: _quantity(each, remark(each)), kind="words"),
+        Column("Where", lambda row: row.place, kind="label"),
+        Column("Quantity", lambda row: _quantity(row, remark(row)), kind="words"),
         Column("Printed", _printed),
-        Column("Formula", lambda each: each.formula, kind="words"),
+        Column("Formula", lambda row: row.formula, kind="words"),
         Column("Closed form", closed),
-        Column("Linear", lambda each: _text(each.linear, each)),
-        Column("Simulated at rest", lambda each: _text(each.flown, each)),
-        Column("Simulated cruising", lambda each: _text(each.cruising, each)),
+        Column("Linear", lambda row: _text(row.linear, row)),
+        Column("Simulated at rest", lambda row: _text(row.flown, row)),
+        Column("Simulated cruising", lambda row: _text(row.cruising, row)),
     ]
     return Table("", columns, numbers, style="marked")
 
@@ -216,7 +216,7 @@ def _altimeter_table(frame: pd.DataFrame) -> Table[pd.Series]:
 
 def _page(numbers: Sequence[Number], tables: Mapping[str, pd.DataFrame], said: Sequence[Finding]) -> Page:
     """Return the page; tables by the names of their files."""
-    counted = Counter(each.standing for each in numbers)
+    counted = Counter(number.standing for number in numbers)
     counts = [(PHRASES[standing], counted[standing]) for standing in Standing if counted[standing]]
     periods, climb = tables["periods.csv"], tables["climb.csv"]
     cruising = number(float(periods["period along the track, flown [min]"][1]), 5)
@@ -233,7 +233,7 @@ def _page(numbers: Sequence[Number], tables: Mapping[str, pd.DataFrame], said: S
         Section("misprints", "Misprints", [_misprint_table(numbers), Note(tilt)]),
         Section("numbers", "All numbers",
                 [Note(TOLERANCE.format(f"{100.0 * SLIDE_RULE:g}")), key, _number_table(numbers), correction]),
-        Section("problems", "Problems 1 to 3", [part for each in errors for part in (Heading(each.title), each)]),
+        Section("problems", "Problems 1 to 3", [part for error in errors for part in (Heading(error.title), error)]),
         Section("period", "Period", [Beside([drawn.periods(periods), drawn.climb(climb)])]),
         Section("hover", "Problem 4: hovering",
                 [Beside(drawn.hover(tables["hover.csv"], tables["hover_departure.csv"]))]),
@@ -263,4 +263,6 @@ def write(folder: Path) -> list[Path]:
     said = claims(tables)
     tables["findings.csv"] = pd.DataFrame([vars(finding) for finding in said])
     page = page_html(_page(numbers, tables, said))
-    return write_texts(folder, {"story.html": page} | {name: each.to_csv(index=False) for name, each in tables.items()})
+    return write_texts(
+        folder, {"story.html": page} | {name: table.to_csv(index=False) for name, table in tables.items()}
+    )

@@ -203,7 +203,7 @@ def _estimated(what: str, unit: str, printed: tuple[str, ...], computed: list[fl
         Number("tutorial", f"{what}, estimate {count}", unit, "tutorial", text, "x + K (z − x)", value)
         for count, (text, value) in enumerate(zip(printed, computed, strict=True), 1)
     ]
-    return [each if each.linear_agrees else each.explained(remark) for each in numbers]
+    return [number if number.linear_agrees else number.explained(remark) for number in numbers]
 
 
 def bound_numbers() -> list[Number]:

@@ -155,7 +155,7 @@ def _periods(chapter: str) -> list[Number]:
 
     def period(earth: Earth) -> tuple[float, float]:
         scenario = Case(at_rest(earth, LATITUDE, SHORT), {}, 2).scenario
-        linear, simulated = (2.0 * np.pi / each[0] / MINUTE for each in oscillations(scenario))
+        linear, simulated = (2.0 * np.pi / oscillation[0] / MINUTE for oscillation in oscillations(scenario))
         return linear, simulated
 
     linear, simulated = growth_rate(Case(at_rest(SPHERE, LATITUDE, SHORT), {}, 2).scenario)

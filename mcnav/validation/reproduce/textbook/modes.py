@@ -41,15 +41,15 @@ def oscillations(scenario: Ins) -> tuple[Array, Array]:
         angles = np.sort(np.angle(values))[::-1]
         return np.asarray(angles[: len(HORIZONTAL) // 2] / _duration(scenario))
 
-    linear, simulated = (rates(each) for each in transitions(scenario))
+    linear, simulated = (rates(transition) for transition in transitions(scenario))
     return linear, simulated
 
 
 def growth_rate(scenario: Ins) -> tuple[float, float]:
     """Return the rate at which errors of the vertical channel grow, 1/s, linear and simulated."""
     linear, simulated = (
-        float(np.log(np.abs(np.linalg.eigvals(each[np.ix_(VERTICAL, VERTICAL)])).max()) / _duration(scenario))
-        for each in transitions(scenario)
+        float(np.log(np.abs(np.linalg.eigvals(transition[np.ix_(VERTICAL, VERTICAL)])).max()) / _duration(scenario))
+        for transition in transitions(scenario)
     )
     return linear, simulated
 
@@ -59,7 +59,7 @@ def steady_drift(scenario: Ins, output: str, source: str) -> float:
 
     The output alone has the eigenvalue one; the rate is what its left eigenvector gains in a navigation.
     """
-    model, names = scenario.linear().end, [each.name for each in scenario.sources]
+    model, names = scenario.linear().end, [source.name for source in scenario.sources]
     transition, _ = transitions(scenario)
     values, vectors = np.linalg.eig(transition[np.ix_(HORIZONTAL, HORIZONTAL)].T)
     left = np.real(vectors[:, np.argmin(np.abs(values - 1.0))])

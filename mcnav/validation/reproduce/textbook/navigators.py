@@ -174,7 +174,7 @@ class Case:
     def variances_after_updates(self, output: str) -> list[float]:
         """Return the filter's variance of an output after each instant of its updates, by linear analysis."""
         navigation = self.scenario.navigation
-        instants = np.unique(np.concatenate([each.times for each in navigation.sensors]))
+        instants = np.unique(np.concatenate([sensor.times for sensor in navigation.sensors]))
         linear = self.scenario.linear(instants)
         if linear.own is None:
             raise ValueError("a navigation without aiding has no filter")
@@ -191,7 +191,7 @@ class Case:
         """Return the linear variance of the horizontal position error at the epochs, shape (m,), m²."""
         known = self.scenario.navigation.linear
         constant = ((known.partials[:, :2] * self.sizes) ** 2).sum(axis=(1, 2))
-        noise = [each[:, 0, 0] + each[:, 1, 1] for each in known.processes.values()]
+        noise = [process[:, 0, 0] + process[:, 1, 1] for process in known.processes.values()]
         return np.asarray(sum(noise, constant))
 
     def horizontal_squares(self) -> Array:
@@ -222,7 +222,7 @@ class Case:
             values.append(np.stack([simulated.values, simulated.linear_values]))
             level.append((simulated.history[..., :2] ** 2).sum(axis=2))
             records.append(simulated.filter_values)
-        known = [each for each in records if each is not None]
+        known = [record for record in records if record is not None]
         of_filters = np.concatenate(known) if known else None
         return np.concatenate(values, axis=1), np.concatenate(level), of_filters
 

@@ -142,11 +142,11 @@ def markdown(numbers: Sequence[Number]) -> str:
         parts += [f"### {name[0].upper()}{name[1:]}", "", CAPTIONS[name], ""]
         parts += ["| quantity | published | linear | simulated | paired | formula, source |"]
         parts.append("| --- | --- | --- | --- | --- | --- |")
-        for each in members:
-            unit, mark = f" [{_unit(each)}]" if _unit(each) else "", " ≠" if each.remark else ""
+        for member in members:
+            unit, mark = f" [{_unit(member)}]" if _unit(member) else "", " ≠" if member.remark else ""
             parts.append(
-                f"| {each.quantity}{unit} | {written(each.printed)}{mark} | {_linear(each)} | {_simulated(each)} | "
-                f"{_paired(each)} | {each.formula} ({_source(each)}) |"
+                f"| {member.quantity}{unit} | {written(member.printed)}{mark} | {_linear(member)} | "
+                f"{_simulated(member)} | {_paired(member)} | {member.formula} ({_source(member)}) |"
             )
         parts.append("")
     return "\n".join(parts)
@@ -154,10 +154,10 @@ def markdown(numbers: Sequence[Number]) -> str:
 
 def render(numbers: Sequence[Number]) -> str:
     """Render the page."""
-    counted = Counter(each.agreement for each in numbers)
+    counted = Counter(number.agreement for number in numbers)
     counts = [(PHRASES[agreement], counted[agreement]) for agreement in Agreement if counted[agreement]]
     intro = Markup("{} published numbers: {}").format(len(numbers), counts_in_words(counts))
-    differing = [each for each in numbers if each.agreement is Agreement.DIFFERS]
+    differing = [number for number in numbers if number.agreement is Agreement.DIFFERS]
     sections = [Section("differing", "Numbers that differ", [_differing_table(differing)])]
     key = MarkKey([(kind, PHRASES[agreement]) for agreement, kind in KINDS.items()])
     for place, (name, own) in enumerate(chapters(numbers), start=1):
@@ -177,9 +177,9 @@ def _differing_table(numbers: Sequence[Number]) -> Table[Number]:
     """Tabulate the numbers that were not reproduced."""
     columns: list[Column[Number]] = [
         Column("Quantity", _quantity, kind="words"),
-        Column("Published", lambda each: written(each.printed)),
+        Column("Published", lambda row: written(row.printed)),
         Column("Linear", _linear),
-        Column("Cause", lambda each: each.remark, kind="words"),
+        Column("Cause", lambda row: row.remark, kind="words"),
     ]
     return Table("Published numbers that were not reproduced, and the causes.", columns, numbers)
 
@@ -188,11 +188,11 @@ def _number_table(caption: str, numbers: Sequence[Number]) -> Table[Number]:
     """Tabulate the numbers of a chapter."""
     columns: list[Column[Number]] = [
         Column("Quantity", _quantity, kind="words"),
-        Column("Published", lambda each: written(each.printed)),
-        Column("Linear", lambda each: Cell(_linear(each), mark=KINDS[each.agreement], hint=each.agreement.value)),
+        Column("Published", lambda row: written(row.printed)),
+        Column("Linear", lambda row: Cell(_linear(row), mark=KINDS[row.agreement], hint=row.agreement.value)),
         Column("Simulated", _simulated),
         Column("Paired", _paired),
-        Column("Formula", lambda each: each.formula, kind="words"),
+        Column("Formula", lambda row: row.formula, kind="words"),
         Column("Source", _source),
     ]
     return Table(caption, columns, numbers, style="marked")

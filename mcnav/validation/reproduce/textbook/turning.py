@@ -77,7 +77,7 @@ def mode_numbers() -> list[Number]:
     """List periods of the modes, Foucault's rotation, and the drift that remains."""
     chapter, numbers = "turning earth", []
     for latitude, printed in MODES.items():
-        linear, simulated = (2.0 * np.pi / each for each in oscillations(held(latitude, SHORT).scenario))
+        linear, simulated = (2.0 * np.pi / oscillation for oscillation in oscillations(held(latitude, SHORT).scenario))
         for number, (kind, text) in enumerate(zip(("short", "long"), printed, strict=True)):
             quantity = f"{kind} Schuler mode at {latitude:.0f}° latitude"
             periods = linear[number] / MINUTE, simulated[number] / MINUTE
@@ -91,7 +91,8 @@ def mode_numbers() -> list[Number]:
 def _turn(latitude: float) -> tuple[float, float]:
     """Compute the time in which the plane of the oscillation turns once on a turning sphere, h."""
     linear, simulated = (
-        4.0 * np.pi / (each[0] - each[1]) / HOUR for each in oscillations(held(latitude, SHORT, TURNING).scenario)
+        4.0 * np.pi / (oscillation[0] - oscillation[1]) / HOUR
+        for oscillation in oscillations(held(latitude, SHORT, TURNING).scenario)
     )
     return float(linear), float(simulated)
 

@@ -222,5 +222,5 @@ def simulate(scenario: Ins, errors: Array, seed: int) -> tuple[Array, Array]:
         results.append(engine.simulate(Batch(index, padded[index], seed)))
         if results[-1].failures:
             raise RuntimeError(f"a sample fails: {next(iter(results[-1].failures.values()))}")
-    linear = [each.linear_values for each in results if each.linear_values is not None]
-    return np.concatenate([each.values for each in results]), np.concatenate(linear)
+    linear = [result.linear_values for result in results if result.linear_values is not None]
+    return np.concatenate([result.values for result in results]), np.concatenate(linear)

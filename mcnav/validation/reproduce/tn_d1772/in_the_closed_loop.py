@@ -175,9 +175,11 @@ def figure_15() -> pd.DataFrame:
         pd.DataFrame({TIME: OFF_MINUTES} | _sigmas(np.array(off), scenario)).assign(curve="accelerometers off")
     )
     rows: dict[str, dict[str, float]] = {}
-    for each in loop_comparisons():
-        if each.part == "start" and each.fed == "indicated":
-            rows.setdefault(each.case, {TIME: float(each.case.split()[2])})[f"{each.result} [km]"] = each.simulated
+    for loop_comparison in loop_comparisons():
+        if loop_comparison.part == "start" and loop_comparison.fed == "indicated":
+            rows.setdefault(loop_comparison.case, {TIME: float(loop_comparison.case.split()[2])})[
+                f"{loop_comparison.result} [km]"
+            ] = loop_comparison.simulated
     curves.append(pd.DataFrame(list(rows.values())).assign(curve="samples"))
     return pd.concat(curves, ignore_index=True)
 

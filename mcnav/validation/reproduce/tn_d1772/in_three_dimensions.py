@@ -153,9 +153,9 @@ def start_curves() -> pd.DataFrame:
     spatial = globe.navigation.partials_at(times)
     flat = table_i_scenario(EXAMPLE).partials_at(times - globe.reentry, "start")[:, :2] * ALL_ERRORS / KILOMETRE
     effects = [globe.results(partials, time) for partials, time in zip(spatial, times, strict=True)]
-    sigmas = np.array([_sigmas(*each) for each in effects])
+    sigmas = np.array([_sigmas(*effect) for effect in effects])
     conditions = np.array([np.sqrt((across[CROSSRANGE, :ACROSS_INITIAL] ** 2).sum()) for _, across in effects])
-    sums = [absolute_sums(each[0][ALTITUDE, COLUMNS] / KILOMETRE)["all"] for each in effects]
+    sums = [absolute_sums(effect[0][ALTITUDE, COLUMNS] / KILOMETRE)["all"] for effect in effects]
     frame = {TIME: (times - globe.reentry) / 60.0}
     for row, name in enumerate(RESULTS[:2]):
         frame[f"{name}, planar [km]"] = np.sqrt((flat[:, row] ** 2).sum(axis=1))
@@ -367,9 +367,9 @@ def figure_14() -> pd.DataFrame:
     parts = {"start": start_curves(), "update": update_curves()}
     for part in ("start", "update"):
         rows: dict[str, dict[str, float]] = {}
-        for each in comparisons():
-            if each.part == part and not each.case.endswith("stars"):
-                minutes = float(each.case.split()[2])
-                rows.setdefault(each.case, {TIME: minutes})[f"{each.result} [km]"] = each.simulated
+        for comparison in comparisons():
+            if comparison.part == part and not comparison.case.endswith("stars"):
+                minutes = float(comparison.case.split()[2])
+                rows.setdefault(comparison.case, {TIME: minutes})[f"{comparison.result} [km]"] = comparison.simulated
         parts[f"{part}, samples"] = pd.DataFrame(list(rows.values()))
     return pd.concat([frame.assign(curve=name) for name, frame in parts.items()], ignore_index=True)

@@ -38,7 +38,11 @@ def loop_claims(compared: Sequence[LoopComparison], curves: pd.DataFrame) -> lis
 
 def _find(compared: Sequence[LoopComparison], case: str, result: str, fed: str = "indicated") -> LoopComparison:
     """Return the comparison of a result whose case is or begins with given words."""
-    return next(each for each in compared if each.case.startswith(case) and (each.result, each.fed) == (result, fed))
+    return next(
+        comparison
+        for comparison in compared
+        if comparison.case.startswith(case) and (comparison.result, comparison.fed) == (result, fed)
+    )
 
 
 def _both(each: LoopComparison) -> str:
@@ -110,13 +114,13 @@ def accelerometers_off_in_the_loop(compared: Sequence[LoopComparison]) -> Findin
 
 def linear_in_the_loop(compared: Sequence[LoopComparison]) -> Finding:
     """Compare samples with their linear outcomes, and look at the trajectories that skip."""
-    flown = [each for each in compared if each.part == "start" and each.fed == "indicated"]
-    departures = {name: max(abs(each.departure) for each in flown if each.result == name)
+    flown = [comparison for comparison in compared if comparison.part == "start" and comparison.fed == "indicated"]
+    departures = {name: max(abs(flight.departure) for flight in flown if flight.result == name)
                   for name in ("altitude error", "range error", "landing point")}  # fmt: skip
-    unguided = max(abs(each.departure) for each in compared
-                   if each.part == "start" and each.fed == "true" and np.isfinite(each.departure))  # fmt: skip
+    unguided = max(abs(start.departure) for start in compared
+                   if start.part == "start" and start.fed == "true" and np.isfinite(start.departure))  # fmt: skip
     advised = _find(compared, "start at -24.0", "landing point")
-    within = [each for each in compared if np.isfinite(each.departure)]
+    within = [comparison for comparison in compared if np.isfinite(comparison.departure)]
     inside = sum(each.low <= each.linear <= each.high for each in within)
     skips = " and ".join(f"{linear_sigma(number):,.0f} km on trajectory {number}" for number in SKIPPING)
     return Finding(

@@ -190,7 +190,7 @@ def render(
         Fold("tables", "Tables I to VI", "every printed number above the computed one", [Note(IN_CELLS), key], tables),
         Fold("figures", "Figures 1 to 12", "drawn again from the report's equations", [], drawn_again),
     ]
-    head = [Sentence(verdicts_in_words(said)), Sentence(_counts(cells)), Note(REPORT)]
+    head: list[Part] = [Sentence(verdicts_in_words(said)), Sentence(_counts(cells)), Note(REPORT)]
     return page_html(Page(title, "Printed and recomputed numbers", title, head, sections, folds=folds, short=True))
 
 
@@ -223,12 +223,12 @@ def _start_parts(started: Sequence[Advice], figure: Figure) -> list[Part]:
 def _correction_table() -> Table[Correction]:
     """List the numbers that the transcription changes."""
     columns: list[Column[Correction]] = [
-        Column("Table", lambda each: each.table, kind="label"),
-        Column("Row", lambda each: each.row, kind="label"),
-        Column("Column", lambda each: each.column, kind="label"),
-        Column("Scan", lambda each: each.scanned.replace("-", "−")),
-        Column("Used", lambda each: each.used.replace("-", "−")),
-        Column("Reason", lambda each: each.reason, kind="words"),
+        Column("Table", lambda row: row.table, kind="label"),
+        Column("Row", lambda row: row.row, kind="label"),
+        Column("Column", lambda row: row.column, kind="label"),
+        Column("Scan", lambda row: row.scanned.replace("-", "−")),
+        Column("Used", lambda row: row.used.replace("-", "−")),
+        Column("Reason", lambda row: row.reason, kind="words"),
     ]
     return Table(CORRECTED, columns, CORRECTIONS)
 
@@ -241,14 +241,14 @@ def _comparison_table(compared: Sequence[Comparison]) -> Table[Comparison]:
         return f"{number(each.simulated)}{interval}"
 
     columns: list[Column[Comparison]] = [
-        Column("Case", lambda each: each.case.replace("-", "−"), kind="words"),
-        Column("Error", lambda each: each.result, kind="label"),
-        Column("Planar", lambda each: each.planar),
-        Column("Planar, samples", lambda each: each.planar_simulated),
-        Column("Linear", lambda each: each.linear),
+        Column("Case", lambda row: row.case.replace("-", "−"), kind="words"),
+        Column("Error", lambda row: row.result, kind="label"),
+        Column("Planar", lambda row: row.planar),
+        Column("Planar, samples", lambda row: row.planar_simulated),
+        Column("Linear", lambda row: row.linear),
         Column("Samples", simulated),
-        Column("Departure", lambda each: number(100.0 * each.departure, 2), unit="%"),
-        Column("Filter", lambda each: each.own),
+        Column("Departure", lambda row: number(100.0 * row.departure, 2), unit="%"),
+        Column("Filter", lambda row: row.own),
     ]
     return Table(COMPARED, columns, compared)
 
@@ -261,13 +261,13 @@ def _loop_table(loops: Sequence[LoopComparison]) -> Table[LoopComparison]:
         return f"{number(each.simulated)}{interval}"
 
     columns: list[Column[LoopComparison]] = [
-        Column("Case", lambda each: each.case.replace("-", "−"), kind="words"),
-        Column("Law fed with", lambda each: f"{each.fed} rate", kind="label"),
-        Column("Result", lambda each: each.result, kind="label"),
-        Column("Linear", lambda each: each.linear),
+        Column("Case", lambda row: row.case.replace("-", "−"), kind="words"),
+        Column("Law fed with", lambda row: f"{row.fed} rate", kind="label"),
+        Column("Result", lambda row: row.result, kind="label"),
+        Column("Linear", lambda row: row.linear),
         Column("Samples", simulated),
-        Column("Departure", lambda each: number(100.0 * each.departure, 2), unit="%"),
-        Column("Correlation", lambda each: number(each.correlation, 2)),
+        Column("Departure", lambda row: number(100.0 * row.departure, 2), unit="%"),
+        Column("Correlation", lambda row: number(row.correlation, 2)),
     ]
     return Table(LOOPED, columns, loops)
 
@@ -315,7 +315,7 @@ def chapter(compared: Sequence[Comparison]) -> str:
     """
     lines = [f"| case | {' | '.join(RESULTS)} |", f"| --- |{' --- |' * len(RESULTS)}"]
     for case, members in groupby(compared, key=lambda each: each.case):
-        cells = {each.result: _cell(each) for each in members}
+        cells = {member.result: _cell(member) for member in members}
         lines.append(f"| {case.replace('-', '−')} | {' | '.join(cells.get(name, '–') for name in RESULTS)} |")
     return "\n".join(lines) + "\n"
 
@@ -338,7 +338,7 @@ def loop_chapter(loops: Sequence[LoopComparison]) -> str:
     """
     lines = [f"| case | {' | '.join(LOOP_RESULTS)} |", f"| --- |{' --- |' * len(LOOP_RESULTS)}"]
     for case, members in groupby(loops, key=lambda each: each.case):
-        cells = {(each.result, each.fed): each for each in members}
+        cells = {(member.result, member.fed): member for member in members}
         pairs = ["; ".join(_looped(cells[result, fed]) for fed in FED) for result in LOOP_RESULTS]
         lines.append(f"| {case.replace('-', '−')} | {' | '.join(pairs)} |")
     return "\n".join(lines) + "\n"

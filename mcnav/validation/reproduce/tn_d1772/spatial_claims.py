@@ -36,7 +36,11 @@ def spatial_claims(compared: Sequence[Comparison], curves: pd.DataFrame) -> list
 
 def _find(compared: Sequence[Comparison], part: str, case: str, result: str) -> Comparison:
     """Return the comparison of a result whose case begins with given words."""
-    return next(each for each in compared if each.part == part and each.case.startswith(case) and each.result == result)
+    return next(
+        comparison
+        for comparison in compared
+        if comparison.part == part and comparison.case.startswith(case) and comparison.result == result
+    )
 
 
 def _both(each: Comparison) -> str:
@@ -46,12 +50,12 @@ def _both(each: Comparison) -> str:
 
 def start_in_three_dimensions(compared: Sequence[Comparison], curves: pd.DataFrame) -> Finding:
     """Compare start times of both navigators, and look for the best one with crossrange."""
-    flown = [each for each in compared if each.part == "start"]
-    planar = [each for each in flown if np.isfinite(each.planar)]
+    flown = [comparison for comparison in compared if comparison.part == "start"]
+    planar = [flight for flight in flown if np.isfinite(flight.planar)]
     apart = max(abs(each.linear / each.planar - 1.0) for each in planar)
     sampled = max(abs(each.simulated / each.planar_simulated - 1.0) for each in planar)
-    within = sum(each.low <= each.linear <= each.high for each in flown)
-    departure = max(abs(each.departure) for each in compared if np.isfinite(each.departure))
+    within = sum(flight.low <= flight.linear <= flight.high for flight in flown)
+    departure = max(abs(comparison.departure) for comparison in compared if np.isfinite(comparison.departure))
     frame = curves[curves["curve"] == "start"]
     early = frame[frame[TIME] <= -10.0]
     best = {name: early.loc[early[f"{name} [km]"].idxmin()] for name in ("altitude", "position")}
@@ -79,9 +83,13 @@ def update_in_mid_course(compared: Sequence[Comparison], curves: pd.DataFrame) -
                         _find(compared, "update", "update at -30 min, no stars", "altitude"))  # fmt: skip
     frame = curves[curves["curve"] == "update"]
     best = frame.loc[frame["altitude [km]"].idxmin()]
-    own = max(abs(each.own / each.linear - 1.0) for each in compared if each.part == "update" and np.isfinite(each.own))
-    flown = [each for each in compared if each.part == "update"]
-    within = sum(each.low <= each.linear <= each.high for each in flown)
+    own = max(
+        abs(comparison.own / comparison.linear - 1.0)
+        for comparison in compared
+        if comparison.part == "update" and np.isfinite(comparison.own)
+    )
+    flown = [comparison for comparison in compared if comparison.part == "update"]
+    within = sum(flight.low <= flight.linear <= flight.high for flight in flown)
     return Finding(
         "The start is the time of the last update, best between 20 and 30 minutes before reentry.",
         "An update is better than a start, because it also calibrates gyros and accelerometers. The navigator runs "
@@ -109,8 +117,8 @@ def accelerometers_off_in_three_dimensions(compared: Sequence[Comparison]) -> Fi
             _find(compared, "switching", f"all errors, accelerometers {state}", result) for state in ("on", "off")
         )
         sigmas.append(f"{result.capitalize()}: {_both(on)} become {_both(off)}.")
-    flown = [each for each in compared if each.part == "switching" and np.isfinite(each.planar)]
-    apart = max(abs(each.linear - each.planar) for each in flown)
+    flown = [comparison for comparison in compared if comparison.part == "switching" and np.isfinite(comparison.planar)]
+    apart = max(abs(flight.linear - flight.planar) for flight in flown)
     return Finding(
         "Taking the accelerometers' outputs as zero above the atmosphere greatly reduces the errors due to their bias.",
         f"Final altitude errors fall by {words[0]}, by {words[1]}. By all errors: {' '.join(sigmas)} Across the plane "
@@ -126,7 +134,7 @@ def crossrange(compared: Sequence[Comparison]) -> Finding:
     mixed = max(each.mixed for each in finding)
     history = crossrange_history()
     by_conditions = history["crossrange by initial conditions [km]"]
-    finals = [each for each in compared if each.part == "crossrange"]
+    finals = [comparison for comparison in compared if comparison.part == "crossrange"]
     four = _find(compared, "crossrange", f"trajectory {EXAMPLE}", "crossrange")
     altitude = _find(compared, "start", "start at -63.5", "altitude")
     own = finding[EXAMPLE - 1]

@@ -129,7 +129,7 @@ def as_many_outside(runs: Runs, numbers: Sequence[Number]) -> dict[str, tuple[in
     outside = ((runs.of_hundred < low) | (runs.of_hundred > high))[..., : len(QUANTITIES)]
     result = {}
     for printing, places in rows.items():
-        count = sum(each.agreement == OUTSIDE for each in numbers if each.printing == printing)
+        count = sum(number.agreement == OUTSIDE for number in numbers if number.printing == printing)
         result[printing] = count, float(np.mean(outside[:, places].sum(axis=(1, 2)) >= count))
     return result
 
@@ -137,19 +137,19 @@ def as_many_outside(runs: Runs, numbers: Sequence[Number]) -> dict[str, tuple[in
 def judge(runs: Runs) -> list[Consistency]:
     """Judge the filters as they were meant, by the NEES of their own errors."""
     values, errors, result = runs.values(), runs.errors(), []
-    for each in MEANT:
-        row = ALL.index(each)
+    for kind in MEANT:
+        row = ALL.index(kind)
         intervals = []
         for place in (2, 4):
             mean, margin = float(values[row, place]), TWO_SIDED * float(errors[row, place - 2])
             intervals.append((mean, mean - margin, mean + margin))
-        result.append(Consistency(each.name, float(values[row, 0]), float(values[row, 1]), *intervals))
+        result.append(Consistency(kind.name, float(values[row, 0]), float(values[row, 1]), *intervals))
     return result
 
 
 def cheaper(runs: Runs) -> float:
     """Compute how many times less a run of the five filters takes than that of the first printing."""
-    ours = sum(float(runs.seconds[ALL.index(each)]) for each in MEANT)
+    ours = sum(float(runs.seconds[ALL.index(kind)]) for kind in MEANT)
     return next(iter(PRINTINGS.values())) / RUNS / ours
 
 
@@ -158,8 +158,8 @@ def over_time(runs: Runs) -> pd.DataFrame:
     rows = slice(EVERY, None, EVERY)
     columns = {"time [s]": flight.STEP * np.arange(flight.INSTANTS)[rows]}
     for quantity, place in (("orientation", 2), ("position", 4)):
-        for each in MEANT:
-            columns[f"{quantity}, {each.name}"] = runs.by_time[ALL.index(each), rows, place]
+        for kind in MEANT:
+            columns[f"{quantity}, {kind.name}"] = runs.by_time[ALL.index(kind), rows, place]
     return pd.DataFrame(columns)
 
 
@@ -174,12 +174,12 @@ def _percent(share: float) -> str:
 def _printed_table(printing: str, numbers: Sequence[Number]) -> Table[Number]:
     """Tabulate the numbers of a printing."""
     columns: list[Column[Number]] = [
-        Column("Filter", lambda each: each.filter, kind="label"),
-        Column("Quantity", lambda each: Cell(each.quantity, each.unit), kind="words"),
-        Column("Printed", lambda each: Cell(each.printed, mark=KINDS[each.agreement], hint=each.agreement)),
-        Column("Ours", lambda each: number(each.ours, 3)),
-        Column("Range of 100 runs", lambda each: f"{number(each.low, 3)} to {number(each.high, 3)}"),
-        Column("Less than printed", lambda each: _percent(each.below)),
+        Column("Filter", lambda row: row.filter, kind="label"),
+        Column("Quantity", lambda row: Cell(row.quantity, row.unit), kind="words"),
+        Column("Printed", lambda row: Cell(row.printed, mark=KINDS[row.agreement], hint=row.agreement)),
+        Column("Ours", lambda row: number(row.ours, 3)),
+        Column("Range of 100 runs", lambda row: f"{number(row.low, 3)} to {number(row.high, 3)}"),
+        Column("Less than printed", lambda row: _percent(row.below)),
     ]
     return Table(f"Printed in {printing}.", columns, numbers, style="marked")
 
@@ -187,19 +187,19 @@ def _printed_table(printing: str, numbers: Sequence[Number]) -> Table[Number]:
 def _consistency_table(rows: Sequence[Consistency]) -> Table[Consistency]:
     """Tabulate the filters as they were meant."""
     columns: list[Column[Consistency]] = [
-        Column("Filter", lambda each: each.filter, kind="label"),
-        Column("Orientation, RMS", lambda each: Cell(number(each.attitude_error, 3), "deg")),
-        Column("Position, RMS", lambda each: Cell(number(each.position_error, 3), "m")),
-        Column("Orientation, NEES", lambda each: _three(*each.attitude)),
-        Column("Position, NEES", lambda each: _three(*each.position)),
-        Column("Verdict", lambda each: each.verdict, kind="words"),
+        Column("Filter", lambda row: row.filter, kind="label"),
+        Column("Orientation, RMS", lambda row: Cell(number(row.attitude_error, 3), "deg")),
+        Column("Position, RMS", lambda row: Cell(number(row.position_error, 3), "m")),
+        Column("Orientation, NEES", lambda row: _three(*row.attitude)),
+        Column("Position, NEES", lambda row: _three(*row.position)),
+        Column("Verdict", lambda row: row.verdict, kind="words"),
     ]
     return Table("NEES by component, 1 of a consistent filter, with 95 % intervals.", columns, rows)
 
 
 def _figure(table: pd.DataFrame) -> Figure:
     """Draw the NEES over time."""
-    key = tuple(numbered(2 * place, each.name) for place, each in enumerate(MEANT))
+    key = tuple(numbered(2 * place, kind.name) for place, kind in enumerate(MEANT))
     time = Axis("time", "s", link="time")
     panels = []
     for quantity in ("orientation", "position"):
@@ -234,7 +234,7 @@ DIFFERENCES: Final = (
 
 
 def _share(numbers: Sequence[Number]) -> Markup:
-    counts = [(each, sum(number.agreement == each for number in numbers)) for each in KINDS]
+    counts = [(kind, sum(number.agreement == kind for number in numbers)) for kind in KINDS]
     shown = counts_in_words([(name, count) for name, count in counts if count])
     text = Markup("{} printed numbers, beside the range that contains 95 % of the means of 100 of our runs: {}")
     return text.format(len(numbers), shown)
@@ -251,7 +251,7 @@ def _together(runs: Runs, numbers: Sequence[Number]) -> str:
 
 
 def _cost(runs: Runs) -> str:
-    ours = 1000.0 * sum(float(runs.seconds[ALL.index(each)]) for each in MEANT)
+    ours = 1000.0 * sum(float(runs.seconds[ALL.index(kind)]) for kind in MEANT)
     theirs = next(iter(PRINTINGS.values())) / RUNS
     return (
         f"Cost of a run of five filters: {number(theirs, 3)} s printed, {number(ours, 2)} ms here on one thread, "
@@ -264,7 +264,8 @@ def render(runs: Runs) -> str:
     numbers, key = compare(runs), MarkKey([(kind, name) for name, kind in KINDS.items()])
     together = Note(_together(runs, numbers))
     printings = [
-        _printed_table(printing, [each for each in numbers if each.printing == printing]) for printing in PRINTINGS
+        _printed_table(printing, [number for number in numbers if number.printing == printing])
+        for printing in PRINTINGS
     ]
     sections = [
         Section("printed", "Printed and simulated", [key, *printings, together, Note(DIFFERENCES)]),
@@ -303,7 +304,7 @@ def markdown(runs: Runs) -> str:
 
 
 def _frame(numbers: Sequence[Number]) -> pd.DataFrame:
-    return pd.DataFrame([vars(each) | {"agreement": each.agreement} for each in numbers])
+    return pd.DataFrame([vars(number) | {"agreement": number.agreement} for number in numbers])
 
 
 def write(folder: Path, samples: int | None = None) -> tuple[str, list[Path]]:
@@ -316,7 +317,7 @@ def write(folder: Path, samples: int | None = None) -> tuple[str, list[Path]]:
         "nees.csv": over_time(runs).to_csv(index=False),
         TABLES: markdown(runs),
     }
-    inside = sum(each.agreement == INSIDE for each in numbers)
+    inside = sum(number.agreement == INSIDE for number in numbers)
     summary = (
         f"{len(numbers)} printed numbers\n{inside:6} within the range of 100 runs\n{len(numbers) - inside:6} outside"
     )

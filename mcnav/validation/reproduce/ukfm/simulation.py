@@ -83,11 +83,11 @@ def _chunk(seed: int, first: int, count: int) -> tuple[Array, Array, Array]:
     sigmas = np.array([flight.GYRO, flight.ACCELEROMETER, flight.RANGING, flight.START_ATTITUDE, flight.START_POSITION])
     by_run = np.empty((len(ALL), count, SCORES))
     by_time = np.zeros((len(ALL), flight.INSTANTS, SCORES))
-    for place, each in enumerate(ALL):
+    for place, kind in enumerate(ALL):
         begun = thread_time()
         simulate(
-            each.definition, each.sigma_points, truth.forces, truth.position, flight.GRAVITY, flight.LANDMARKS,
-            flight.STEP, flight.BETWEEN_MEASUREMENTS, sigmas, each.turned, draws.start, draws.readings, draws.landmarks,
+            kind.definition, kind.sigma_points, truth.forces, truth.position, flight.GRAVITY, flight.LANDMARKS,
+            flight.STEP, flight.BETWEEN_MEASUREMENTS, sigmas, kind.turned, draws.start, draws.readings, draws.landmarks,
             by_run[place], by_time[place],
         )  # fmt: skip
         seconds[place] += thread_time() - begun
@@ -100,7 +100,7 @@ def run(samples: int = SAMPLES, seed: int = SEED) -> Runs:
     parts = [(first, min(CHUNK, samples - first)) for first in range(0, samples, CHUNK)]
     by_time, by_run, seconds = np.zeros((len(ALL), flight.INSTANTS, SCORES)), [], np.zeros(len(ALL))
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        for runs, instants, took in threads.map(lambda part: _chunk(seed, *part), parts):
+        for runs, instants, took in threads.map(lambda row: _chunk(seed, *row), parts):
             by_run.append(runs)
             by_time += instants
             seconds += took

@@ -83,7 +83,7 @@ class _Answer:
 
 def _table(content: RunAnalysis, entries: Sequence[OutputEntry]) -> Table[_Answer]:
     rows, joint = [_answer(content, each) for each in grouped(entries)], ellipsoid_words(content)
-    several = any(each.kind for each in rows)
+    several = any(row.kind for row in rows)
     if joint is not None:
         at = len(rows) if joint.verdict == "agrees" else 0
         rows.insert(at, replace(_jointly(joint), kind="All outputs together" if several else ""))

@@ -31,7 +31,7 @@ def causes_section(content: RunAnalysis) -> Section | None:
     """Split the difference of each variance that differs, in per cent of the linear one; none where none does."""
     causes = content.causes
     linear = np.diag(content.comparison.covariance_linear)
-    shown = [i for i, each in enumerate(content.comparison.outputs) if linear[i] > 0.0 and each.paired.certain]
+    shown = [i for i, output in enumerate(content.comparison.outputs) if linear[i] > 0.0 and output.paired.certain]
     if causes is None or not shown or not content.dispersed:
         return None
     per_cent = np.divide(100.0, linear, out=np.full_like(linear, np.nan), where=linear > 0.0)

@@ -122,5 +122,5 @@ def _definition(tolerance: str) -> list[Part]:
     ).format(EMPHASIS("paired"))
     words = {"detectable": "smallest detectable difference", "bias": "bias", "plain": "plain",
              "unscented": "unscented", "higher": "higher-order"}  # fmt: skip
-    named = {key: EMPHASIS(each) for key, each in words.items()}
+    named = {key: EMPHASIS(word) for key, word in words.items()}
     return [Sentence(propagated), formulas.PAIRED, Sentence(Markup(ESTIMATES).format(tolerance=tolerance, **named))]

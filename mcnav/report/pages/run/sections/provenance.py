@@ -88,8 +88,8 @@ def input_files(manifest: Manifest) -> list[InputFile]:
     code = manifest.identity.code
     own = [] if code is None else [InputFile(code.file, "the scenario", None, code.sha256)]
     return own + [
-        InputFile(each.name, each.setting or "opened by the scenario", each.bytes, each.sha256, each.copied)
-        for each in manifest.files
+        InputFile(file.name, file.setting or "opened by the scenario", file.bytes, file.sha256, file.copied)
+        for file in manifest.files
     ]
 
 

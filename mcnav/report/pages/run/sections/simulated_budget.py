@@ -117,7 +117,7 @@ def _explanation(alone: Mapping[str, Any], sobol: Mapping[str, Any], least: floa
 def _largest_shares(content: RunAnalysis, sobol: Mapping[str, Any]) -> Array:
     """Return the largest share by any method, shape (outputs, sources)."""
     tables = [content.budget.shares, flown_shares(content), *([] if "failed" in sobol else [sobol["total"]])]
-    return np.asarray(np.max([np.nan_to_num(np.array(each, dtype=float)) for each in tables], axis=0))
+    return np.asarray(np.max([np.nan_to_num(np.array(table, dtype=float)) for table in tables], axis=0))
 
 
 def _interacts(sobol: Mapping[str, Any]) -> bool:

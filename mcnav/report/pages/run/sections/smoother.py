@@ -47,8 +47,8 @@ def smoother_section(content: RunAnalysis) -> Section | None:
 
 
 def _table(result: FilterConsistency, filtered: FilterConsistency | None) -> Table[SmoothedRow] | None:
-    by_name = {} if filtered is None else {each.name: each for each in filtered.outputs}
-    rows = [_row(result, each, by_name.get(each.name)) for each in result.outputs]
+    by_name = {} if filtered is None else {output.name: output for output in filtered.outputs}
+    rows = [_row(result, output, by_name.get(output.name)) for output in result.outputs]
     columns: list[Column[SmoothedRow]] = [
         Column("Output", lambda row: row.output, kind="label"),
         Column("Filter, true σ", lambda row: row.filter),
@@ -85,9 +85,9 @@ def _worse(result: FilterConsistency, filtered: FilterConsistency | None) -> Not
     """Say where linear analysis has the smoother worse than its filter; none where it never is."""
     if filtered is None:
         return None
-    by_name, worse = {each.name: each for each in filtered.outputs}, np.zeros(len(result.times), dtype=bool)
-    for each in result.outputs:
-        before = by_name.get(each.name)
-        if each.true_linear is not None and before is not None and before.true_linear is not None:
-            worse |= each.true_linear > 1.01 * before.true_linear
+    by_name, worse = {output.name: output for output in filtered.outputs}, np.zeros(len(result.times), dtype=bool)
+    for output in result.outputs:
+        before = by_name.get(output.name)
+        if output.true_linear is not None and before is not None and before.true_linear is not None:
+            worse |= output.true_linear > 1.01 * before.true_linear
     return Note(WORSE.format(int(worse.sum()), len(worse))) if worse.any() else None

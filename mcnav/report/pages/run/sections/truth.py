@@ -58,7 +58,7 @@ def truth_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section 
         Column("Quantity", lambda row: row.name, kind="label"),
         Column("Linear correlation", lambda row: fixed(row.linear, 6)),
         Column("Monte Carlo correlation", lambda row: fixed(row.flown, 6)),
-        Column("Interval", lambda row: "–" if row.ends is None else " to ".join(fixed(each, 6) for each in row.ends)),
+        Column("Interval", lambda row: "–" if row.ends is None else " to ".join(fixed(end, 6) for end in row.ends)),
         Column("Linear value is", lambda row: row.verdict, kind="text"),
         Column("True σ", lambda row: number(row.sigma_true)),
         Column("Navigation error σ", lambda row: number(row.sigma_error)),
@@ -77,17 +77,17 @@ def correlation_rows(content: RunAnalysis) -> list[CorrelationRow]:
     linear, flown = content.comparison.covariance_linear, content.comparison.covariance_paired
     sigmas = np.sqrt(np.diag(linear)) * content.output_scale
     rows, pairs = [], []
-    for each in quantities(content.manifest.model.outputs):
-        if each.error is None or not (sigmas[each.true] > 0.0 and sigmas[each.error] > 0.0):
+    for quantity in quantities(content.manifest.model.outputs):
+        if quantity.error is None or not (sigmas[quantity.true] > 0.0 and sigmas[quantity.error] > 0.0):
             continue
-        pairs.append((min(each.true, each.error), max(each.true, each.error)))
+        pairs.append((min(quantity.true, quantity.error), max(quantity.true, quantity.error)))
         rows.append(CorrelationRow(
-            humanize(each.name),
-            _correlation(linear, each.true, each.error), _correlation(flown, each.true, each.error),
-            float(sigmas[each.true]), float(sigmas[each.error]), content.output_units[each.true],
+            humanize(quantity.name),
+            _correlation(linear, quantity.true, quantity.error), _correlation(flown, quantity.true, quantity.error),
+            float(sigmas[quantity.true]), float(sigmas[quantity.error]), content.output_units[quantity.true],
         ))  # fmt: skip
     joint = content.comparison.joint
-    tested = {each.between: each for each in joint.correlations} if joint else {}
+    tested = {correlation.between: correlation for correlation in joint.correlations} if joint else {}
     level = 1.0 - (1.0 - content.criterion.confidence) / max(len(rows), 1)
     return [
         replace(row, ends=fisher_interval(replace(tested[pair].difference, value=row.flown), level))

@@ -129,7 +129,7 @@ def _json(what_if: WhatIf, outputs: Sequence[Output | Variable]) -> str:
     campaign, covariance = what_if.campaign, what_if.covariance
     wide = covariance.crossed
     pack = _Packing(wide)
-    units = {each.name: (conversion(each.unit, each.shown_in), each.shown_in) for each in outputs}
+    units = {output.name: (conversion(output.unit, output.shown_in), output.shown_in) for output in outputs}
     words, _, unit = covariance.label.partition(" [")
     moved = bool(covariance.nominal.any())
     content = {
@@ -139,13 +139,18 @@ def _json(what_if: WhatIf, outputs: Sequence[Output | Variable]) -> str:
         "timeUnit": unit.removesuffix("]"),
         "times": [float(f"{time:.9g}") for time in covariance.times[:-1]],
         "outputs": [
-            {"name": humanize(each.name), "unit": each.shown_in, "scale": units[each.name][0], "limit": each.limit}
-            for each in outputs
+            {
+                "name": humanize(output.name),
+                "unit": output.shown_in,
+                "scale": units[output.name][0],
+                "limit": output.limit,
+            }
+            for output in outputs
         ],
         "entries": covariance.entries,
         "nominal": pack(covariance.nominal) if moved else None,
         "terms": [[term.first, term.second, pack(term.values)] for term in covariance.terms],
-        "means": [[number, pack(each)] for number, each in covariance.means.items()],
+        "means": [[number, pack(mean)] for number, mean in covariance.means.items()],
         "own": None if covariance.own is None else pack(covariance.own),
         "requirements": [
             _requirement(errors, outputs, units, scale)
@@ -194,21 +199,23 @@ def _requirement(
 
 def _file(campaign: ChangeableCampaign) -> dict[str, object]:
     def plain(items: Iterable[tuple[object, ...]]) -> list[list[object]]:
-        return [list(each) for each in items]
+        return [list(item) for item in items]
 
     return {
         "mark": MARK,
         "text": campaign.text,
         "tuned": bool(campaign.beliefs),
-        "beliefs": plain((".".join(each.table), each.key, each.value, each.number) for each in campaign.beliefs),
+        "beliefs": plain(
+            (".".join(belief.table), belief.key, belief.value, belief.number) for belief in campaign.beliefs
+        ),
         "sliders": [
             {
-                "path": each.path,
-                "sizes": plain((size.value, size.unit) for size in each.sizes),
-                "shown": each.shown,
-                "axes": each.axes,
-                "grades": plain(each.grades),
+                "path": slider.path,
+                "sizes": plain((size.value, size.unit) for size in slider.sizes),
+                "shown": slider.shown,
+                "axes": slider.axes,
+                "grades": plain(slider.grades),
             }
-            for each in campaign.sliders
+            for slider in campaign.sliders
         ],
     }
