@@ -98,7 +98,7 @@ def test_other_pages_say_the_mean_first(switched: Path) -> None:
     assert lincov[0].startswith(FIRST)
     limit = {"quantile": [{"output": "altitude", "probability": 0.9, "below": "400 km"}]}
     path = written(switched, reentry("80 km", accept=limit), "limited")
-    assert in_process("allocate", path, "--out", switched / "allocate").output.startswith(FIRST)
+    assert in_process("allocate", path, "--confirm", 0, "--out", switched / "allocate").output.startswith(FIRST)
 
 
 def test_a_comparison_ranks_by_root_mean_squares(switched: Path) -> None:
