@@ -43,6 +43,9 @@ def lincov(
         Literal["all", "variational", "differences", "runs"] | None,
         typer.Option(help="Of --partials: how P is computed [default: all]."),
     ] = None,
+    remedies: Annotated[
+        bool, typer.Option("--remedies", help="Compute all that would help where something fails, for the page.")
+    ] = False,
     examine: Annotated[
         bool | None,
         typer.Option(
@@ -75,7 +78,7 @@ def lincov(
 
     times = None if at is None else read_times(at)
     target = output_folder(folder, Path("reports") / f"{campaign.stem}_lincov")
-    result, files = write_lincov(read_campaign(campaign), target, times, examine=examine)
+    result, files = write_lincov(read_campaign(campaign), target, times, remedies, examine=examine)
     if form != "table":
         tables = exported(result)
         print_rows(form, tables["sigmas"], tables)

@@ -98,7 +98,7 @@ def changes_of_sensors(content: Mapping[str, Any]) -> Iterator[Change]:
             own = copy.deepcopy(dict(content))
             own["aiding"][place]["outages"] = outages
             name = sensor.get("name", sensor["type"])
-            yield Change(f"{'an outage' if len(outages) == 1 else 'outages'} of {name} half as long",
+            yield Change(f"halve the {'outage' if len(outages) == 1 else 'outages'} of {name}",
                          f"outages = {outages}", own)  # fmt: skip
     yield from _sensors(content)
 

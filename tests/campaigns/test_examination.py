@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -205,3 +207,18 @@ def test_command_line(tmp_path: Path) -> None:
     done = invoke("lincov", campaign, "--no-examine", "--out", tmp_path, cwd=tmp_path)
     assert "examined" not in done.stdout
     assert "linearity" not in json.loads((tmp_path / "lincov.json").read_text(encoding="utf-8"))
+
+
+def test_measured_rates_are_those_of_the_file() -> None:
+    """The page's table counts the rows of the experiment; none of them calls linear what a run finds different."""
+    with (ROOT / "reports" / "calibration" / "examination.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    counted = Counter((row["noise"] == "True", row["examined"], row["by_samples"]) for row in rows)
+    page = (ROOT / "mcnav" / "docs" / "EXAMINATION.md").read_text(encoding="utf-8")
+    for noise in (False, True):
+        for verdict in ("holds", "cannot say", "does not hold"):
+            shown = [counted[noise, verdict, by_samples] for by_samples in ("agrees", "undecided", "differs")]
+            line = f"| {'with' if noise else 'without'} | {verdict} | {' | '.join(map(str, shown))} |"
+            assert line in page
+        assert counted[noise, "holds", "differs"] == 0
+        assert counted[noise, "does not hold", "agrees"] == 0

@@ -19,7 +19,7 @@ from mcnav.report.results.worst_components import worst_components
 
 PAIRED, PLAIN = "Monte Carlo (paired)", "Monte Carlo (plain)"
 RATIOS: Final = {"paired": Series("paired", PAIRED, FLOWN, "dot"), "plain": Series("plain", PLAIN, MUTED, "square")}
-RUNNING: Final = {"paired": Series("paired", PAIRED, FLOWN), "plain": Series("plain", PLAIN, MUTED, "dashed")}
+RUNNING: Final = {"paired": Series("paired", PAIRED, FLOWN), "plain": Series("plain", PLAIN, MUTED)}
 TOLERANCE: Final = Series("tolerance", "tolerance", BAND, "area")
 QUANTILES: Final = 121
 """Points of a quantile plot."""
@@ -111,7 +111,8 @@ def running_ratios(content: RunAnalysis) -> Figure | None:
             marks += [Band(RUNNING[kind], sizes, low, high, 0.25), Line(RUNNING[kind], sizes, ratio)]
         ends = np.concatenate([getattr(run, side)[:, i] for run in runs.values() for side in ("low", "high")])
         reach = max(float(np.nanmax(np.abs(ends - 1.0))), tolerance)
-        upward = Axis("σ ratio", low=1.0 - min(reach, 1.0) * 1.05, high=1.0 + min(reach, 10.0) * 1.05)
+        end = 1.0 + min(reach, 10.0) * 1.05
+        upward = Axis("σ ratio", log=True, low=1.0 / end, high=end)
         panels.append(ratio_panel(names[i], Axis("samples", log=True, link="samples"), upward, tolerance, marks))
     return Figure(
         name="convergence",
