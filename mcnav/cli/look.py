@@ -174,8 +174,8 @@ def brief(
 ) -> None:
     """Write a run on one slide and one sheet for a review board.
 
-    A page and two PDF files: requirements with margin and confidence first, the worst case, causes, and what would help
-    where something fails, the best of it simulated.
+    A page and two PDF files: requirements with margin and confidence first, then the worst case and causes. Where
+    something fails they say what would help, the best of it simulated.
 
     Example: mcnav brief reports/mine
     """
