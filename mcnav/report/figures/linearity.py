@@ -24,7 +24,7 @@ ALONE: Final = 2.0
 
 RATIO: Final = Series("flown", "Monte Carlo σ / linear σ", FLOWN)
 INTERVAL: Final = Series("interval", "interval", AREA, "area")
-LEAVES: Final = Series("leaves", "exceeds tolerance", MUTED, "dashed")
+LEAVES: Final = Series("leaves", "exceeds tolerance", INK)
 
 MATTERS: Final = Series("matters", "significant source", LINEAR, "dot")
 MINOR: Final = Series("minor", "minor source", MUTED, "ring")
@@ -71,11 +71,12 @@ def _ratio(name: str, dispersion_range: DispersionRange, tolerance: float, colum
     if shown.sum() == 1:
         marks.append(Points(Series(RATIO.name, "", FLOWN, "dot"), multiples, ratio[shown]))
     if np.isfinite(dispersion_range.departs[column]):
-        marks.append(Rule(float(dispersion_range.departs[column]), kind="dashed", width=1.6, series=LEAVES))
+        marks.append(Rule(float(dispersion_range.departs[column]), width=1.6, series=LEAVES))
     first, last = (float(each) for each in dispersion_range.multiples[[0, -1]])
     margin = ALONE if first == last else 1.0  # a single multiple needs room on both sides
     across = Axis("multiple of the stated errors", log=True, low=first / margin, high=last * margin, link="multiple")
-    upward = Axis("σ ratio", low=1.0 - REACH * tolerance, high=1.0 + REACH * tolerance)
+    end = 1.0 + REACH * tolerance
+    upward = Axis("σ ratio", log=True, low=1.0 / end, high=end)
     return ratio_panel(name, across, upward, tolerance, marks)
 
 
@@ -113,6 +114,5 @@ def alone(
         key=(MATTERS, MINOR, FARTHER),
         columns={"source": np.array(directions)} | {name: single.multiples[:, i] for i, name in enumerate(names)},
         size=(HALF[0], 82.0 + 20.0 * len(directions)),
-        caption="The line marks the stated errors.",
         file="linearity.csv",
     )

@@ -26,7 +26,7 @@ def start_axis(label: str) -> Axis:
 
 
 START: Final = start_axis("min from reentry")
-REENTRY: Final = Rule(0.0, kind="dotted", name="reentry")
+REENTRY: Final = Rule(0.0, name="reentry")
 WITH_NOISE: Final = Series("linear", "linear, P·S·Pᵀ + Q", LINEAR)
 SIGMA: Final = Series("linear", "linear, P·S·Pᵀ", LINEAR)
 RMS: Final = Series("linear", "linear, root mean square", LINEAR)
@@ -56,7 +56,7 @@ class Effects:
 
 def _event(clock: StartClock) -> list[Mark]:
     """Return the line at the clock's event, if it has one."""
-    return [Rule(0.0, kind="dotted", name=clock.event)] if clock.event else []
+    return [Rule(0.0, name=clock.event)] if clock.event else []
 
 
 def dispersion(

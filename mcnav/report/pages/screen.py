@@ -141,8 +141,10 @@ def answered(page: Page, figure: Figure | None = None, rest: str = "Linear analy
         (part for section in page.sections for part in section.parts if isinstance(part, Figure) and part.panels), None
     )
     beside = [_shortened(part) if isinstance(part, Findings) else part for part in findings]
-    listed = [part for part in beside if isinstance(part, Findings)]
-    taken = sum(len(f"{finding} {words}".split()) for part in listed for finding, _, words in part.entries)
+    taken = sum(
+        len(f"{finding} {words}".split())
+        for part in beside if isinstance(part, Findings) for finding, _, words in part.entries
+    )  # fmt: skip
     brief, whole = _in_brief(said, taken)
     below = [*([] if whole else [said]), *(part for part in others if part not in findings), *page.foot]
     first = None if shown is None else foremost(replace(shown, panels=shown.panels[:1], shown=0))

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -99,7 +99,7 @@ class Earth:
     def gravitation(self, position: Array) -> Array:
         """Compute the gravitation, m/s^2, at earth-centred positions, shape (n, 3), i or e."""
         x, y, z = np.asarray(position, dtype=float).T
-        return np.stack(gravitation.py_func(self.constants, x, y, z), axis=-1)
+        return np.stack(cast(Any, gravitation).py_func(self.constants, x, y, z), axis=-1)
 
     def gravity_gradient(self, position: Array) -> Array:
         """Compute the gradient of the gravitation, 1/s^2, at positions, shape (n, 3): shape (n, 3, 3)."""
