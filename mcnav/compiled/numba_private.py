@@ -13,8 +13,8 @@ from importlib import import_module
 from typing import Any, Final
 
 import numba
+from numba import types
 from numba.core.cgutils import unpack_tuple
-from numba.core.types import StarArgTuple
 from numba.extending import intrinsic
 
 NUMBERS: Final = "numbers"
@@ -264,7 +264,7 @@ def call_by_address(arguments: tuple[Any, ...]) -> Any:
     raises nothing.
     """
 
-    @intrinsic
+    @intrinsic  # type: ignore[untyped-decorator]
     def call(_: Any, address: Any, *given: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             convention, returned = context.call_conv, arguments[0]
@@ -272,6 +272,6 @@ def call_by_address(arguments: tuple[Any, ...]) -> Any:
             pointer, taken = builder.inttoptr(values[0], function), unpack_tuple(builder, values[1])
             return convention.call_function(builder, pointer, returned, arguments, taken)[1]
 
-        return arguments[0](address, StarArgTuple(arguments)), generate
+        return arguments[0](address, types.StarArgTuple(arguments)), generate
 
     return call
