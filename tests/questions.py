@@ -32,7 +32,6 @@ from mcnav.report.pages.brief import page as brief_page
 from mcnav.store.manifest import ExceedanceRecord
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.allocate import allocate
-from mcnav.studies.brief import advise
 from mcnav.studies.lincov import answer_linearly, changeable_content
 from mcnav.studies.linearity import linearity_study
 from mcnav.studies.live import LiveCampaign
@@ -279,8 +278,7 @@ def _size(subject: Subject) -> str:
 def _brief(subject: Subject) -> str:
     subject.run  # noqa: B018  there it is
     content = analyse(RunFolder(subject.folder / "run"))
-    advice = advise(subject.file, run=content.summary, confirm=0)
-    return _shown(bool(brief_page(content, advice, Links("run", "")).head))
+    return _shown(bool(brief_page(content, Links("run", "")).head))
 
 
 def _allocate(subject: Subject) -> str:

@@ -93,7 +93,7 @@ def improvements(what_if: WhatIf, departing: Departing | None = None) -> Improve
     pairs = zip(what_if.requirements, what_if.known_scales, strict=True)
     sizes = [(errors, scale) for errors, scale in pairs if errors.requirement.kind != "box"]
     limited, known = [errors for errors, _ in sizes], [scale for _, scale in sizes]
-    at = None if departing is None else (_reading(covariance, departing.time), departing.output)
+    at = None if departing is None else (reading_at(covariance, departing.time), departing.output)
     before, ones = covariance.sigma([1.0] * len(sliders)), [1.0] * len(sliders)
     offered = [(number, *finer) for number, slider in enumerate(sliders) if (finer := next_finer(slider)) is not None]
     changed = [[*ones[:number], factor, *ones[number + 1 :]] for number, _, factor in offered]
@@ -130,7 +130,7 @@ def _rank(improvement: Improvement) -> tuple[float, float, float]:
     return departing, used, float(improvement.sigmas.min())
 
 
-def _reading(covariance: ScaledCovariance, time: float) -> int:
+def reading_at(covariance: ScaledCovariance, time: float) -> int:
     """Return the reading at a time, the last one where no time is known."""
     if np.isnan(covariance.times).all():
         return len(covariance.times) - 1

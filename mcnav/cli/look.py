@@ -39,15 +39,29 @@ from mcnav.cli.program import CHECK_FAILED, command, failure
 def report(
     folders: Folders,
     show: Annotated[bool, typer.Option("--open", help="Open the reports in the browser.")] = False,
+    remedies: Annotated[
+        bool, typer.Option("--remedies", help="Compute all that would help where something fails; simulate the best.")
+    ] = False,
+    campaign: Annotated[
+        Path | None, typer.Option("--campaign", help="Of --remedies: campaign file of a run of code of your own.")
+    ] = None,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Of --remedies: parallel jobs.")] = 2,
 ) -> None:
     """Analyse finished runs again and write their reports.
 
     Example: mcnav report reports/11_cruise --open
     """
+    from mcnav.report.terminal import progress
     from mcnav.workflow.analyse import report_run
 
     for folder in folders:
-        report_run(folder)
+        if remedies:
+            from mcnav.studies.remedies import add_remedies
+
+            with progress.shown(err) as shown:
+                add_remedies(folder, campaign, jobs, shown)
+        else:
+            report_run(folder)
         written = folder / "report.html"
         print_line(f"report: {written}")
         if show:
@@ -155,17 +169,13 @@ def brief(
     campaign: Annotated[
         Path | None, typer.Option("--campaign", help="The run's campaign file; needed for advice on code of your own.")
     ] = None,
-    confirm: Annotated[
-        int,
-        typer.Option(metavar="N", min=0, help="Simulate N changes of numbers; those that hold are listed."),
-    ] = 3,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Parallel jobs.")] = 2,
     into: Annotated[Path | None, out_folder("RUN_brief")] = None,
 ) -> None:
-    """Write a run on one sheet for a review board.
+    """Write a run on one slide and one sheet for a review board.
 
-    A page and a PDF: verdicts, requirements with margins, the worst case, its causes, and what would help. Changes are
-    found by linear analysis scaled by the run, and simulated.
+    A page and two PDF files: requirements with margin and confidence first, the worst case, causes, and what would help
+    where something fails, the best of it simulated.
 
     Example: mcnav brief reports/mine
     """
@@ -174,7 +184,7 @@ def brief(
 
     target = output_folder(into, default_folder(folder))
     with progress.shown(err) as shown:
-        written = write_brief(folder, target, campaign, shown, confirm, jobs)
+        written = write_brief(folder, target, campaign, shown, jobs)
     print_written(written)
     print_next(next_command.written("report", folder, "--open"))
 

@@ -89,6 +89,7 @@ def run(
     from mcnav.config.read import read_campaign
     from mcnav.report.terminal import progress
     from mcnav.runner.executors import open_executor
+    from mcnav.studies.remedies import advise_run
     from mcnav.workflow.run import engine_of, run_campaign
 
     options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store}
@@ -103,7 +104,7 @@ def run(
     chosen = engine or engine_of(target, campaign)
     with open_executor(scheduler, dask, jobs) as (executor, workers, notes), progress.shown(err) as shown:
         done = run_campaign(
-            content, target, chosen, workers, fresh, shown, max_failures, executor, force, not no_report
+            content, target, chosen, workers, fresh, shown, max_failures, executor, force, not no_report, advise_run
         )
     print_notes((*notes, *done.notices))
     _print_run(content.name, done, target, form, with_report=not no_report)
@@ -183,12 +184,15 @@ def _run_example(campaign: Path) -> None:
     from mcnav.report.terminal import answer_screen, progress
     from mcnav.runner.executors import open_executor
     from mcnav.store.run_folder import RunFolder
+    from mcnav.studies.remedies import advise_run
     from mcnav.workflow.run import engine_of, run_campaign
 
     content = read_campaign(campaign, {})
     target = output_folder(None, run_folder(campaign))
     with open_executor(None, None, None) as (executor, workers, notes), progress.shown(err) as shown:
-        done = run_campaign(content, target, engine_of(target, campaign), workers, progress=shown, executor=executor)
+        done = run_campaign(
+            content, target, engine_of(target, campaign), workers, progress=shown, executor=executor, advise=advise_run
+        )
     print_notes((*notes, *done.notices))
     stored, program = RunFolder(target), next_command.program()
     execution, epochs = stored.finished_manifest().execution, stored.epochs()

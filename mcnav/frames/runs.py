@@ -45,6 +45,7 @@ from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements import verdicts
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import read_times
+from mcnav.studies.remedies import advise_run
 from mcnav.studies.sweep import JOBS, SweepPlan, run_sweep
 from mcnav.systems.user.conformance import Check
 from mcnav.workflow import run as workflow
@@ -255,12 +256,7 @@ class RunResult:
             return run_card(self.content)
 
     def __repr__(self) -> str:
-        return f"{self.content.summary.campaign}: {self._headline}"
-
-    @property
-    def _headline(self) -> str:
-        """The verdicts, the worst first."""
-        return verdicts.headline(self.content.summary)
+        return f"{self.content.summary.campaign}: {verdicts.headline(self.content.summary)}"
 
 
 def _check_units(units: str) -> None:
@@ -363,7 +359,8 @@ def run(
     if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
         raise ValueError(f"jobs must be a whole number of at least 1; got {jobs!r}")
     with _named_as_here():
-        workflow.run_campaign(campaign_from(campaign, instead), Path(folder), engine, jobs, fresh, force=force)
+        described = campaign_from(campaign, instead)
+        workflow.run_campaign(described, Path(folder), engine, jobs, fresh, force=force, advise=advise_run)
     return RunResult(Path(folder))
 
 

@@ -23,8 +23,20 @@ from mcnav.files.whole import INPUTS, indented_json, read_whole
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
 HISTORY, DEVELOPMENT, SAMPLES, LOCK = "history.parquet", "development.parquet", "samples", ".lock"
 EPOCHS, HISTORIES, FILTER = "epochs.parquet", "histories.parquet", "filter.parquet"
-SMOOTHED = "smoothed_histories.parquet"
-FILES: Final = (MANIFEST, SUMMARY, REPORT, HISTORY, DEVELOPMENT, EPOCHS, HISTORIES, SMOOTHED, FILTER, CAMPAIGN)
+SMOOTHED, REMEDIES = "smoothed_histories.parquet", "remedies.json"
+FILES: Final = (
+    MANIFEST,
+    SUMMARY,
+    REPORT,
+    REMEDIES,
+    HISTORY,
+    DEVELOPMENT,
+    EPOCHS,
+    HISTORIES,
+    SMOOTHED,
+    FILTER,
+    CAMPAIGN,
+)
 TABLES: Final = "tables"
 """Folder of a run with the tables of its campaign."""
 

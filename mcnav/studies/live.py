@@ -101,7 +101,7 @@ class LiveCampaign:
         return live_state(settings, self._revision, self._error)
 
     def tune(self, revision: int, factors: Mapping[str, float]) -> None:
-        """Compute the linear answer with some numbers multiplied and the filter tuned anew, and keep it.
+        """Compute the linear answer with some numbers multiplied and the filter re-tuned, and keep it.
 
         Parameters
         ----------

@@ -17,6 +17,7 @@ from mcnav.execution.child_processes import end_with_parent, interrupts_blocked
 from mcnav.execution.progress import Phase
 from mcnav.linear.partials import SimulationFailed
 from mcnav.report.pages.live import Confirmation, verdicts
+from mcnav.studies.remedies import advise_run
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.stored_summary import stored_summary
 
@@ -66,7 +67,8 @@ def _simulate(content: Content, file: str, folder: Path, jobs: int, parent: int,
     """Run a campaign and tell what is done, in a process of its own."""
     end_with_parent(parent)
     try:
-        run_campaign(parse_campaign(content, file, Path(file).stem), folder, None, jobs, progress=_Told(pipe))
+        campaign = parse_campaign(content, file, Path(file).stem)
+        run_campaign(campaign, folder, None, jobs, progress=_Told(pipe), advise=advise_run)
         pipe.send(Confirmation("done", verdicts=verdicts(stored_summary(folder))))
     except REFUSED as wrong:
         pipe.send(Confirmation("failed", in_one_line(wrong)))

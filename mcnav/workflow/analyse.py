@@ -34,6 +34,7 @@ from mcnav.workflow.filter_evidence import filter_evidence, smoother_evidence
 from mcnav.workflow.judged_requirements import Judge
 from mcnav.workflow.linear_extremes import beyond_range
 from mcnav.workflow.recorded_model import LinearOverTime, summary_frame
+from mcnav.workflow.stored_remedies import stored_remedies
 from mcnav.workflow.stored_run import StoredHistories, StoredRun, read_run
 from mcnav.workflow.what_if import what_if_of_run
 
@@ -168,7 +169,7 @@ def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True)
         from mcnav.report.pages.run.page import render
 
         page = render(
-            replace(analysis, what_if=what_if_of_run(analysis))
+            replace(analysis, what_if=analysis.what_if or what_if_of_run(analysis), remedies=stored_remedies(folder))
         ).encode()  # refuses a folder without history or campaign before anything is written
     else:
         (folder.path / REPORT).unlink(missing_ok=True)

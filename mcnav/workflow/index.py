@@ -20,11 +20,13 @@ from mcnav.errors import RunFolderError, reading_file
 from mcnav.files.whole import write_whole
 from mcnav.report.document.html import page_html
 from mcnav.report.document.page_head import PageHead, page_head
-from mcnav.report.document.parts import Answers, Page, Part, Section, Sentence
+from mcnav.report.document.parts import Answers, Fold, Page, Part, Section, Sentence, Verdict
 from mcnav.report.document.table import CODE, UNIT, WRAPPED, Cell, Column, Table, counted
+from mcnav.report.drawing.strip import Strip
 from mcnav.report.format import number
 from mcnav.report.names import humanize, shown_units
 from mcnav.report.statements import fields, verdicts
+from mcnav.report.statements.words import WORST
 from mcnav.store.run_files import MANIFEST, REPORT, SUMMARY
 from mcnav.store.run_folder import RunFolder
 
@@ -33,10 +35,16 @@ DEEPEST: Final = 3
 
 INDEX: Final = "index.html"
 CAPTION: Final = (
-    "All runs, with their foremost answer. Worst ratio: the Monte Carlo sigma (paired estimate) of the output that is "
-    "farthest from linear analysis, over the linear one. Margin: of the tightest requirement on sizes of errors, its "
-    "limit over the Monte Carlo estimate; below one it is not met."
+    "All runs, with their foremost answer. Linear ratio: Monte Carlo over linear sigma of the output that is farthest "
+    "from linear analysis. Filter ratio: true over filter sigma where the verdict is decided. Margin: limit over "
+    "estimate of the tightest requirement on sizes of errors; below one it is not met."
 )
+FOREMOST: Final = 7
+"""Runs on the first screen, the worst first."""
+
+FIRST: Final = "True over filter sigma where there is a filter, else Monte Carlo over linear sigma."
+"""Caption of the ratios on the first screen."""
+
 STUDIES: Final = (
     "Pages of studies, comparisons and trajectories with their foremost answer, and when they were written."
 )
@@ -46,6 +54,9 @@ BEGINNING: Final = 200_000
 
 SIZES: Final = ("quantile", "cep", "r95", "sep")
 """Kinds of requirements whose estimate is a size, which a limit bounds from above."""
+
+OF_TONES: Final = {"differs": "no", "partly": "partly", "undecided": "undecided", "agrees": "yes", "": "unreadable"}
+"""Verdicts of runs in a word, by tone."""
 
 NOTHING: Final = Cell("–")
 """Cell of what a run does not have."""
@@ -92,6 +103,8 @@ class _Run:
     answer: str = ""
     verdicts: Cell = NOTHING
     ratio: _Worst | None = None
+    filter_ratio: _Worst | None = None
+    strip: Strip | None = None
     margin: _Worst | None = None
     samples: int | None = None
     failed: int | None = None
@@ -186,6 +199,8 @@ def _read(folder: Path, place: Path) -> _Run:
                 answer=worst.sentence,
                 verdicts=_verdicts(summary),
                 ratio=_worst_ratio(summary),
+                filter_ratio=_filter_ratio(summary),
+                strip=_strip(summary),
                 margin=_least_margin(summary),
                 samples=summary.samples,
                 failed=summary.failed,
@@ -208,6 +223,30 @@ def _worst_ratio(summary: Summary) -> _Worst | None:
     return max(known, key=lambda each: abs(math.log(each.value)), default=None)
 
 
+def _filter_ratio(summary: Summary) -> _Worst | None:
+    """Return the ratio of true to filter sigma where the verdict on the filter is decided."""
+    known = summary.filter
+    if known is None or known.factor is None:
+        return None
+    return _Worst(known.factor, humanize(known.output or known.group))
+
+
+def _strip(summary: Summary) -> Strip | None:
+    """Return the mark of the ratio on the first screen: the filter's, or the one farthest from linear analysis."""
+    known = summary.filter
+    if known is not None and known.factor is not None:
+        return Strip.of(known.factor, known.factor_interval, known.tolerance)
+    ratios = [
+        (abs(math.log(ratio)), ratio, ends)
+        for ratio, ends in zip(summary.sigma_ratio_paired, summary.sigma_ratio_paired_interval, strict=False)
+        if ratio is not None and ratio > 0.0 and math.isfinite(ratio)
+    ]
+    if not ratios:
+        return None
+    _, ratio, ends = max(ratios, key=lambda known: known[0])
+    return Strip.of(ratio, ends, summary.tolerance)
+
+
 def _least_margin(summary: Summary) -> _Worst | None:
     """Return the least of the limits of requirements on sizes over their estimates."""
     known = [
@@ -226,10 +265,42 @@ def _page(folder: Path, runs: Sequence[_Run], studies: Sequence[_Study]) -> Page
     parts: list[Part] = [Answers((_run_table(folder, runs),), "runs")] if runs else [Sentence(nothing)]
     if len([run for run in runs if not run.failure]) > 1:
         parts.insert(0, Sentence(_comparison(folder, studies)))
-    sections = [Section("runs", f"{len(runs)} {'run' if len(runs) == 1 else 'runs'}", parts)]
+    count = f"{len(runs)} {'run' if len(runs) == 1 else 'runs'}"
+    sections = [Section("runs", count, parts)]
+    others = [Section("studies", "Studies and other pages", [Answers((_study_table(studies),), "runs")])]
+    folds = [Fold("fold-runs", "All runs", f"{count}: answers, ratios, margins, comparison", [], sections)]
     if studies:
-        sections.append(Section("studies", "Studies and other pages", [Answers((_study_table(studies),), "runs")]))
-    return Page("Runs", "Linear covariance analysis and Monte Carlo", "Runs", sections=sections)
+        folds.append(Fold("fold-studies", "Studies", f"{len(studies)} other pages", [], others))
+    if not runs:
+        return Page("Runs", "Index", "Runs", sections=[*sections, *(others if studies else [])])
+    return Page("Runs", "Index", "Runs", _first_screen(runs), folds=folds, short=True)
+
+
+def _first_screen(runs: Sequence[_Run]) -> list[Part]:
+    """Count the verdicts, and list the worst runs with the ratio that their verdict is on."""
+    worst = sorted(runs, key=lambda run: WORST.index(run.tone) if run.tone else -1)
+    counts = {tone: sum(run.tone == tone for run in runs) for tone in WORST}
+    unread = sum(not run.tone for run in runs)
+    said = [
+        (counts["differs"], "no"), (counts["partly"], "partly"), (counts["undecided"], "undecided"),
+        (counts["agrees"], "yes"), (unread, "unreadable"),
+    ]  # fmt: skip
+    words = ", ".join(f"{count} {word}" for count, word in said if count)
+    headline = f"{len(runs)} {'run' if len(runs) == 1 else 'runs'}: {words}."
+    columns: list[Column[_Run]] = [
+        Column("Run", lambda run: run.name if run.report is None else _linked(run.report, run.name), kind="label",
+               of_user=True),
+        Column("Verdict", lambda run: Cell(OF_TONES[run.tone], tone=run.tone or "undecided"), kind="text"),
+        Column("Ratio", _ratio),
+    ]  # fmt: skip
+    more = len(runs) - FOREMOST
+    left = [Sentence(Markup('<a href="#fold-runs">and {} more</a>').format(more))] if more > 0 else []
+    return [Verdict(headline, worst[0].tone or "undecided"), Answers((Table(FIRST, columns, worst[:FOREMOST]),)), *left]
+
+
+def _ratio(run: _Run) -> Cell:
+    known = run.filter_ratio or run.ratio
+    return NOTHING if known is None else Cell(number(known.value, 3), strip=run.strip)
 
 
 def _comparison(folder: Path, studies: Sequence[_Study]) -> Markup:
@@ -260,7 +331,7 @@ def _run_table(folder: Path, runs: Sequence[_Run]) -> Table[_Run]:
         return Cell(tick + (run.name if run.report is None else _linked(run.report, run.name)), below=run.path)
 
     def answer(run: _Run) -> Cell:
-        return Cell(WRAPPED(run.failure), columns=6) if run.failure else Cell(WRAPPED(run.answer), below=run.sigmas)
+        return Cell(WRAPPED(run.failure), columns=7) if run.failure else Cell(WRAPPED(run.answer), below=run.sigmas)
 
     def samples(run: _Run) -> Cell:
         return Cell(counted(run.samples), below=f"{run.failed:,} failed" if run.failed else "")
@@ -269,7 +340,8 @@ def _run_table(folder: Path, runs: Sequence[_Run]) -> Table[_Run]:
         Column("Run", name, kind="words", of_user=True),
         Column("Answer", answer, kind="words"),
         Column("Verdicts", lambda run: run.verdicts, kind="text"),
-        Column("Worst ratio", lambda run: _named(run.ratio, 5)),
+        Column("Linear ratio", lambda run: _named(run.ratio, 5)),
+        Column("Filter ratio", lambda run: _named(run.filter_ratio, 3)),
         Column("Margin", lambda run: _named(run.margin, 4)),
         Column("Samples", samples),
         Column("Started", lambda run: Cell(run.started[:10], below=CODE(run.digest)), kind="label", beside="started"),

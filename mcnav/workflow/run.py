@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from mcnav.analysis.remedies import Remedies, something_fails
 from mcnav.analysis.summary import Summary
 from mcnav.compiled.target import target
 from mcnav.config.read import Campaign
@@ -39,12 +40,16 @@ from mcnav.workflow.linear_extremes import range_note
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from mcnav.workflow.recorded_model import RecordedModel, summary_frame
 from mcnav.workflow.stopping import Execution
+from mcnav.workflow.stored_remedies import keep_remedies
 from mcnav.workflow.stored_samples import doubt_samples, tables_over_time
+from mcnav.workflow.what_if import what_if_of_run
 
 if TYPE_CHECKING:
+    from mcnav.report.results.model import RunAnalysis
     from mcnav.systems.user.conformance import Check
 
 Result = TypeVar("Result")
+Advise = Callable[[Campaign, "RunAnalysis"], Remedies | None]
 
 
 @dataclass(frozen=True)
@@ -82,6 +87,7 @@ def run_campaign(
     executor: ChunkExecutor | None = None,
     force: bool = False,
     report: bool = True,
+    advise: Advise | None = None,
 ) -> Run:
     """Run a campaign into a run folder, analyse it and write its report.
 
@@ -104,6 +110,8 @@ def run_campaign(
         Continue when partial derivatives do not converge; the summary and the report state it.
     report : bool
         Write the report; without it only the summary, and an earlier report is deleted.
+    advise : callable, optional
+        What would help a campaign in which something fails: it is kept in the folder, for reports.
 
     Raises
     ------
@@ -132,6 +140,9 @@ def run_campaign(
         analysis = analyse(folder)
         if report:
             progress.phase(Phase.REPORTING)
+            analysis = replace(analysis, what_if=what_if_of_run(analysis))
+            failing = advise is not None and something_fails(analysis.summary)
+            keep_remedies(folder, advise(campaign, analysis) if advise is not None and failing else None)
         return Run(write_results(folder, analysis, report), record.samples, tuple(begun.notices))
 
 

@@ -133,6 +133,8 @@ def test_time_histories_zoom_together(browser: Browser, report: Path) -> None:
         figure = page.locator("#figure-convergence")
         ticks = "all => all.map(each => each.querySelector('g.x').textContent)"
         before = figure.locator("svg").evaluate_all(ticks)
+        upward = "each => each.querySelector('g.y').textContent"
+        whole = figure.locator("svg").nth(1).evaluate(upward)
         paths = figure.locator("path.line").evaluate_all("all => all.map(each => each.getAttribute('d'))")
         plot = figure.locator("svg").first
         page.mouse.move(*_middle(page, plot, 0.5, 0.4))
@@ -143,6 +145,7 @@ def test_time_histories_zoom_together(browser: Browser, report: Path) -> None:
         after = figure.locator("svg").evaluate_all(ticks)
         assert len(set(after)) == 1
         assert after != before
+        assert figure.locator("svg").nth(1).evaluate(upward) != whole  # fits what is seen
         assert figure.locator("path.line").evaluate_all("all => all.map(each => each.getAttribute('d'))") != paths
         figure.get_by_role("button", name="Whole range").last.click()
         assert figure.get_by_role("button", name="Whole range").count() == 0

@@ -97,7 +97,7 @@ def test_sigmas_of_an_aided_navigation_with_its_gains_held(browser: Browser, tmp
     file = str(CAMPAIGNS / "aided.toml")
     with browser.opened(written(AIDED, file, tmp_path)) as page:
         compare(page, file, 1)
-        assert "Filter not tuned anew" in page.locator(".what-if .filter").inner_text()
+        assert "Filter gains held" in page.locator(".what-if .filter").inner_text()
 
 
 def test_sigmas_without_a_filter(browser: Browser, tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def compare_deck(page: Any, answer: LinearAnswer, campaign: LinearAnswer) -> Non
     assert {name: float(share) for name, share in shown.items()} == pytest.approx(expected, abs=0.0501)
     assert ghosts == len(expected)
     ratio = float(np.sqrt(sum(added.values()) / (before.sigma[at, :2] ** 2).sum()))
-    factor = re.search(r"With the numbers of What if, the filter not tuned anew: .*is ([\d.]+) times", said)
+    factor = re.search(r"With the numbers of What if, the filter's gains held: .*is ([\d.]+) times", said)
     assert factor is not None
     assert float(factor[1]) == pytest.approx(ratio, rel=6e-3)
 

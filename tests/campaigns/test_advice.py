@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -12,13 +11,11 @@ import numpy as np
 import pytest
 
 from mcnav.analysis.simulated_requirements import Basis
-from mcnav.analysis.summary import Summary
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.errors import CampaignError
 from mcnav.frames.allocation import AllocationResult
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.allocate import allocate
-from mcnav.studies.brief import advise
 from mcnav.studies.simulated_campaigns import simulated
 from mcnav.workflow.analyse import analyse
 from tests.commands import invoke
@@ -76,14 +73,11 @@ def test_every_number_advised_meets_the_limit_where_linear_analysis_fails(limit:
     """What linear analysis allows misses by a fifth and more; what is advised does not, by ten million draws."""
     linear = allocate(place / f"bent{limit}.toml", confirm=0)
     assert linear.basis is None
-    if limit == 6:  # unless it is told otherwise it simulates, as the command does
-        assert allocate(place / "bent6.toml", jobs=1).basis is not None
     (free,) = (change for change in linear.goals[-1].changes if change.label == "errors.x")
     assert exact_quantile(free.factor, 1.0) > 1.2 * limit
-    run = Summary.of(RunFolder(place / f"run{limit}").summary())
-    advice = advise(place / f"bent{limit}.toml", run=run, jobs=1)
-    assert advice.allocation is not None
-    confirmed = [change for change in advice.allocation.goals[-1].changes if change.simulated is not None]
+    advised = allocate(place / f"bent{limit}.toml", jobs=1)
+    assert advised.basis is not None  # unless it is told otherwise it simulates, as the command does
+    confirmed = [change for change in advised.goals[-1].changes if change.simulated is not None]
     assert confirmed
     for change in confirmed:
         both = change.label == "all numbers"
@@ -95,27 +89,6 @@ def test_every_number_advised_meets_the_limit_where_linear_analysis_fails(limit:
         # and not in vain: what is allowed is used to what 2,000 samples cannot tell
         if change.label != "errors.v":
             assert exact_quantile(x, v) > 0.75 * limit
-
-
-def test_a_brief_proposes_what_simulation_confirms_alone(place: Path) -> None:
-    done = invoke("brief", "run6", "--campaign", "bent6.toml", "--jobs", 1, cwd=place)
-    assert done.returncode == 0, done.stderr
-    text = re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", (place / "run6_brief" / "brief.html").read_text("utf-8")))
-    advice = text.partition("What would help")[2]
-    assert "Simulated then" in advice
-    assert "2,000 samples of the campaign as it is were simulated" in advice
-    factors = [float(factor) for factor in re.findall(r"errors\.x 1 m [\d.]+ m × ([\d.]+)", advice)]
-    assert factors
-    assert exact_quantile(factors[0], 1.0) < 6.0
-    done = invoke("brief", "run6", "--campaign", "bent6.toml", "--confirm", 0, "--out", "none", cwd=place)
-    assert done.returncode == 0, done.stderr
-    assert (
-        "× "
-        not in (place / "none" / "brief.html")
-        .read_text("utf-8")
-        .partition("What would help")[2]
-        .partition("Where this comes from")[0]
-    )
 
 
 def test_a_run_of_too_few_samples_says_how_many_confirm_advice(place: Path) -> None:

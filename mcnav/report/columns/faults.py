@@ -56,8 +56,8 @@ FAULTS: Final[tuple[ResultColumn[FaultRow], ...]] = (
 )  # fmt: skip
 
 FAULT_CAPTION: Final = (
-    "Measurements that a gate rejects during a fault, in a sample on average, with what linear analysis expects as if "
-    "all before were accepted, and its probability that any is. After the first rejection the filter is another."
+    "Measurements that a gate rejects during a fault, per sample. Expected: by linear analysis as if all before were "
+    "accepted; P: its probability that any is rejected. After the first rejection the filter is another."
 )
 
 

@@ -46,7 +46,8 @@ def page_html(page: Page) -> str:
     """
     environment = _environment()
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))
-    kinds = {type(part).__name__ for section in page.all_sections for part in section.parts}
+    parts = [*page.head, *(part for section in page.all_sections for part in section.parts)]
+    kinds = {type(part).__name__ for part in parts}
     for name in (name for kind, name in ADDED.items() if kind in kinds):
         style += _source(environment, f"{name}.css")
         script = script.removesuffix(END) + _source(environment, f"{name}.js") + END

@@ -177,9 +177,13 @@ class MarkKey:
 
 @dataclass(frozen=True)
 class WhatIfPart:
-    """Data of the section "What if", which its script shows: see `mcnav.report.pages.run.sections.what_if`."""
+    """Data of the section "What if", which its script shows: see `mcnav.report.pages.run.sections.what_if`.
+
+    ``first``: whether it stands on the first screen, with the numbers that matter most and a few curves.
+    """
 
     json: str
+    first: bool = False
 
 
 @dataclass(frozen=True)

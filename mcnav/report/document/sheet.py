@@ -1,8 +1,9 @@
-"""A short page as a PDF of A4 sheets: tiles, tables, sentences and figures one below the other, drawn by matplotlib."""
+"""A short page as PDF files, drawn by matplotlib: its head as one slide, and all of it as A4 sheets."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,26 +13,44 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure as MplFigure
 from matplotlib.patches import Rectangle
 
-from mcnav.report.document.parts import Heading, Note, Page, Part, Section, Sentence, Tile, Tiles
+from mcnav.report.document.parts import (
+    Beside,
+    Facts,
+    Findings,
+    Heading,
+    Note,
+    Page,
+    Part,
+    Section,
+    Sentence,
+    Verdict,
+)
 from mcnav.report.document.table import Table
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.drawing.on_axes import STYLE, draw
-from mcnav.report.drawing.palette import INK, MUTED, PAPER
+from mcnav.report.drawing.palette import INK, MUTED
 from mcnav.report.drawing.ticks import text_width
 
 A4: Final = (8.27, 11.69)
-"""Width and height, in."""
+SLIDE: Final = (13.333, 7.5)
+"""Width and height, in; a slide is 16:9."""
 
 MARGIN: Final = 0.5
 """Margin of all sides, in."""
 
-WIDTH: Final = A4[0] - 2.0 * MARGIN
+LARGER: Final = 1.8
+"""Size of a slide's text over that of a sheet's."""
+
+LEFT: Final = 0.56
+"""Share of a slide's width that its figure has."""
 
 TITLE, HEADING, TEXT, SMALL = 13.0, 10.0, 7.5, 6.5
 """Sizes of text, points."""
 
 LEADING: Final = 1.35
 """Distance of lines, in sizes of their text."""
+
+BUTTON: Final = re.compile("<button.*?</button>", re.DOTALL)
 
 TONES: Final = {"agrees": "#0a7a55", "differs": "#c2350a", "partly": "#a87400", "undecided": "#a87400"}
 """Colours of verdicts."""
@@ -43,15 +62,22 @@ BAR: Final = 0.15
 """Height of a bar with its distance, in."""
 
 
-def write_pdf(page: Page, path: Path) -> Path:
-    """Write a page as a PDF file without the date."""
-    sheets = _Sheets()
-    with mpl.rc_context(STYLE | {"font.size": TEXT}):
-        sheets.text(page.kind.upper(), SMALL, MUTED)
+def write_sheet(page: Page, path: Path) -> Path:
+    """Write a page as a PDF file of A4 sheets without the date."""
+    return _write(page, path, _Sheets(A4, 1.0), page.sections)
+
+
+def write_slide(page: Page, path: Path) -> Path:
+    """Write the head of a page as a PDF file of one slide without the date."""
+    return _write(page, path, _Sheets(SLIDE, LARGER), ())
+
+
+def _write(page: Page, path: Path, sheets: _Sheets, sections: Sequence[Section]) -> Path:
+    with mpl.rc_context(STYLE | {"font.size": TEXT * sheets.larger}):
         sheets.text(page.heading, TITLE)
         for part in page.head:
             sheets.part(part)
-        for section in page.sections:
+        for section in sections:
             sheets.section(section)
         with PdfPages(path, metadata={"CreationDate": None, "Title": page.title}) as file:
             for figure in sheets.figures:
@@ -76,34 +102,46 @@ def wrapped(text: str, width: float, size: float) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    return Markup(text).striptags() if isinstance(text, Markup) else text
+    """Return text without markup, and without buttons, which paper does not have."""
+    return Markup(BUTTON.sub("", text)).striptags() if isinstance(text, Markup) else text
 
 
 class _Sheets:
-    """Sheets that are filled from above; ``down`` is the distance of the next part from the upper edge, in."""
+    """Sheets that are filled from above; ``down`` is the distance of the next part from the upper edge, in.
 
-    def __init__(self) -> None:
+    ``left`` and ``width`` are those of the column that is filled, ``larger`` multiplies the sizes of text.
+    """
+
+    def __init__(self, size: tuple[float, float], larger: float) -> None:
         self.figures: list[MplFigure] = []
-        self.down = A4[1]
+        self.size, self.larger = size, larger
+        self.down, self.left, self.width = size[1], MARGIN, size[0] - 2.0 * MARGIN
 
     def room(self, height: float) -> None:
         """Begin another sheet where so much, in, does not fit into this one."""
-        if self.down + height > A4[1] - MARGIN:
-            self.figures.append(MplFigure(figsize=A4))
+        if self.down + height > self.size[1] - MARGIN:
+            self.figures.append(MplFigure(figsize=self.size))
             self.down = MARGIN
 
     def put(self, x: float, down: float, text: str, size: float, colour: str = INK, **more: Any) -> None:
-        """Write a line; its upper left corner is so far, in, from the left margin and from the upper edge."""
-        at = (MARGIN + x) / A4[0], 1.0 - down / A4[1]
-        self.figures[-1].text(*at, text, fontsize=size, color=colour, va="top", **more)
+        """Write a line; its upper left corner is so far, in, from the left of the column and from the upper edge."""
+        at = (self.left + x) / self.size[0], 1.0 - down / self.size[1]
+        self.figures[-1].text(*at, text, fontsize=size * self.larger, color=colour, va="top", **more)
+
+    def high(self, size: float) -> float:
+        """Return the height of a line, in."""
+        return size * self.larger * LEADING / 72.0
+
+    def broken(self, text: str, size: float, width: float = 0.0) -> list[str]:
+        """Break a text into lines of a width, by default that of the column."""
+        return wrapped(_plain(text), width or self.width, size * self.larger)
 
     def text(self, text: str, size: float = TEXT, colour: str = INK) -> None:
         """Write a paragraph."""
-        for line in wrapped(_plain(text), WIDTH, size):
-            height = size * LEADING / 72.0
-            self.room(height)
+        for line in self.broken(text, size):
+            self.room(self.high(size))
             self.put(0.0, self.down, line, size, colour)
-            self.down += height
+            self.down += self.high(size)
         self.down += 0.04
 
     def section(self, section: Section) -> None:
@@ -117,8 +155,19 @@ class _Sheets:
     def part(self, part: Part) -> None:
         """Write a part of a page."""
         match part:
-            case Tiles():
-                self.tiles(part.tiles)
+            case Verdict():
+                self.verdict(part)
+            case Beside():
+                self.beside(part)
+            case Facts():
+                for name, words in part.entries:
+                    self.text(name, SMALL, MUTED)
+                    self.text(words)
+            case Findings():
+                for finding, tone, words in part.entries:
+                    self.finding(finding, tone, words)
+                if part.further:
+                    self.text(part.further, SMALL, MUTED)
             case Table():
                 self.table(part)
             case Figure():
@@ -132,36 +181,60 @@ class _Sheets:
             case _:
                 raise TypeError(f"a sheet has no place for {type(part).__name__}")
 
-    def tiles(self, tiles: Sequence[Tile]) -> None:
-        """Draw tiles beside each other."""
-        gap = 0.12
-        wide = (WIDTH - gap * (len(tiles) - 1)) / len(tiles)
-        inner = wide - 0.2
-        filled = [[*_lines_of_tile(tile, inner)] for tile in tiles]
-        high = 0.16 + max(sum(size * LEADING / 72.0 for _, size, _ in lines) for lines in filled)
-        self.room(high)
-        for place, (tile, lines) in enumerate(zip(tiles, filled, strict=True)):
-            left = place * (wide + gap)
-            corner = (MARGIN + left) / A4[0], 1.0 - (self.down + high) / A4[1]
-            colour = TONES.get(tile.tone, MUTED)
-            box = Rectangle(corner, wide / A4[0], high / A4[1], facecolor=PAPER, edgecolor=colour, linewidth=1.2)
-            self.figures[-1].add_artist(box)
-            down = self.down + 0.08
-            for text, size, strong in lines:
-                self.put(left + 0.1, down, text, size, colour if strong else INK)
-                down += size * LEADING / 72.0
-        self.down += high + 0.1
+    def verdict(self, verdict: Verdict) -> None:
+        """Draw a verdict with its sentences beside a bar of its colour."""
+        colour = TONES.get(verdict.tone, MUTED)
+        lines = [(line, HEADING, colour) for line in self.broken(verdict.headline, HEADING, self.width - 0.3)]
+        for text in (*verdict.sentences, *verdict.warnings):
+            lines += [(line, TEXT, INK) for line in self.broken(text, TEXT, self.width - 0.3)]
+        height = 0.12 + sum(self.high(size) for _, size, _ in lines)
+        self.room(height)
+        corner = self.left / self.size[0], 1.0 - (self.down + height) / self.size[1]
+        self.figures[-1].add_artist(
+            Rectangle(corner, 0.06 / self.size[0], height / self.size[1], facecolor=colour, edgecolor="none")
+        )
+        down = self.down + 0.06
+        for text, size, line_colour in lines:
+            self.put(0.2, down, text, size, line_colour)
+            down += self.high(size)
+        self.down += height + 0.12
+
+    def beside(self, part: Beside) -> None:
+        """Draw figures, and parts beside them on a slide, below them on a sheet."""
+        top, left, width = self.down, self.left, self.width
+        if self.larger > 1.0:
+            self.width = LEFT * width
+        for figure in part.figures:
+            self.figure(figure)
+        if self.larger > 1.0:
+            self.down, self.left, self.width = top, left + (LEFT + 0.03) * width, (0.97 - LEFT) * width
+        for other in part.parts:
+            self.part(other)
+        self.left, self.width = left, width
+
+    def finding(self, finding: str, tone: str, words: str) -> None:
+        """Write a finding in its colour, and what it is on beside it."""
+        beside = text_width(f"{finding}  ", TEXT * self.larger) / 72.0
+        lines = self.broken(words, TEXT, self.width - beside)
+        self.room(len(lines) * self.high(TEXT))
+        self.put(0.0, self.down, finding, TEXT, TONES.get(tone, MUTED))
+        for line in lines:
+            self.put(beside, self.down, line, TEXT)
+            self.down += self.high(TEXT)
+        self.down += 0.04
 
     def table(self, table: Table[Any]) -> None:
         """Write a table; columns are as wide as their text asks for, those of words share what is left."""
-        columns, rows = table.columns_in("page"), table.cells_in("page")
+        kept = [k for k, column in enumerate(table.columns_in("page")) if column.heading]
+        columns = [table.columns_in("page")[k] for k in kept]
+        rows = [[row[k] for k in kept] for row in table.cells_in("page")]
         heads = [f"{column.heading} [{column.unit}]" if column.unit else column.heading for column in columns]
         texts = [[[_plain(f"{cell.text} {cell.unit}").strip(), _plain(cell.below)] for cell in row] for row in rows]
         asked = [
             max(text_width(text, SMALL) for text in (heads[k], *(each for row in texts for each in row[k]))) / 72.0
             for k in range(len(columns))
         ]
-        widths = _shared(asked, WIDTH - 0.12 * (len(columns) - 1))
+        widths = _shared(asked, self.width - 0.12 * (len(columns) - 1))
         lines = [[wrapped(head, width, SMALL) for head, width in zip(heads, widths, strict=True)]]
         lines += [
             [[line for text in cell if text for line in wrapped(text, width, SMALL)] for cell, width in
@@ -188,45 +261,37 @@ class _Sheets:
         panels = figure.first[:2]
         named = max((len(panel.y.names) for panel in panels), default=0)
         high = max(DRAWING, BAR * named + 0.6)
+        if self.larger > 1.0:
+            high = self.size[1] - self.down - MARGIN - 0.5
         self.room(high + 0.5)
         if figure.shows:
             self.text(figure.shows)
         if figure.key:
             self.key(figure)
         left = 0.25 if named else 0.08
+        wide, tall = self.size
         for place, panel in enumerate(panels):
-            wide = 1.0 / len(panels)
+            share = self.width / len(panels)
             box = (
-                (MARGIN + WIDTH * (place * wide + left * wide)) / A4[0], 1.0 - (self.down + high - 0.45) / A4[1],
-                WIDTH * wide * (0.97 - left) / A4[0], (high - 0.65) / A4[1],
+                (self.left + (place + left) * share) / wide, 1.0 - (self.down + high - 0.45) / tall,
+                share * (0.97 - left) / wide, (high - 0.65) / tall,
             )  # fmt: skip
-            draw(panel, self.figures[-1].add_axes(box), SMALL / 8.0)
+            draw(panel, self.figures[-1].add_axes(box), SMALL * self.larger / 8.0)
         self.down += high
         if figure.caption:
             self.text(figure.caption, SMALL, MUTED)
 
     def key(self, figure: Figure) -> None:
         """Write the names of a figure's series beside squares of their colours, in one line."""
-        left = 0.0
+        left, mark = 0.0, 0.14 * self.larger
         for series in figure.key:
-            wide = text_width(f"■ {series.label}   ", SMALL) / 72.0
-            if left and left + wide > WIDTH:
-                left, self.down = 0.0, self.down + SMALL * LEADING / 72.0
+            wide = text_width(f"■ {series.label}   ", SMALL * self.larger) / 72.0
+            if left and left + wide > self.width:
+                left, self.down = 0.0, self.down + self.high(SMALL)
             self.put(left, self.down, "■", SMALL, series.colour)
-            self.put(left + 0.14, self.down, series.label, SMALL)
+            self.put(left + mark, self.down, series.label, SMALL)
             left += wide
-        self.down += SMALL * LEADING / 72.0 + 0.04
-
-
-def _lines_of_tile(tile: Tile, width: float) -> Iterator[tuple[str, float, bool]]:
-    """Yield the lines of a tile, their size, and whether they are in its colour."""
-    yield f"{tile.subject}: {tile.status}", 9.0, True
-    if tile.value:
-        yield tile.value, 14.0, True
-    for line in wrapped(tile.of, width, SMALL) if tile.of else ():
-        yield line, SMALL, False
-    for line in wrapped(_plain(tile.sentence), width, SMALL):
-        yield line, SMALL, False
+        self.down += self.high(SMALL) + 0.04
 
 
 def _shared(asked: Sequence[float], room: float) -> list[float]:

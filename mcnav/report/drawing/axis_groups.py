@@ -38,11 +38,6 @@ def same_unit(quantities: Sequence[SigmaConsistency]) -> list[Group]:
     return _grouped(quantities, lambda row: (row.unit, row.shown_in))
 
 
-def same_kind(quantities: Sequence[SigmaConsistency]) -> list[Group]:
-    """Group quantities whose names differ only in their axis."""
-    return _grouped(quantities, lambda row: (stem(humanize(row.name)), row.unit, row.shown_in))
-
-
 def _grouped(quantities: Sequence[SigmaConsistency], key: Callable[[SigmaConsistency], Hashable]) -> list[Group]:
     consistencies: dict[Hashable, list[SigmaConsistency]] = {}
     for quantity in quantities:

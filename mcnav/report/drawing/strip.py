@@ -8,19 +8,16 @@ from typing import Final
 
 from markupsafe import Markup
 
-from mcnav.report.drawing.palette import BAND, FLOWN, INK, MUTED, variable
+from mcnav.report.drawing.palette import BAND, FLOWN, MUTED, variable
 from mcnav.report.format import rounded
 
 WIDTH, HEIGHT = 72.0, 14.0
 """Size, px."""
 
-FARTHEST: Final = 20.0
-"""Ratio at the ends of the strip, and one over it; what is farther off is an arrow."""
+REACH: Final = 4.0
+"""Tolerances from one to an end of the strip, on the logarithmic scale; what is farther off is an arrow."""
 
-BAND_SHARE: Final = 0.3
-"""Share of each half of the strip that the band takes."""
-
-KEY: Final = "Marks: ratio and interval against the tolerance, ±{tolerance:g} %; beside it the scale is compressed."
+KEY: Final = "Marks: ratio and interval on the tolerance, ±{tolerance:g} %."
 """Meaning of the marks, for a caption."""
 
 
@@ -53,18 +50,11 @@ class Strip:
         return cls(float(ratio), low, high, tolerance)
 
     def place(self, ratio: float) -> float:
-        """Return where a ratio stands, px from the left.
-
-        Within the band the scale is linear. Beside it the distance from the band is the root of the logarithm, so that
-        ratios of 1.1 and of 10 can both be told from others; what is farther than `FARTHEST` is at an end.
-        """
-        off = ratio - 1.0
-        if abs(off) <= self.tolerance:
-            return 0.5 * WIDTH * (1.0 + BAND_SHARE * off / self.tolerance)
-        edge = math.log1p(math.copysign(self.tolerance, off))
-        beyond = abs(math.log(ratio) - edge) / (math.log(FARTHEST) - abs(edge)) if ratio > 0.0 else 1.0
-        side = BAND_SHARE + (1.0 - BAND_SHARE) * math.sqrt(min(beyond, 1.0))
-        return 0.5 * WIDTH * (1.0 + math.copysign(side, off))
+        """Return where a ratio stands on the logarithmic scale, px from the left; what is farther is at an end."""
+        if ratio <= 0.0:
+            return 0.0
+        off = math.log(ratio) / (REACH * math.log1p(self.tolerance))
+        return 0.5 * WIDTH * (1.0 + min(max(off, -1.0), 1.0))
 
     @property
     def words(self) -> str:
@@ -87,28 +77,26 @@ class Strip:
     def svg(self) -> Markup:
         """The drawing, which has no text: `words` stand beside it."""
         middle, (left, right) = 0.5 * HEIGHT, (self.place(1.0 - self.tolerance), self.place(1.0 + self.tolerance))
+        one, colour = 0.5 * WIDTH, variable(FLOWN)
         parts = [
-            f'<path d="M0 {_n(middle)}H{_n(WIDTH)}" stroke="{variable(MUTED)}" stroke-width=".5"/>',
-            f'<rect x="{_n(left)}" y="1" width="{_n(right - left)}" height="{_n(HEIGHT - 2.0)}" '
-            f'fill="{variable(BAND)}" stroke="{variable(MUTED)}" stroke-width=".8"/>',
-            f'<path d="M{_n(0.5 * WIDTH)} 1V{_n(HEIGHT - 1.0)}" stroke="{variable(MUTED)}" stroke-width=".8"/>',
+            f'<rect x="{_n(left)}" y="0" width="{_n(right - left)}" height="{_n(HEIGHT)}" fill="{variable(BAND)}"/>',
+            f'<path d="M{_n(one)} 0V{_n(HEIGHT)}" stroke="{variable(MUTED)}" stroke-width=".8"/>',
         ]
-        colour = variable(FLOWN)
         if self.low is not None or self.high is not None:
             low, high = self.place(self.low or 0.0), WIDTH if self.high is None else self.place(self.high)
-            parts.append(f'<path d="M{_n(low)} {_n(middle)}H{_n(high)}" stroke="{colour}" stroke-width="5"/>')
-        parts.append(f'<path d="{self._mark()}" fill="{variable(INK)}"/>')
+            parts.append(f'<path d="M{_n(low)} {_n(middle)}H{_n(high)}" stroke="{colour}" stroke-width="1.8"/>')
+        parts.append(f'<path d="{self._mark()}" fill="{colour}"/>')
         size = f'width="{_n(WIDTH)}" height="{_n(HEIGHT)}" viewBox="0 0 {_n(WIDTH)} {_n(HEIGHT)}"'
         return Markup(f'<svg class="strip" {size} aria-hidden="true">{"".join(parts)}</svg>')
 
     def _mark(self) -> str:
-        """Write an upright bar, or an arrow at the end that the ratio is beyond."""
+        """Write a dot, or an arrow at the end that the ratio is beyond."""
         at, middle = self.place(self.ratio), 0.5 * HEIGHT
         if at >= WIDTH:
             return f"M{_n(WIDTH)} {_n(middle)}l-7 -4v8z"
         if at <= 0.0:
             return f"M0 {_n(middle)}l7 -4v8z"
-        return f"M{_n(min(max(at - 1.0, 0.0), WIDTH - 2.0))} 1.5h2v{_n(HEIGHT - 3.0)}h-2z"
+        return f"M{_n(at - 3.0)} {_n(middle)}a3 3 0 1 0 6 0a3 3 0 1 0-6 0"
 
 
 def _n(value: float) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from markupsafe import Markup
 from scipy import special
 
 from mcnav.analysis.combinations import Combination
@@ -63,13 +64,13 @@ def combination(content: RunAnalysis) -> Figure | None:
         samples = f"the first {len(values):,} of {content.summary.samples:,} samples, which are stored"
     return Figure(
         name="combination",
-        title=f"Samples along {label}",
+        title=f"Samples along the {direction}",
         description="Histogram of the combination of outputs in which simulation and linear analysis differ most. Its "
         "curve is the normal density of linear analysis. Beside it: scatter against the output that best explains it.",
         panels=panels,
         key=key,
         columns={f"from [{unit}]": edges[:-1], f"to [{unit}]": edges[1:], "samples": counts, "expected": expected},
-        caption=f"{label}: {samples}. A linear density much narrower than the samples ends above the figure.",
+        caption=Markup("<code>{}</code>: {}.").format(label, samples),
     )
 
 

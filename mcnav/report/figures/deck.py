@@ -62,10 +62,10 @@ def series_of(dispersion: Dispersion, truth: bool) -> Series:
     kind, route = dispersion.kind, dispersion.route
     name = f"{kind}-{route.split()[0].lower()}"
     if route == "filter":
-        return Series(name, f"{SUBJECTS[kind]}, filter's own" if truth else "filter's own", FILTER, "dotted")
+        return Series(name, f"{SUBJECTS[kind]}, filter's own" if truth else "filter's own", FILTER)
     if truth:
         return Series(name, f"{SUBJECTS[kind]}, {route}", KINDS[kind][1], ROUTES[route])
-    return Series(name, route, {"Monte Carlo": FLOWN, "linear": LINEAR}[route], {"linear": "dashed"}.get(route, "line"))
+    return Series(name, route, {"Monte Carlo": FLOWN, "linear": LINEAR}[route])
 
 
 def deck(content: RunAnalysis) -> Figure | None:
@@ -276,7 +276,7 @@ def _events(known: Deck) -> list[Mark]:
         known.events if not known.lanes else {name: at for name, at in known.events.items() if "outage" not in name}
     )
     first, last = known.times[0], known.times[-1]
-    return [Rule(at, kind="dotted", name=name) for name, at in inside.items() if first < at < last]
+    return [Rule(at, name=name) for name, at in inside.items() if first < at < last]
 
 
 def _height(known: Deck) -> Panel:

@@ -36,7 +36,7 @@ BINS: Final = 63
 
 FLIGHTS: Final = Series("flights", "samples", POINT, "dot")
 ELLIPSES_LINEAR: Final = Series("linear", "linear, 1 and 3 sigma", LINEAR)
-ELLIPSES_FLOWN: Final = Series("flown", "Monte Carlo (plain), 1 and 3 sigma", FLOWN, "dashed")
+ELLIPSES_FLOWN: Final = Series("flown", "Monte Carlo (plain), 1 and 3 sigma", FLOWN)
 FARTHEST: Final = Series("farthest", "largest errors, with sample index", INK, "dot")
 FARTHEST_OF_KINDS: Final = Series("farthest", "farthest from the mean, with sample index", INK, "dot")
 

@@ -39,7 +39,7 @@ def envelopes(content: RunAnalysis) -> Figure | None:
     reach = float(special.ndtri(float(high) / 100.0))
     series = {
         "linear": Series("linear", f"linear, mean ± {reach:.2f}σ", LINEAR),
-        "flown": Series("flown", f"Monte Carlo, mean ± {reach:.2f}σ", FLOWN, "dashed"),
+        "flown": Series("flown", f"Monte Carlo, mean ± {reach:.2f}σ", FLOWN),
         "band": Series("percentiles", f"{low} % to {high} % of {known.stored:,} samples", AREA, "area"),
     }
     columns = {known.label: known.times}
@@ -98,9 +98,9 @@ def _envelope(
         Axis(upward, unit),
         [
             Band(series["band"], known.times, low, high),
-            *(Line(series["linear"], known.times, each, 2.3) for each in linear),
+            *(Line(series["linear"], known.times, each, 3.2) for each in linear),
             *(Line(series["flown"], known.times, flight) for flight in flown),
             Line(series["flown"], known.times, known.mean[:, output] * scale, 1.1, "line"),
-            *(Rule(place, kind="dotted", name=event) for place, event in inside),
+            *(Rule(place, name=event) for place, event in inside),
         ],
     )

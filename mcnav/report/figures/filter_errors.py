@@ -27,9 +27,9 @@ DRAWN: Final = 10
 
 SAMPLES: Final = Series("samples", "samples", POINT)
 SIGMAS: Final = {
-    "linear": Series("linear", f"linear, ±{MULTIPLE:g}σ", LINEAR),
-    "Monte Carlo": Series("flown", f"Monte Carlo, ±{MULTIPLE:g}σ", FLOWN, "dashed"),
-    "filter": Series("filter", f"filter's own, ±{MULTIPLE:g}σ", FILTER, "dotted"),
+    "linear": Series("linear", "linear", LINEAR),
+    "Monte Carlo": Series("flown", "Monte Carlo", FLOWN),
+    "filter": Series("filter", "filter", FILTER),
 }
 
 
@@ -87,7 +87,7 @@ def _panel(
 ) -> Panel:
     marks: list[Mark] = [*shaded, *(Line(SAMPLES, times, history, 0.7, silent=True) for history in histories)]
     for whose, values in sigmas(each).items():
-        width = 2.3 if whose == "linear" else 1.9
+        width = 3.2 if whose == "linear" else 1.6
         marks += [Line(SIGMAS[whose], consistency.times, sign * MULTIPLE * values, width) for sign in (-1.0, 1.0)]
-    upward = Axis("error", each.shown_in)
+    upward = Axis(f"error, ±{MULTIPLE:g}σ", each.shown_in)
     return Panel(humanize(each.name), whole_flight(consistency), upward, marks)

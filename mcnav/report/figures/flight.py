@@ -46,7 +46,7 @@ def _panel(place: int, history: History, panel: Panel) -> Diagram:
         for number, (name, label) in enumerate(zip(panel.y, labels, strict=True))
     ]
     upward = axis(panel.y_label or panel.y[0], log=panel.log, low=0.0 if panel.from_zero else None)
-    events = [Rule(history.events[event], kind="dotted", name=event) for event in panel.marks]
+    events = [Rule(history.events[event], name=event) for event in panel.marks]
     across: Axis = axis(panel.x, margin=0.02, link=panel.x == first)
     return Diagram(panel.title, across, upward, [*lines, *events], [line.series for line in lines] if several else ())
 

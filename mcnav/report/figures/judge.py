@@ -36,7 +36,7 @@ WHITE: Final = Series("white", "95 % of white noise", BAND, "area")
 COUNTED: Final = Series("counted", "innovations", AREA, "area")
 NORMAL: Final = Series("normal", "normal distribution", FILTER)
 ERROR: Final = Series("error", "error against the reference", POINT)
-OWN: Final = Series("filter", f"filter's own, ±{MULTIPLE:g}σ", FILTER, "dotted")
+OWN: Final = Series("filter", f"filter's own, ±{MULTIPLE:g}σ", FILTER)
 PREDICTED: Final = Series("linear", f"simulated records, ±{MULTIPLE:g}σ", LINEAR)
 
 

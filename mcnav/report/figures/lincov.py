@@ -15,7 +15,7 @@ from mcnav.arrays.types import Array
 from mcnav.contract.quantities import end_words
 from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Cells, Line, Mark, Panel, Points, Rule, Series, Span, axis
-from mcnav.report.drawing.palette import FILTER, FLOWN, INK, LINEAR
+from mcnav.report.drawing.palette import FILTER, INK, LINEAR
 from mcnav.report.figures.budgets import ALL, development_figure, shares_figure
 from mcnav.report.figures.matrices import DEEPEST, NEGATIVE, NIL, POSITIVE
 from mcnav.report.figures.outages import OPACITY, SHADED, shading_key
@@ -28,8 +28,8 @@ Outages = Mapping[str, Sequence[tuple[float, float]]]
 """Begin and end of the outages of each sensor, in the unit of the history's times."""
 
 TRUE: Final = Series("linear", "linear, 1σ", LINEAR)
-STATED: Final = Series("filter", "filter's own, 1σ", FILTER, "dashed")
-LIMIT: Final = Series("limit", "limit", FLOWN, "dashed")
+STATED: Final = Series("filter", "filter's own, 1σ", FILTER)
+LIMIT: Final = Series("limit", "limit", INK)
 SIZE: Final = Series("size", "linear", LINEAR)
 COUNTED: Final = Series("counted", "epochs that count", INK, "dot")
 
@@ -72,10 +72,10 @@ def sigmas(answer: LinearAnswer, outages: Outages) -> Figure | None:
     panels = []
     for i in _moving(history):
         name, unit = humanize(answer.outputs[i].name), answer.outputs[i].shown_in
-        marks: list[Mark] = [*shaded, Line(TRUE, times, history.sigma[:, i] * scale[i], 2.3)]
+        marks: list[Mark] = [*shaded, Line(TRUE, times, history.sigma[:, i] * scale[i], 3.2)]
         columns[f"{name}, 1σ [{unit}]"] = history.sigma[:, i] * scale[i]
         if history.sigma_filter is not None:
-            marks.append(Line(STATED, times, history.sigma_filter[:, i] * scale[i]))
+            marks.append(Line(STATED, times, history.sigma_filter[:, i] * scale[i], 1.4))
             columns[f"{name}, filter's 1σ [{unit}]"] = history.sigma_filter[:, i] * scale[i]
         panels.append(Panel(name, axis(label, margin=0.0, link=True), Axis("1σ", unit, low=0.0), marks))
     filtered = history.sigma_filter is not None
@@ -126,7 +126,7 @@ def requirements(answer: LinearAnswer, outages: Outages) -> Figure | None:
             *shaded,
             Line(SIZE, times, values, 2.1),
             Points(COUNTED, times[at], values[at], 4.0),
-            Rule(limit, level=True, colour=FLOWN, kind="dashed", series=LIMIT),
+            Rule(limit, level=True, colour=INK, series=LIMIT),
         ]
         reach = max(2.0 * limit, 1.1 * float(values[at].max()))
         high = reach if values.max() > reach else max(1.1 * limit, 1.1 * float(values.max()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -23,7 +24,7 @@ ALONE: Final = 2.0
 
 RATIO: Final = Series("flown", "Monte Carlo σ / linear σ", FLOWN)
 INTERVAL: Final = Series("interval", "interval", AREA, "area")
-LEAVES: Final = Series("leaves", "exceeds tolerance", MUTED, "dashed")
+LEAVES: Final = Series("leaves", "exceeds tolerance", INK)
 
 MATTERS: Final = Series("matters", "significant source", LINEAR, "dot")
 MINOR: Final = Series("minor", "minor source", MUTED, "ring")
@@ -52,6 +53,13 @@ def ratios(dispersion_range: DispersionRange, tolerance: float, names: Sequence[
     )
 
 
+def foremost_ratio(figure: Figure, dispersion_range: DispersionRange) -> Figure:
+    """Return the figure of ratios with the panel first of the output whose sigma leaves the tolerance first."""
+    agrees = np.where(np.isnan(dispersion_range.agrees_until), np.inf, dispersion_range.agrees_until)[:-1]
+    first = int(np.argmin(agrees)) if len(agrees) else 0
+    return replace(figure, panels=[figure.panels[first], *figure.panels])
+
+
 def _ratio(name: str, dispersion_range: DispersionRange, tolerance: float, column: int) -> Panel:
     ratio, low, high = (
         each[:, column] for each in (dispersion_range.ratios, dispersion_range.lower, dispersion_range.upper)
@@ -63,11 +71,12 @@ def _ratio(name: str, dispersion_range: DispersionRange, tolerance: float, colum
     if shown.sum() == 1:
         marks.append(Points(Series(RATIO.name, "", FLOWN, "dot"), multiples, ratio[shown]))
     if np.isfinite(dispersion_range.departs[column]):
-        marks.append(Rule(float(dispersion_range.departs[column]), kind="dashed", width=1.6, series=LEAVES))
+        marks.append(Rule(float(dispersion_range.departs[column]), width=1.6, series=LEAVES))
     first, last = (float(each) for each in dispersion_range.multiples[[0, -1]])
     margin = ALONE if first == last else 1.0  # a single multiple needs room on both sides
     across = Axis("multiple of the stated errors", log=True, low=first / margin, high=last * margin, link="multiple")
-    upward = Axis("σ ratio", low=1.0 - REACH * tolerance, high=1.0 + REACH * tolerance)
+    end = 1.0 + REACH * tolerance
+    upward = Axis("σ ratio", log=True, low=1.0 / end, high=end)
     return ratio_panel(name, across, upward, tolerance, marks)
 
 
@@ -105,6 +114,5 @@ def alone(
         key=(MATTERS, MINOR, FARTHER),
         columns={"source": np.array(directions)} | {name: single.multiples[:, i] for i, name in enumerate(names)},
         size=(HALF[0], 82.0 + 20.0 * len(directions)),
-        caption="The line marks the stated errors.",
         file="linearity.csv",
     )

@@ -21,7 +21,7 @@ from mcnav.report.results.model import RunAnalysis
 
 FLOWN_MEAN: Final = Series("flown", "Monte Carlo", FLOWN)
 INTERVAL: Final = Series("interval", "its interval", AREA, "area")
-BY_LINEAR: Final = Series("linear", "linear analysis", LINEAR, "dashed")
+BY_LINEAR: Final = Series("linear", "linear analysis", LINEAR)
 BOUNDS: Final = Series("bounds", "if consistent", BAND, "area")
 
 Columns = dict[str, Sequence[Any] | NDArray[Any]]

@@ -19,9 +19,9 @@ from mcnav.report.names import humanize
 from mcnav.report.results.model import RunAnalysis
 
 ESTIMATE: Final = Series("flown", "Monte Carlo", FLOWN)
-BOUNDS: Final = Series("bounds", "its bounds at each epoch", AREA, "area")
-BY_LINEAR: Final = Series("linear", "linear, normal errors", LINEAR, "dashed")
-LIMIT: Final = Series("limit", "limit, where it holds", INK, "long")
+BOUNDS: Final = Series("bounds", "bounds", AREA, "area")
+BY_LINEAR: Final = Series("linear", "linear", LINEAR)
+LIMIT: Final = Series("limit", "limit", INK)
 
 
 LONGEST: Final = 56
@@ -87,7 +87,7 @@ def _panel(row: RequirementRow, each: RequirementCurve, label: str, shaded: list
         *(curve(BY_LINEAR, each.times, linear) if np.isfinite(linear).any() else []),
         *curve(ESTIMATE, each.times, estimate),
         *curve(LIMIT, each.times, limit),
-        *([] if at is None or not each.holds.sum() > 1 else [Rule(at, kind="dotted")]),
+        *([] if at is None or not each.holds.sum() > 1 else [Rule(at)]),
     ]
     title = f"{measure(row.entry)} of {', '.join(map(humanize, row.entry.outputs))}"
     full = f"{title}, {row.entry.when}"

@@ -11,9 +11,11 @@ from mcnav.analysis.filter_consistency import Band as Statistic
 from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistency
 from mcnav.report.drawing.axis_groups import Group, curves, same_unit
 from mcnav.report.drawing.figure import SEVERAL, Figure, side_by_side
-from mcnav.report.drawing.gapped import areas, curve, ends_around, upward
+from mcnav.report.drawing.gapped import areas, curve, ends_around
 from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Rule, Series, Span
-from mcnav.report.drawing.palette import BAND, INK
+from mcnav.report.drawing.palette import AREA, FLOWN, INK, LINEAR
+from mcnav.report.drawing.ticks import limits
+from mcnav.report.figures.agreement import TOLERANCE
 from mcnav.report.figures.filter_errors import whole_flight
 from mcnav.report.figures.normalized_errors import BOUNDS, Columns
 from mcnav.report.figures.outages import outages, shading_key
@@ -23,16 +25,18 @@ from mcnav.report.results.model import RunAnalysis
 ABREAST: Final = SEVERAL + 1
 """Panels of which three stand side by side."""
 
-TOLERANCE: Final = Series("tolerance", "tolerance", BAND, "area")
+RATIO: Final = Series("flown", "Monte Carlo", FLOWN)
+INTERVAL: Final = Series("interval", "its interval", AREA, "area")
+BY_LINEAR: Final = Series("linear", "linear", LINEAR)
 
 
 def sigma_ratios_over_time(content: RunAnalysis) -> Figure | None:
-    """Draw true over filter sigma of each output, those of one unit together, against the tolerance."""
+    """Draw true over filter sigma of each output, a panel for each, on a logarithmic axis against the tolerance."""
     figure = content.filter
     if figure is None:
         return None
-    groups = _drawn(same_unit(figure.outputs))
-    if not groups:
+    shown = [output for output in figure.outputs if output.ratio.known.any()]
+    if not shown:
         return None
     shaded = outages(content)
     columns: Columns = {figure.label: figure.times}
@@ -45,32 +49,27 @@ def sigma_ratios_over_time(content: RunAnalysis) -> Figure | None:
     linear = any(output.linear is not None for output in figure.outputs)
     tolerance = Span(TOLERANCE, 1.0 - figure.tolerance, 1.0 + figure.tolerance, level=True)
 
-    def panel(place: int, title: str, members: Sequence[SigmaConsistency]) -> Panel:
+    def panel(output: SigmaConsistency) -> Panel:
         marks: list[Mark] = [tolerance, *shaded, Rule(1.0, level=True, colour=INK, width=1.0)]
-        series = curves(place, members)
-        for own, member in zip(series, members, strict=True):
-            marks += areas(own, figure.times, member.ratio.each, 0.15)
-        for own, member in zip(series, members, strict=True):
-            if member.linear is not None:
-                marks.append(Line(own, figure.times, member.linear, 1.3, "dashed"))
-            marks += curve(own, figure.times, member.ratio.value)
-        known = [np.append(member.ratio.value, member.ratio.each.ravel()) for member in members]
-        ratio = upward("true σ / filter σ", "", np.concatenate([[tolerance.low, tolerance.high], *known]))
-        about = [member.name for member in members]
-        return Panel(title, whole_flight(figure), ratio, marks, series, about=about)
+        if output.linear is not None:
+            marks.append(Line(BY_LINEAR, figure.times, output.linear, 3.2))
+        marks += areas(INTERVAL, figure.times, output.ratio.each, 0.4)
+        marks += curve(RATIO, figure.times, output.ratio.value)
+        reach = np.concatenate([[tolerance.low, tolerance.high], output.ratio.value, output.ratio.each.ravel()])
+        low, high = limits(reach[np.isfinite(reach) & (reach > 0.0)], True, 0.06)
+        ratio = Axis("true σ / filter σ", log=True, low=low, high=high)
+        return Panel(humanize(output.name), whole_flight(figure), ratio, marks, about=[output.name])
 
     return Figure(
         name="sigma-history",
         title="True sigma over the filter's sigma",
         description="Ratio of the sigma of the Monte Carlo errors to the sigma that the filter states, for each output "
         "over time, against the tolerance.",
-        panels=[panel(place, *group) for place, group in enumerate(groups)],
-        key=[TOLERANCE, *shading_key(shaded)],
+        panels=[panel(output) for output in shown],
+        key=[RATIO, INTERVAL, *([BY_LINEAR] if linear else []), TOLERANCE, *shading_key(shaded)],
         columns=columns,
-        size=side_by_side(max(len(groups), ABREAST)),
-        caption="Solid: Monte Carlo, with its interval at each epoch."
-        + (" Dashed: linear analysis." if linear else "")
-        + " Above one the filter is optimistic.",
+        size=side_by_side(max(len(shown), ABREAST)),
+        caption="Above one the filter is optimistic.",
     )
 
 

@@ -26,7 +26,7 @@ def start_axis(label: str) -> Axis:
 
 
 START: Final = start_axis("min from reentry")
-REENTRY: Final = Rule(0.0, kind="dotted", name="reentry")
+REENTRY: Final = Rule(0.0, name="reentry")
 WITH_NOISE: Final = Series("linear", "linear, P·S·Pᵀ + Q", LINEAR)
 SIGMA: Final = Series("linear", "linear, P·S·Pᵀ", LINEAR)
 RMS: Final = Series("linear", "linear, root mean square", LINEAR)
@@ -56,7 +56,7 @@ class Effects:
 
 def _event(clock: StartClock) -> list[Mark]:
     """Return the line at the clock's event, if it has one."""
-    return [Rule(0.0, kind="dotted", name=clock.event)] if clock.event else []
+    return [Rule(0.0, name=clock.event)] if clock.event else []
 
 
 def dispersion(
@@ -95,6 +95,40 @@ def dispersion(
         panels=[panel(names[i], i) for i in drawn],
         key=(linear, *([CHECKED] if checks else []), BEST),
         columns=table | {"all, weighted [1]": study.weighted},
+        file="start_times.csv",
+    )
+
+
+def weighted(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: Sequence[Output]) -> Figure:
+    """Draw what the best start is the best of: the weighted sigma, or root mean square, against the start.
+
+    ``checks`` are Monte Carlo comparisons by start time, s.
+    """
+    starts, best = study.times / 60.0, study.best_weighted
+    linear = RMS if study.means_matter else SIGMA if study.noise is None else WITH_NOISE
+    top = float(study.weighted.max(initial=0.0))
+    marks: list[Mark] = [
+        Line(linear, starts, study.weighted, 2.1),
+        Points(BEST, [starts[best]], [study.weighted[best] + 0.02 * top], 9.0),
+        *_event(study.clock),
+    ]
+    known = [
+        (time / 60.0, float(np.sqrt(np.nansum((simulated_rms(study, time, each) * study.weights) ** 2))))
+        for time, each in checks.items() if each.outputs
+    ]  # fmt: skip
+    if known:
+        at, simulated = np.array(known).T
+        marks.append(Points(CHECKED, at, simulated, 7.5))
+    one = "rms" if study.means_matter else "σ"
+    upward = Axis(f"weighted {one}", low=0.0)
+    return Figure(
+        name="weighted",
+        title="Weighted size of all outputs by start of navigation",
+        description=f"Root sum square of the weighted {end_words(outputs).many} against the start time; a triangle "
+        "marks the best start.",
+        panels=[Panel("all outputs, weighted", start_axis(study.clock.label), upward, marks)],
+        key=(linear, *([CHECKED] if known else []), BEST),
+        columns={f"start [{study.clock.label}]": starts, "all, weighted [1]": study.weighted},
         file="start_times.csv",
     )
 

@@ -41,8 +41,8 @@ MANTISSAS: Final = ((1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0), (1.0, 3.0),
 """Factors of the levels of contours, from dense to sparse."""
 
 TRUE: Final = Series("linear", "linear analysis, true errors", LINEAR)
-OWN: Final = Series("filter", "as the filter states it", FILTER, "dashed")
-LIMIT: Final = Series("limit", "limit", INK, "dotted")
+OWN: Final = Series("filter", "as the filter states it", FILTER)
+LIMIT: Final = Series("limit", "limit", INK)
 BOUNDARY: Final = Series("limit", "limit", INK)
 MET: Final = Series("met", "point of the grid that meets it", MUTED, "dot")
 ADDED: Final = Series("added", "value added between those of the grid", LINEAR, "dot")

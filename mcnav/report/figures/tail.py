@@ -11,17 +11,17 @@ from mcnav.report.columns.requirements import RADII, RequirementRow, requirement
 from mcnav.report.drawing.figure import Figure, side_by_side
 from mcnav.report.drawing.gapped import areas
 from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Rule, Series, of_requirement
-from mcnav.report.drawing.palette import AREA, FILTER, FLOWN, INK, LINEAR, MUTED
+from mcnav.report.drawing.palette import AREA, FILTER, FLOWN, INK, LINEAR, MUTED, SOURCE_COLOURS
 from mcnav.report.figures.requirements import LONGEST
 from mcnav.report.names import humanize
 from mcnav.report.results.model import RunAnalysis
 
 COUNTED: Final = Series("counted", "counted samples", FLOWN)
 BOUNDS: Final = Series("bounds", "interval of the count", AREA, "area")
-BY_LINEAR: Final = Series("linear", "linear, normal errors", LINEAR, "dashed")
-CURVED: Final = Series("curved", "linear with curvature", LINEAR, "dotted")
+BY_LINEAR: Final = Series("linear", "linear", LINEAR)
+CURVED: Final = Series("curved", "linear with curvature", SOURCE_COLOURS[1])
 FLIGHTS: Final = Series("flights", "flights chosen with the linear model", FILTER, "dot")
-ALLOWED: Final = Series("allowed", "limit and allowed probability", INK, "long")
+ALLOWED: Final = Series("allowed", "limit and allowed probability", INK)
 
 BELOW: Final = 0.1
 """Share of the smallest probability at the limit, and of the one allowed, down to which the axis goes."""
@@ -88,7 +88,7 @@ def _panel(row: RequirementRow, each: TailCurve) -> Panel:
             Line(FLIGHTS, [limit, limit], [known.low, known.high], 2.6, silent=True),
             Points(FLIGHTS, [limit], [known.estimate], 8.0, texts=[f"flights: {row.exceedance}"]),
         ]
-    marks += [Rule(limit, kind="long", colour=INK), Rule(allowed, level=True, kind="long", colour=MUTED)]
+    marks += [Rule(limit, colour=INK), Rule(allowed, level=True, colour=MUTED)]
     name = "multiple of the limits" if entry.kind == "box" else RADII.get(entry.kind, _measured(row))
     across = Axis(name, _unit(row), margin=0.0)
     title = ", ".join(map(humanize, entry.outputs))

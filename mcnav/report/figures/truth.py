@@ -145,7 +145,7 @@ def _panel(known: SigmasOverTime, each: Quantity, unit: str, curves: Mapping[tup
     seen = {key: np.where(curve > SMALLEST * largest, curve, np.nan) for key, curve in curves.items()}
     marks: list[Mark] = [Line(series_of(*key), known.times, part, WIDTHS[key[0]]) for key, part in seen.items()]
     inside = [(at, name) for name, at in known.events.items() if known.times[0] < at < known.times[-1]]
-    marks += [Rule(at, kind="dotted", name=name) for at, name in inside]
+    marks += [Rule(at, name=name) for at, name in inside]
     reach = np.concatenate([*seen.values()])
     return Panel(humanize(each.name), axis(known.label, margin=0.0, link=True), upward("1σ", unit, reach), marks)
 

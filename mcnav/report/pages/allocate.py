@@ -12,12 +12,19 @@ from mcnav.analysis.linear_answer import LinearRequirement
 from mcnav.analysis.simulated_requirements import Basis
 from mcnav.analysis.summary import RequirementEntry
 from mcnav.report.columns.requirements import TONES
-from mcnav.report.document.parts import Findings, Folded, Note, Page, Part, Section, Sentence, Verdict, joined
+from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Sentence, Verdict, joined
 from mcnav.report.document.table import CODE, WRAPPED, Cell, Column, Table
 from mcnav.report.figures import allocate as drawn
 from mcnav.report.figures.lincov import short_name
 from mcnav.report.format import number
-from mcnav.report.pages.lincov import headline, requirement_rows, shown_limit, shown_value, units_shown
+from mcnav.report.pages.lincov import (
+    headline,
+    requirement_rows,
+    requirements_in_brief,
+    shown_limit,
+    shown_value,
+    units_shown,
+)
 from mcnav.report.pages.screen import answered
 from mcnav.report.statements.lincov import large_mean_words
 
@@ -71,8 +78,8 @@ ENDED: Final = 1.05
 """Margin from which a multiple is not that at which a requirement is just met."""
 
 ENDS: Final = (
-    "A multiple whose linear value is well below the limit is the largest one with a linear answer: of larger ones "
-    "errors are beyond the range of linear analysis, or the campaign is refused."
+    "A multiple whose linear value is well below the limit is the largest one with a linear answer. Larger errors are "
+    "beyond the range of linear analysis, or the campaign is refused."
 )
 
 FAILING: Final = 3
@@ -406,8 +413,7 @@ def page(allocation: Allocation) -> Page:
     """Return the page."""
     words, tone = standing(allocation)
     name = allocation.answer.campaign
-    asked = Findings([(row.finding, row.tone, f"{row.requirement}: {row.shown}")
-                      for row in requirement_rows(allocation.answer)])  # fmt: skip
+    asked = requirements_in_brief(allocation.answer)
     sections = [_goal_section(allocation, goal, place) for place, goal in enumerate(allocation.goals, start=1)]
     if allocation.grades is not None:
         table = grade_table(allocation, allocation.grades)

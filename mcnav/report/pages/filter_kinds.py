@@ -12,24 +12,27 @@ import pandas as pd
 from mcnav.analysis.filter_kinds import HEADING, HORIZONTAL, KindComparison, KindResult
 from mcnav.report.document.parts import Facts, Note, Page, Part, Section, Sentence, Verdict, Verdicts
 from mcnav.report.document.table import Cell, Column, Table
-from mcnav.report.drawing.figure import Figure
-from mcnav.report.drawing.marks import Axis, Line, Panel, Rule, Series, numbered
+from mcnav.report.drawing.figure import HALF, Figure, side_by_side
+from mcnav.report.drawing.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series, Span
+from mcnav.report.drawing.palette import FLOWN, INK
+from mcnav.report.figures.agreement import TOLERANCE
 from mcnav.report.format import number
 from mcnav.report.names import humanize
 from mcnav.report.pages.screen import answered
 from mcnav.report.statements.means import mean_sentence
 from mcnav.report.statements.sweep import shown
-from mcnav.report.statements.words import TONES, WORST
+from mcnav.report.statements.words import TONES, WORST, joined
 
 GROUPS: Final = ("navigation", "position", "velocity", "attitude")
 """Groups of errors in the data."""
 
-NOTE: Final = (
+NOTES: Final = (
     "Every kind has the same samples and the same noise, by the reference engine. The ratio is that of the true sigma "
-    "to the filter's own where the verdict is decided, over the whole flight, with the interval of all epochs "
-    "together. NEES and sigmas are those at the end. To first order all kinds are one filter: linear analysis has one "
-    "answer. Horizontal position is DRMS, the root of the sum of two variances. What a sample takes is its computing "
-    "time on one thread."
+    "to the filter's own where the verdict is decided, over the whole flight.",
+    "Its interval is that of all epochs together. NEES and sigmas are those at the end. Horizontal position is DRMS, "
+    "the root of the sum of two variances.",
+    "To first order all kinds are one filter: linear analysis has one answer. What a sample takes is its computing "
+    "time on one thread.",
 )
 
 
@@ -40,16 +43,14 @@ def terminal(comparison: KindComparison) -> list[Part]:
 
 def page(comparison: KindComparison) -> Page:
     """Return the page."""
-    variable = comparison.variable
     facts = Facts([("kinds", ", ".join(comparison.kinds)), *(
-        [] if variable is None else
-        [(variable.path, ", ".join(shown(variable, value) for value in variable.values))]
-    ), ("samples", ", ".join(sorted({f"{result.summary.samples:,}" for result in comparison.results})))])  # fmt: skip
-    parts: list[Part] = [kind_table(comparison), Note(NOTE)]
-    sections = [Section("kinds", "Kinds of filters", parts)]
-    if comparison.variable is not None and not comparison.variable.words:
-        sections.append(Section("values", f"Over {comparison.variable.path}", [figure(comparison)]))
-    head: list[Part] = [*_mean_errors(comparison), Verdicts([_verdict(comparison)]), facts]
+        [] if comparison.variable is None else
+        [(comparison.variable.path, ", ".join(shown(comparison.variable, each) for each in comparison.variable.values))]
+    ), ("samples", ", ".join(sorted({f"{each.summary.samples:,}" for each in comparison.results})))])  # fmt: skip
+    varied = comparison.variable is not None and not comparison.variable.words
+    figure = over_values(comparison) if varied else kind_ratios(comparison)
+    sections = [Section("kinds", "Kinds of filters", [figure, kind_table(comparison), facts, *map(Note, NOTES)])]
+    head: list[Part] = [*_mean_errors(comparison), Verdicts([_verdict(comparison)])]
     return answered(
         Page(f"{comparison.campaign}: filters", "Kinds of filters", comparison.campaign, head, sections), rest="Filter"
     )
@@ -64,14 +65,33 @@ def _mean_errors(comparison: KindComparison) -> list[Part]:
 def _verdict(comparison: KindComparison) -> Verdict:
     """Say which kinds are consistent, or from which value on each is optimistic."""
     if comparison.variable is None:
-        words = [f"{result.kind} is {result.verdict}" for result in comparison.results]
-        tones = {TONES.get(result.verdict, "undecided") for result in comparison.results}
-        return Verdict(f"{'; '.join(words)}.", max(tones, key=WORST.index))
+        groups: dict[str, list[str]] = {}
+        for each in sorted(comparison.results, key=_standing):
+            groups.setdefault(each.verdict, []).append(each.kind)
+        words = [f"{joined(kinds)} {'is' if len(kinds) == 1 else 'are'} {each}" for each, kinds in groups.items()]
+        tones = {TONES.get(each.verdict, "undecided") for each in comparison.results}
+        return Verdict(f"{'; '.join(words)}.", max(tones, key=WORST.index), _worst_ratio(comparison))
     words = []
     for kind, begin in comparison.optimistic_from.items():
         at = None if begin is None else shown(comparison.variable, begin)
         words.append(f"{kind}: {'nowhere certainly optimistic' if at is None else f'optimistic from {at} on'}")
     return Verdict(f"Over {comparison.variable.path}: {'; '.join(words)}.", "")
+
+
+def _standing(result: KindResult) -> int:
+    """Return the place of a verdict among all, the worst first."""
+    return WORST.index(TONES.get(result.verdict, "undecided"))
+
+
+def _worst_ratio(comparison: KindComparison) -> list[str]:
+    """Say how far off the covariance of the most optimistic kind is; nothing where none is optimistic."""
+    known = [(result.factor[0], result) for result in comparison.results if result.factor is not None]
+    wrong = [(ratio, result) for ratio, result in known if TONES.get(result.verdict) == "differs"]
+    if not wrong:
+        return []
+    ratio, worst = max(wrong, key=lambda pair: pair[0])
+    of = humanize(worst.decided_by)
+    return [f"Worst: {of} errors of {worst.kind} are {number(ratio, 2)} times what its covariance states."]
 
 
 def kind_table(comparison: KindComparison) -> Table[KindResult]:
@@ -116,26 +136,67 @@ def _sigmas(each: KindResult, names: tuple[str, ...], scale: float) -> str:
     return f"{number(true * scale, 3)} ({number(own * scale, 3)})"
 
 
-def figure(comparison: KindComparison) -> Figure:
-    """Draw the ratio of true to filter sigma by value, a line for each kind."""
-    variable = comparison.variable
-    assert variable is not None
-    key: list[Series] = [numbered(2 * place, kind) for place, kind in enumerate(comparison.kinds)]
-    axis = Axis(variable.path, variable.unit, log=variable.log)
-    lines, columns = [], {variable.label: variable.values}
-    for series, kind in zip(key, comparison.kinds, strict=True):
-        factors = np.array([math.nan if each.factor is None else each.factor[0] for each in comparison.of(kind)])
-        lines.append(Line(series, variable.values, factors))
-        columns[kind] = factors
+RATIO: Final = Series("flown", "Monte Carlo, with its interval", FLOWN, "dot")
+
+
+def kind_ratios(comparison: KindComparison) -> Figure:
+    """Draw the ratio of true to filter sigma with its interval, a row for each kind, against the tolerance."""
+    results = comparison.results
+    names = [
+        result.kind if comparison.variable is None or result.value is None
+        else f"{result.kind}, {shown(comparison.variable, result.value)}"
+        for result in results
+    ]  # fmt: skip
+    factors = np.array([result.factor or (math.nan,) * 3 for result in results], dtype=float).reshape(-1, 3)
+    marks: list[Mark] = [*_consistent(comparison, level=False)]
+    for place in np.flatnonzero(np.isfinite(factors[:, 0])).tolist():
+        ratio, low, high = factors[place].tolist()
+        ends = (ratio if math.isnan(low) else low, ratio if math.isnan(high) else high)
+        text = f"{names[place]}: {number(ratio, 3)} ({number(low, 3)} to {number(high, 3)})"
+        marks += [Interval(RATIO, place, *ends, text), Points(RATIO, [ratio], [place], 7.5, texts=[text])]
     return Figure(
         name="filters",
         title="True over filter sigma",
-        description="Ratio of true to filter sigma where the verdict is decided, by kind.",
-        panels=[
-            Panel("Where the verdict is decided", axis, Axis("true σ / filter σ"), [Rule(1.0, level=True), *lines])
-        ],
-        key=key,
+        description="Ratio of true to filter sigma where the verdict is decided, with its interval, by kind.",
+        panels=[Panel("", Axis("true σ / filter σ", log=True), Axis(names=names), marks)],
+        key=[RATIO, TOLERANCE],
+        columns={"kind": names, "ratio": factors[:, 0], "from": factors[:, 1], "to": factors[:, 2]},
+        size=(HALF[0], 82.0 + 30.0 * len(names)),
+        file="filters.csv",
+    )
+
+
+def _consistent(comparison: KindComparison, level: bool) -> list[Mark]:
+    """Return the line of a consistent filter, and the band of the tolerance where it is known."""
+    known = {result.summary.filter.tolerance for result in comparison.results if result.summary.filter is not None}
+    tolerance = next((each for each in known if each), None)
+    band = [] if tolerance is None else [Span(TOLERANCE, 1.0 - tolerance, 1.0 + tolerance, level=level)]
+    return [*band, Rule(1.0, level=level, colour=INK)]
+
+
+def over_values(comparison: KindComparison) -> Figure:
+    """Draw the ratio of true to filter sigma by value, a panel for each kind."""
+    variable = comparison.variable
+    assert variable is not None
+    axis = Axis(variable.path, variable.unit, log=variable.log, link=variable.path)
+    panels, columns = [], {variable.label: variable.values}
+    for kind in comparison.kinds:
+        factors = np.array([result.factor or (math.nan,) * 3 for result in comparison.of(kind)], dtype=float)
+        ratio, low, high = factors.reshape(-1, 3).T
+        marks: list[Mark] = [
+            *_consistent(comparison, level=True), Band(RATIO, variable.values, low, high, 0.25),
+            Line(RATIO, variable.values, ratio), Points(RATIO, variable.values, ratio),
+        ]  # fmt: skip
+        panels.append(Panel(kind, axis, Axis("true σ / filter σ", log=True), marks))
+        columns |= {kind: ratio, f"{kind}, from": low, f"{kind}, to": high}
+    return Figure(
+        name="filters",
+        title="True over filter sigma",
+        description=f"Ratio of true to filter sigma where the verdict is decided, by {variable.path} and kind.",
+        panels=panels,
+        key=[RATIO, TOLERANCE],
         columns=columns,
+        size=side_by_side(len(panels)),
         file="filters.csv",
     )
 

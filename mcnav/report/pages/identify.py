@@ -46,9 +46,9 @@ CAMPAIGN_NOTE: Final = (
 )
 
 TEST_NOTE: Final = (
-    "The test of fit looks for spectral lines, a trend, unsteadiness and another shape of the spectrum at once, and "
-    "rejects about five of a hundred records of which the model is right. A model that is not rejected may still be "
-    "wrong where the record is too short to tell."
+    "The test of fit looks for spectral lines, a trend, unsteadiness and another shape of the spectrum at once. It "
+    "rejects about five of a hundred records whose model is right. A model that is not rejected may still be wrong "
+    "where the record is too short to tell."
 )
 
 CLOSE: Final = 4.0
@@ -148,8 +148,8 @@ def parameter_table(report: IdentificationReport) -> Table[ParameterRow]:
     ]
     rows = sorted((row for row in report.parameters if row.stated), key=lambda row: _place(report, row))
     caption = (
-        "By maximum likelihood; 95 % intervals by its profile. Of what is not identifiable the upper bound holds with "
-        "97.5 %, and the length of a log is one that would show a value at this bound to 20 %."
+        "By maximum likelihood; 95 % intervals by its profile. Upper bounds of values that are not identifiable hold "
+        "with 97.5 %. A log of the length shown would give a value at this bound to 20 %."
     )
     return Table(caption, columns, rows, "Noise", keys=2, group=lambda row: row.instrument)
 

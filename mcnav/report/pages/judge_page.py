@@ -10,10 +10,10 @@ from mcnav.report.pages.judged import basis, cause_table, nees_table, offset_tab
 from mcnav.report.pages.screen import RESULTS, answered
 
 METHOD = (
-    "The verdict is on the largest of all statistics, each over its 95 % point in simulated records: mean NIS and "
-    "autocorrelation of each sensor, NEES against a reference, and what the likelihood of the innovations gains by "
-    "another size of each number, or by a constant error. An alarm is a statistic that fewer than 5 % of simulated "
-    "records have. Simulated records are linear and have the gains that the filter used on this one."
+    "The verdict is on the largest of all statistics, each over its 95 % point in simulated records. They are mean NIS "
+    "and autocorrelation of each sensor, and NEES against a reference. Besides, what the likelihood of the innovations "
+    "gains by another size of each number, or by a constant error. An alarm is a statistic that fewer than 5 % of "
+    "simulated records have. Simulated records are linear and have the gains that the filter used on this one."
 )
 
 

@@ -264,8 +264,8 @@ def cause_table(judgement: Judgement) -> Table[CauseVerdict]:
         Column("found in 9 of 10 from", lambda row: "–" if row.noticed is None else f"{row.noticed:g} x"),
     ]
     caption = (
-        "Each number alone, all others as in the campaign: its factor by maximum likelihood with the interval of the "
-        "likelihood ratio, and shares of simulated records in which it is found."
+        "Each number alone, all others as in the campaign: its factor by maximum likelihood, with the interval of the "
+        "likelihood ratio. Found: share of simulated records in which it is found."
     )
     return Table(caption, columns, judgement.causes, "Numbers of the campaign")
 
@@ -352,8 +352,8 @@ def basis(judgement: Judgement) -> Sentence:
     """Say what was compared."""
     return Sentence(
         f"{judgement.measurements:,} measurements in {number(judgement.duration, 4)} s, compared with "
-        f"{judgement.simulated:,} records that the campaign's linear system along the recorded flight gives with the "
-        "gains that the filter used."
+        f"{judgement.simulated:,} simulated records. These are of the campaign's linear system along the recorded "
+        "flight, with the gains that the filter used."
     )
 
 

@@ -27,7 +27,7 @@ ASSUMED: Final = (
     f"than {FEWEST_INDEPENDENT:g} independent values. Without the filter's model, which number is wrong cannot be said."
 )
 
-ERROR, SIGMA = Series("error", "error", POINT), Series("filter", "stated, ±3σ", FILTER, "dotted")
+ERROR, SIGMA = Series("error", "error", POINT), Series("filter", "stated, ±3σ", FILTER)
 
 
 def level(verdicts: Sequence[ErrorVerdict]) -> float:

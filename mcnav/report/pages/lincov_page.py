@@ -9,9 +9,11 @@ from typing import Final
 import numpy as np
 
 from mcnav.analysis.answer_times import as_read, read_axis
+from mcnav.analysis.filter_causes import shares_by_kind
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
+from mcnav.analysis.remedies import Remedies
 from mcnav.analysis.what_if import WhatIf
 from mcnav.arrays.types import Array
 from mcnav.contract.quantities import KINDS, end_words, kinds_of
@@ -20,7 +22,7 @@ from mcnav.report.columns.share_table import ShareRow, each_cause, share_tables,
 from mcnav.report.document.html import card_html
 from mcnav.report.document.parts import (
     Answers,
-    Findings,
+    Facts,
     Folded,
     Note,
     Page,
@@ -42,10 +44,11 @@ from mcnav.report.pages.lincov import (
     final_rows,
     largest_rows,
     requirement_rows,
+    requirements_in_brief,
     smoothed_rows,
     statements,
 )
-from mcnav.report.pages.run.sections.improvements import failing_linearly, improvements_section
+from mcnav.report.pages.run.sections.remedies import fix, remedies_section
 from mcnav.report.pages.run.sections.what_if import what_if_section
 from mcnav.report.pages.screen import answered
 from mcnav.report.results.left_out import not_modelled
@@ -63,6 +66,8 @@ REQUIREMENTS: Final = (
 )
 """Caption of the table of requirements."""
 
+ALL_REMEDIES: Final = "mcnav lincov FILE --remedies"
+
 POLAR: Final = ("reentry", "cruise", "hover")
 """Types of scenarios whose outputs are errors of a polar state."""
 
@@ -72,11 +77,17 @@ ARCS: Final = "Output ranges are arcs on the earth's surface; initial ranges are
 SHARES: Final = "Share of the variance at the end, %, and the sigma that a cause alone leaves"
 """Caption of the error budget."""
 
+NAMED: Final = 0.02
+LARGEST: Final = 3
+"""Smallest share of a kind of causes that the first screen names, and how many it names."""
+
 CAUSES: Final = "largest causes, share of the variance"
 """Heading in the terminal of the column that lists them."""
 
 
-def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = None) -> Page:
+def page(
+    answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = None, remedies: Remedies | None = None
+) -> Page:
     """Return the page; outages are those of the aiding sensors."""
     answer, outages = _as_read(answer, outages)
     (words, tone), *others = statements(answer)
@@ -100,25 +111,50 @@ def page(answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = 
     if (gates := gate_table(answer)) is not None:
         sections.append(Section("gates", "What the gates stop", [gates]))
     looped = ".py:" in answer.kind and any(output.of == "truth" for output in answer.outputs)
-    if meaningful and (better := improvements_section(what_if, answer.outputs, failing_linearly(answer))) is not None:
-        sections.append(better)
+    if (helpful := remedies_section(remedies, answer.outputs, ALL_REMEDIES)) is not None:
+        sections.append(helpful)
     if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped)) is not None:
         sections.append(changeable)
     if meaningful and answer.sigma.any() and (correlations := drawn.correlations(answer)) is not None:
         sections.append(Section("correlations", "Covariance and correlation", [correlations]))
-    asked = Findings([(row.finding, row.tone, f"{row.requirement}: {row.shown}") for row in requirement_rows(answer)])
-    head = joined(verdict, asked if asked.entries else None, answers, Note(left_out) if left_out else None)
-    shown = worst_panel(answer, moving if isinstance(moving, Figure) else None)
+    asked = requirements_in_brief(answer)
+    helps = fix(remedies, answer.outputs)
+    known = [(name, words) for name, words in (("Cause", _cause(answer)), ("Fix", helps)) if words]
+    facts = Facts(known, below=True) if helps else None
+    head = joined(verdict, facts, asked if asked.entries else None, answers, Note(left_out) if left_out else None)
+    shown = _foremost(answer, moving, drawn.requirements(answer, outages))
     title = f"{answer.campaign}: linear covariance"
     return answered(Page(title, "Linear covariance", answer.campaign, head, sections), shown)
 
 
-def worst_panel(answer: LinearAnswer, figure: Figure | None) -> Figure | None:
-    """Return the panel of a figure over time that shows what a filter is most wrong about; the first one elsewhere."""
-    worst = None if answer.filter is None else humanize(answer.filter.output)
-    if figure is None or worst is None:
-        return figure
-    return replace(figure, panels=sorted(figure.panels, key=lambda panel: panel.title != worst))
+def _cause(answer: LinearAnswer) -> str:
+    """Name the largest causes of a requirement that is not met, or of what a filter misses; empty where all holds."""
+    unmet = [number for number, row in enumerate(answer.requirements) if row.judged and not row.met]
+    if unmet:
+        worst = min(unmet, key=lambda number: answer.requirements[number].margin)
+        causes = [(cause.name, cause.share) for cause in answer.requirement_causes(worst)]
+    else:
+        causes = [] if answer.filter is None else [(cause.name, cause.share) for cause in answer.filter.neglected]
+    kinds = [(humanize(kind), share) for kind, share in shares_by_kind(causes).items() if share >= NAMED]
+    return listed(kinds[:LARGEST]) if kinds else ""
+
+
+def _foremost(answer: LinearAnswer, over_time: Figure | None, asked: Figure | None) -> Figure | None:
+    """Return the figure that shows the answer, its first panel the worst.
+
+    Requirements over time come first, the tightest; else the output that a filter is most wrong about, or that the
+    tightest requirement at the end limits.
+    """
+    tightest = sorted((each for each in answer.requirements if each.judged), key=lambda each: each.margin)
+    if asked is not None and (answer.filter is None or answer.filter.verdict == "consistent"):
+        names = [drawn.short_name(each, answer) for each in tightest]
+        return replace(asked, panels=sorted(asked.panels, key=lambda panel: names.index(panel.title.split(": ", 1)[1])))
+    output = "" if answer.filter is None else humanize(answer.filter.output)
+    if tightest and not output:
+        output = humanize(answer.outputs[tightest[0].requirement.outputs[0]].name)
+    if over_time is None:
+        return None
+    return replace(over_time, panels=sorted(over_time.panels, key=lambda panel: panel.title != output))
 
 
 def terminal(answer: LinearAnswer) -> list[Part]:

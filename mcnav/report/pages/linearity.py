@@ -18,6 +18,7 @@ from mcnav.report.document.parts import Note, Page, Part, Section, Sentence, Ver
 from mcnav.report.document.table import EMPHASIS, Cell, Column, Table
 from mcnav.report.figures import linearity as drawn
 from mcnav.report.names import humanize, labels_of
+from mcnav.report.pages.screen import answered
 from mcnav.report.statements.linearity import (
     JOINT,
     OF_NOISE,
@@ -114,8 +115,9 @@ def page(
     )
     question = f"By what factor can the stated errors grow before linear covariance analysis is wrong by {within}?"
     verdict = Verdict(answer(names, dispersion, tolerance))
+    figure = drawn.ratios(dispersion, tolerance, [*names, JOINT])
     together: list[Part] = [
-        drawn.ratios(dispersion, tolerance, [*names, JOINT]), together_table(names, dispersion, tolerance, caption),
+        figure, together_table(names, dispersion, tolerance, caption),
         Note(OF_RATIOS.format(within)),
     ]  # fmt: skip
     alone: list[Part] = [
@@ -123,13 +125,13 @@ def page(
         _alone_multiples(single, minor, directions, names, f"nonlinear {end_words(outputs).one}", within),
         Note(OF_SOURCES),
     ]
-    return Page(
-        f"{campaign}: range of linearity",
-        "Range of linearity",
-        campaign,
-        joined(Sentence(question), verdict, *map(Sentence, remarks(outputs, about.noise, about.sizes_alone))),
-        [Section("together", "All errors scaled together", together), Section("alone", "Each source alone", alone)],
-    )
+    head = joined(verdict, Sentence(question), *map(Sentence, remarks(outputs, about.noise, about.sizes_alone)))
+    sections = [
+        Section("together", "All errors scaled together", together),
+        Section("alone", "Each source alone", alone),
+    ]
+    whole = Page(f"{campaign}: range of linearity", "Range of linearity", campaign, head, sections)
+    return answered(whole, drawn.foremost_ratio(figure, dispersion))
 
 
 def terminal(outputs: Sequence[Output], dispersion: DispersionRange, tolerance: float) -> list[Part]:

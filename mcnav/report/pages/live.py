@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from mcnav.analysis.answer_times import as_read
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.summary import Summary
-from mcnav.report.document.parts import Beside, LivePart, Note, Page, Section
+from mcnav.report.document.parts import Beside, Fold, LivePart, Note, Page, Section, Verdict, WhatIfPart
 from mcnav.report.format import number, signed
 from mcnav.report.names import humanize
 from mcnav.report.pages.lincov import SizeRow, final_rows, requirement_rows, statements
@@ -17,14 +18,11 @@ from mcnav.report.pages.run.tiles import NAMES, status
 from mcnav.report.statements.verdicts import statements as statements_on
 
 EXPLANATION: Final = (
-    "The campaign's file is watched, and this page follows it. Tune anew computes the linear covariance of the numbers "
-    "above with the filter made for them, as mcnav lincov does, and keeps it here beside those before. All of it is "
-    "linear analysis, which may be wrong, until Confirm by Monte Carlo runs that campaign and finds the same. Copy as "
-    "TOML gives its file, to be saved beside the one that is watched."
+    "This page follows the campaign's file. When a slider is released, the filter is re-tuned for the numbers above, "
+    "as mcnav lincov does. The answer is kept here beside those before.",
+    "All of it is linear analysis, which may be wrong. Confirm by Monte Carlo runs a setting and tells. Copy as TOML "
+    "gives its file, to be saved beside the one that is watched.",
 )
-
-WHAT_IF: Final = "what-if"
-"""Section with the sliders, which stands first."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +100,7 @@ def _column(setting: Setting) -> dict[str, object]:
         "revision": setting.revision,
         "when": setting.when,
         "factors": setting.factors,
+        "curves": _curves(answer),
         "changed": setting.changed,
         "sentences": statements(answer),
         "requirements": [
@@ -118,6 +117,20 @@ def _column(setting: Setting) -> dict[str, object]:
     }  # fmt: skip
 
 
+def _curves(answer: LinearAnswer) -> dict[str, list[float]]:
+    """Return the sigma of each output over time in words' names, SI, after updates; nothing beyond the linear range."""
+    history = as_read(answer).meaningful
+    if history is None:
+        return {}
+    settled = history.settled
+    times = [float(f"{time:.9g}") for time in history.readings.times[settled]]
+    sigmas = {
+        humanize(output.name): [float(f"{value:.5g}") for value in history.sigma[settled, i]]
+        for i, output in enumerate(answer.outputs)
+    }
+    return {"": times, **sigmas}
+
+
 def _shown(row: SizeRow) -> str:
     """Write the sigma of an output at the end, about its value on the nominal flight, and its mean error."""
     if row.sigma is None:
@@ -129,12 +142,16 @@ def _shown(row: SizeRow) -> str:
 def live_page(page: Page, state: Mapping[str, object]) -> Page:
     """Return the page on linear covariance as a live one, which begins with a state."""
     text = json.dumps(state, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
-    tried = Section("settings", "Settings tried", [Note(EXPLANATION), LivePart(text)])
-    sliders = [section for section in page.all_sections if section.name == WHAT_IF]
-    folds = [
-        replace(fold, sections=[section for section in fold.sections if section.name != WHAT_IF]) for fold in page.folds
-    ]
-    folds = [fold for fold in folds if fold.parts or fold.sections]
-    head = [part for part in page.head if not isinstance(part, Beside)]  # sliders take the place of the figure
+    tried = Section("settings", "Settings tried", [*map(Note, EXPLANATION), LivePart(text)])
+    settings = Fold("fold-settings", "Settings", "Side by side, to be confirmed by Monte Carlo", [], [tried])
+    sliders = [part for section in page.all_sections for part in section.parts if isinstance(part, WhatIfPart)]
+    folds = [replace(fold, sections=[_without_sliders(section) for section in fold.sections]) for fold in page.folds]
+    shown = [replace(part, first=True) for part in sliders]
+    head = [part for part in page.head if not (shown and isinstance(part, Beside))]  # sliders in place of the figure
+    verdict = [replace(part, sentences=[], warnings=[]) if isinstance(part, Verdict) else part for part in head]
     title = f"{page.heading}: live"
-    return replace(page, title=title, kind="Live", head=head, sections=[*sliders, tried], folds=folds)
+    return replace(page, title=title, kind="Live", head=[*verdict, *shown], folds=[settings, *folds], short=False)
+
+
+def _without_sliders(section: Section) -> Section:
+    return replace(section, parts=[part for part in section.parts if not isinstance(part, WhatIfPart)])

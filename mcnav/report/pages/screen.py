@@ -10,6 +10,7 @@ from typing import Final
 
 from mcnav.report.document.parts import (
     Beside,
+    Facts,
     Findings,
     Fold,
     Folded,
@@ -21,7 +22,7 @@ from mcnav.report.document.parts import (
     Verdicts,
     joined,
 )
-from mcnav.report.drawing.figure import Figure
+from mcnav.report.drawing.figure import HALF, Figure
 from mcnav.report.statements.words import several
 
 RESULTS: Final = "Results"
@@ -31,8 +32,8 @@ FOLDS: Final = {
     "Filter": ("filter", "estimation", "smoother", "kinds", "innovations", "reference", "gates"),
     "Linear analysis": ("combination", "linear", "causes", "joint", "dispersion", "truth", "over-time", "correlations"),
     "Requirements": ("requirements", "limits", "change"),
-    "Budget": ("budget", "improve"),
-    RESULTS: (),
+    "Budget": ("budget", "remedies"),
+    RESULTS: ("when", "runs"),
     "Explore": ("what-if", "settings", "deck", "throughout", "flight"),
     "Provenance": ("provenance", "inputs"),
 }
@@ -40,12 +41,15 @@ FOLDS: Final = {
 
 LINES: Final = {
     "Requirements": "Each requirement with its estimate and bounds",
-    "Provenance": "Samples, what is left out, campaign file, versions, checksums",
+    "Provenance": "Samples, campaign file, versions, checksums",
 }
 """What is inside of folds whose one section has their own name; of others the titles of the sections say it."""
 
+ANSWER: Final = 66
+"""Most words of a study's verdict, the sentences below it and findings; the fold with its results has all."""
+
 SAID: Final = 24
-"""Most words of a study's sentences below its verdict; the fold with its results has all."""
+"""Most words of the sentences below its verdict."""
 
 ROOM: Final = 66
 """Most words of an answer, the contents and the folds' lines for the folds to stand on the first screen as well."""
@@ -116,8 +120,9 @@ def _numbered(parts: Sequence[Part], numbers: Iterator[int]) -> list[Part]:
 
 
 def foremost(figure: Figure, shows: str = "") -> Figure:
-    """Return the copy of a figure that stands on the first screen, without its table and caption."""
-    return replace(figure, name=f"first-{figure.name}", caption="", columns={}, file="", shows=shows)
+    """Return the copy of a figure that stands on the first screen, without its table and caption, large."""
+    size = figure.size if figure.size[0] == HALF[0] else HALF
+    return replace(figure, name=f"first-{figure.name}", caption="", columns={}, file="", shows=shows, size=size)
 
 
 def answered(page: Page, figure: Figure | None = None, rest: str = "Linear analysis") -> Page:
@@ -131,18 +136,22 @@ def answered(page: Page, figure: Figure | None = None, rest: str = "Linear analy
         Fold of sections that belong to no other, and of the parts of the head that are not on the screen.
     """
     said, others = _foremost_verdict(page.head)
-    findings = [other for other in others if isinstance(other, Findings)]
+    findings = [part for part in others if isinstance(part, (Facts, Findings))]
     shown = figure or next(
         (part for section in page.sections for part in section.parts if isinstance(part, Figure) and part.panels), None
     )
-    brief, whole = _in_brief(said)
-    below = [*([] if whole else [said]), *(other for other in others if other not in findings), *page.foot]
-    beside = [_shortened(finding) for finding in findings]
+    beside = [_shortened(part) if isinstance(part, Findings) else part for part in findings]
+    taken = sum(
+        len(f"{finding} {words}".split())
+        for part in beside if isinstance(part, Findings) for finding, _, words in part.entries
+    )  # fmt: skip
+    brief, whole = _in_brief(said, taken)
+    below = [*([] if whole else [said]), *(part for part in others if part not in findings), *page.foot]
     first = None if shown is None else foremost(replace(shown, panels=shown.panels[:1], shown=0))
     head = joined(brief, *(beside if first is None else [Beside([first], beside)]))
     folds = folds_of(page.sections, {rest: below} if below else {}, rest)
     tone = brief.tone if brief.tone in ("agrees", "partly", "undecided", "differs") else ""
-    said_words = [brief.headline, *brief.sentences, *(words for part in beside for _, _, words in part.entries)]
+    said_words = [brief.headline, *brief.sentences, *(entry[-1] for part in beside for entry in part.entries)]
     listed = [*said_words, *(2 * f"{fold.title} " + fold.line for fold in folds)]
     short = sum(len(words.split()) for words in listed) <= ROOM
     return replace(page, head=head, sections=[], foot=[], folds=folds, tone=tone or page.tone, short=short)
@@ -162,13 +171,17 @@ def _foremost_verdict(head: Sequence[Part]) -> tuple[Verdict, list[Part]]:
     return Verdict(""), others
 
 
-def _in_brief(verdict: Verdict) -> tuple[Verdict, bool]:
-    """Return a verdict of one sentence with the next few below it, and whether that is all of it."""
+def _in_brief(verdict: Verdict, taken: int) -> tuple[Verdict, bool]:
+    """Return a verdict of one sentence with the next few below it, and whether that is all of it.
+
+    ``taken``: words of the findings beside it.
+    """
     first, *rest = _sentences(str(verdict.headline))
+    room = min(SAID, ANSWER - taken - len(first.split()))
     texts = [*rest, *(sentence for text in verdict.sentences for sentence in _sentences(str(text)))]
     said: list[str] = []
     for text in texts:
-        if sum(len(sentence.split()) for sentence in [*said, text]) > SAID:
+        if sum(len(sentence.split()) for sentence in [*said, text]) > room:
             break
         said.append(text)
     whole = len(said) == len(texts) and not verdict.warnings

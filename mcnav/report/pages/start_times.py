@@ -20,6 +20,7 @@ from mcnav.report.document.table import Cell, Column, Table, five_digits, label
 from mcnav.report.figures import start_times as drawn
 from mcnav.report.format import interval, number
 from mcnav.report.names import humanize, labels_of, scale_of
+from mcnav.report.pages.screen import answered
 from mcnav.report.statements.details import NOT_DISTURBED, output_words
 from mcnav.report.statements.start_times import answer, minutes
 
@@ -115,18 +116,14 @@ def page(
         if clock.weighs and not study.weights[i]:
             continue
         figure = drawn.effects(study, i, float(scale[i]), effects, output)
-        title = f"Partial derivatives of the final {humanize(output.name)}"
+        title = f"Partials of {humanize(output.name)}"
         sections.append(Section(f"partials-{i + 1}", title, joined(figure)))
-    return Page(
-        f"{campaign}: start times",
-        "Dispersion and partial derivatives by start of navigation",
-        campaign,
-        [
-            Verdict(answer(study, checks, outputs)),
-            Sentence(f"{words.title} as functions of the start of navigation. {convention}"),
-        ],
-        sections,
-    )
+    head: list[Part] = [
+        Verdict(answer(study, checks, outputs)),
+        Sentence(f"{words.title} as functions of the start of navigation. {convention}"),
+    ]
+    whole = Page(f"{campaign}: start times", "Start of navigation", campaign, head, sections)
+    return answered(whole, drawn.weighted(study, checks, outputs))
 
 
 def _best_table(study: StartTimeStudy, outputs: Sequence[Output]) -> Table[tuple[str, int]]:

@@ -8,7 +8,7 @@ from typing import Final
 GRAVITY: Final = "disturbances of gravity, "
 
 NOT_MODELLED: Final = {
-    "ins": "Not modelled: disturbances of gravity, vibration and what it rectifies to, errors of time tags, "
+    "ins": "Not modelled: disturbances of gravity, vibration and what it rectifies to, errors of time tags. Nor "
     "temperature, bending between instruments and antennas, faults of sensors.",
     "reentry": "Not modelled: motion out of the plane, flattening of the earth, wind (the air turns with the earth), "
     "noise of the instruments.",

@@ -14,6 +14,7 @@ from mcnav.analysis.envelopes import Envelopes, envelopes_from
 from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.linear_range import BeyondRange
+from mcnav.analysis.remedies import Remedies
 from mcnav.analysis.requirement_curves import RequirementCurve, requirement_curve
 from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.requirements_over_time import ErrorHistories
@@ -28,7 +29,7 @@ from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import EndWords, end_words, kinds_of
-from mcnav.report.names import humanize, labels_of, scale_of
+from mcnav.report.names import humanize, labels_of, scale_of, unit_words
 from mcnav.report.results.summary import summarise
 from mcnav.store.chunk_files import Samples
 from mcnav.store.manifest import Manifest
@@ -42,8 +43,8 @@ class RunAnalysis:
     Of a run that stores a summary, ``samples`` are the first ones. ``failures`` gives for each reason how many samples
     failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter, ``smoother`` where
     none follows it, and ``beyond`` where linear errors leave the range in which they have a meaning, none where they do
-    not. ``what_if`` is known where a page is to be written, ``histories`` of the first samples where a requirement
-    holds at epochs, and ``smoothed_histories`` where one of those is on the errors behind a smoother.
+    not. ``what_if`` and ``remedies`` are known where a page is to be written, ``histories`` of the first samples where
+    a requirement holds at epochs, and ``smoothed_histories`` where one of those is on the errors behind a smoother.
     """
 
     folder: RunFolder
@@ -66,6 +67,7 @@ class RunAnalysis:
     histories: ErrorHistories | None = None
     smoothed_histories: ErrorHistories | None = None
     what_if: WhatIf | None = None
+    remedies: Remedies | None = None
 
     @cached_property
     def summary(self) -> Summary:
@@ -215,12 +217,12 @@ class RunAnalysis:
     @property
     def source_units(self) -> list[str]:
         """Units in which the sources are shown."""
-        return [source.shown_in for source in self.manifest.model.sources]
+        return [unit_words(source.shown_in) for source in self.manifest.model.sources]
 
     @property
     def output_units(self) -> list[str]:
         """Units in which the outputs are shown."""
-        return [output.shown_in for output in self.manifest.model.outputs]
+        return [unit_words(output.shown_in) for output in self.manifest.model.outputs]
 
     @property
     def source_scale(self) -> Array:

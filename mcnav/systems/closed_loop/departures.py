@@ -43,14 +43,14 @@ def departures_from_twins(setup: Setup, result: SimulationResult, sigma: Array) 
     name, most = _largest(setup, result, slice(SAMPLES, None), SMALL_SHARE * sigma)
     if most > SMALL_DEPARTURE:
         return [
-            f"something bends, jumps or rounds at the nominal: with a hundredth of all errors a sample still departs "
-            f"from linear analysis by {most:.2g} sigma in {name}"
+            f"something bends, jumps or rounds at the nominal. With a hundredth of all errors a sample is still "
+            f"{most:.2g} sigma off linear analysis in {name}"
         ]
     name, most = _largest(setup, result, slice(SAMPLES), sigma)
     if most > DEPARTURE:
         return [
-            f"a sample departs from linear analysis by {most:.2g} sigma in {name}, and with a hundredth of all errors "
-            "and noise follows it: something bends within the dispersion, such as a limit, a dead band or an event"
+            f"a sample departs from linear analysis by {most:.2g} sigma in {name}. With a hundredth of all errors and "
+            "noise it does not: something bends within the spread, such as a limit, a dead band or an event"
         ]
     return []
 

@@ -322,8 +322,8 @@ class AidedReferenceEngine:
     navigation: AidedNavigation
     filter: FilterSchema
     accuracy: str = (
-        "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s; filter of its "
-        "own in earth-fixed axes with steps of at most 0.2 s"
+        "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s. Its filter: "
+        "earth-fixed axes, steps of at most 0.2 s"
     )
     parallel: str = "threads"
     chunk: int = REFERENCE_CHUNK

@@ -15,7 +15,7 @@ from mcnav.analysis.filter_consistency import Band as Statistic
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearSystem
-from mcnav.report.drawing.axis_groups import same_kind, same_unit
+from mcnav.report.drawing.axis_groups import same_unit
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.drawing.marks import Band, Line, Points, Span
 from mcnav.report.figures.estimation import estimation
@@ -156,9 +156,6 @@ def test_sigmas_in_the_unit_shown() -> None:
 def test_groups_of_diagrams() -> None:
     found = consistency()
     assert [title for title, _ in same_unit(found.outputs)] == ["position", "velocity", "tilt and heading"]
-    assert [(title, len(members)) for title, members in same_kind(found.states)] == [
-        ("gyro bias", 3), ("accelerometer bias", 3),
-    ]  # fmt: skip
 
 
 def test_budget_by_origin() -> None:

@@ -73,12 +73,12 @@ def test_tiles_are_only_of_what_there_is() -> None:
 def test_tiles_lead_to_what_one_asks_next() -> None:
     """Only to sections that the page has."""
     summary = run("agrees", 10.0, requirement("met"))
-    made = tiles(summary, verdicts.statements(summary), {"filter", "linear", "budget", "improve", "what-if"})
+    made = tiles(summary, verdicts.statements(summary), {"filter", "linear", "budget", "remedies", "what-if"})
     sections = {each.subject: [section for _, section in each.further] for each in made}
     assert sections == {
         "Filter": ["what-if"],
-        "Requirements": ["budget", "improve", "what-if"],
-        "Linear analysis": ["budget", "improve"],
+        "Requirements": ["budget", "remedies", "what-if"],
+        "Linear analysis": ["budget", "remedies"],
     }
     assert not any(each.further for each in tiles_of(summary))
 

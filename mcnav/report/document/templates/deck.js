@@ -31,7 +31,7 @@
       if (!changed()) return "";
       const { shares, times: larger } = budget();
       const largest = causes.map(([, label], row) => [shares[row], label]).filter(([share]) => share >= 0.5).sort(([a], [b]) => b - a).slice(0, 3);
-      return ` With the numbers of What if${whatIf.querySelector(".filter") ? ", the filter not tuned anew" : ""}: ${largest.map(([share, label]) => `${label} ${share.toFixed(0)} %`).join(", ")}; the linear error is ${number(larger, 3)} times the campaign's, whose shares are marks on the bars.`;
+      return ` With the numbers of What if${whatIf.querySelector(".filter") ? ", the filter's gains held" : ""}: ${largest.map(([share, label]) => `${label} ${share.toFixed(0)} %`).join(", ")}; the linear error is ${number(larger, 3)} times the campaign's, whose shares are marks on the bars.`;
     };
 
     // Points of an ellipse about the nominal, m: mean + reach L (cos a, sin a), with the Cholesky factor L.

@@ -63,20 +63,44 @@
     const title = ({ title: words }) => words;
     const headline = (setting) => `${title(setting)}: ${setting.sentences.map(([words]) => words).join(". ")}.`;
 
+    // The banner follows the sliders: while they move with the gains held, once they are released as re-tuned.
+    const banner = document.querySelector(".first-screen .verdict");
+    const campaign = banner && [banner.className, banner.querySelector(".headline").innerHTML];
+    const announce = (words, tone) => {
+      if (!banner) return;
+      banner.className = `verdict ${tone}`.trim();
+      banner.querySelector(".headline").textContent = words;
+    };
+
     // The sliders' own buttons.
     const told = make("span", [], { class: "told", role: "status" });
-    const tune = plainButton(sliders?.querySelector(".filter") ? "Tune anew" : "Keep this setting", async () => {
-      tune.disabled = true;
+    let [tuning, wanted, following] = [false, "", true];
+    const tune = async () => {
+      const asked = sliders.factors();
+      wanted = JSON.stringify(asked);
+      if (tuning || !Object.keys(asked).length) return;
+      tuning = true;
       told.textContent = "Computing …";
-      const done = await ask("tune", { revision, factors: sliders.factors() });
-      tune.disabled = false;
-      told.replaceChildren(...(done ? [`${headline(state.settings[state.settings.length - 1])} `, make("a", "Side by side", { href: "#settings" })] : []));
-    });
+      const done = await ask("tune", { revision, factors: asked });
+      tuning = false;
+      const last = state.settings[state.settings.length - 1];
+      told.replaceChildren(...(done ? [`${headline(last)} `, make("a", "Side by side", { href: "#settings" })] : []));
+      if (wanted !== JSON.stringify(asked)) tune(); // released again meanwhile
+      else if (done && last.sentences.length) {
+        following = false;
+        sliders.retune(last.curves);
+        following = true;
+        announce(`${last.sentences[0][0]}.`.split(/(?<=[.!?])\s/)[0], last.sentences[0][1]);
+      }
+    };
     if (sliders) {
-      const follow = () => { tune.disabled = !Object.keys(sliders.factors()).length; };
-      sliders.addEventListener("moved", follow);
-      sliders.querySelector(".bar-of-state").append(tune, told);
-      follow();
+      sliders.addEventListener("moved", () => {
+        if (!following || !banner) return;
+        if (!Object.keys(sliders.factors()).length) [banner.className, banner.querySelector(".headline").innerHTML] = campaign;
+        else announce(`${sliders.verdict[0]} Release to re-tune.`.trim(), sliders.verdict[1]);
+      });
+      sliders.addEventListener("released", tune);
+      sliders.querySelector(".bar-of-state").append(told);
     }
 
     // Settings side by side: a column each, made once; of a run what it does is written into its cell.

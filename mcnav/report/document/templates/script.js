@@ -336,14 +336,25 @@
         read = null;
       },
       redraw: () => { if (!(x.all && y.all)) redraw(); },
-      window(limits) {
+      window(limits, own = false) {
         if (timed()) { clock.zoom = limits; clock.tell("zoom"); }
         const found = limits ? limits.map((v) => within(x.at(v), x.whole)) : x.whole;
         if (found[1] - found[0] > 1) x.window = found;
         if (!limits) y.window = y.whole;
+        else if (!own) fit();
         redraw();
       } };
-    const together = (limits) => plots.filter((each) => each === self || (self.link && each.link === self.link)).forEach((each) => each.window(limits));
+    // After a zoom in time the other axis fits what is to be seen, but in the plot whose frame the reader has drawn.
+    const fit = () => {
+      if (y.named || "even" in svg.dataset) return;
+      const seen = marks().flatMap(({ points }) => points.filter(([at]) => at === within(at, x.window)).map(([, b]) => b));
+      const [low, high] = seen.reduce(([a, b], v) => [min(a, v), max(b, v)], [Infinity, -Infinity]);
+      if (!(high - low > abs(y.to - y.from) / 200)) return;
+      const room = 0.06 * (high - low);
+      const ends = [within(low - room, y.whole), within(high + room, y.whole)];
+      y.window = y.from > y.to ? ends.reverse() : ends;
+    };
+    const together = (limits) => plots.filter((each) => each === self || (self.link && each.link === self.link)).forEach((each) => each.window(limits, each === self));
     const show = (across, upward) => {
       if (x.named) return;
       if ("even" in svg.dataset) { // one scale for both axes
@@ -637,6 +648,15 @@
       area.remove();
     }
   };
+  // A campaign file with a remedy.
+  all("[data-toml]").forEach((copy) => {
+    copy.hidden = false;
+    copy.addEventListener("click", async () => {
+      await copied(copy.dataset.toml);
+      copy.textContent = "Copied";
+      setTimeout(() => { copy.textContent = "Copy TOML"; }, 2000);
+    });
+  });
   all("details.data").forEach((details) => {
     const copy = button("Copy as CSV", async () => {
       await copied(csv(details.querySelector("table")) + "\n");

@@ -112,9 +112,11 @@
     return inside(0, [], factor);
   };
 
+  const FOREMOST = 6; // numbers on a first screen
   all(".what-if").forEach((root_) => {
     const data = JSON.parse(root_.querySelector("script").textContent);
     const { outputs, sliders, requirements } = data;
+    const first_ = root_.classList.contains("first"); // on the first screen: what matters most, the rest folded
     const unmet = data.sampled ? "beyond" : "not met"; // of a bound of samples: it does not show the requirement
     const numbersIn = (text) => {
       const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
@@ -220,8 +222,9 @@
     before.beyond = beyond(before.m);
     before.judged = judged(before.m, before.beyond);
 
-    const state = make("p", "", { class: "state", role: "status" });
-    const reset = button("Reset", () => { factors.fill(1); sliders.forEach((_, n) => rows[n].show()); update(); });
+    const state = make("p", "", { class: first_ ? "state hidden" : "state", role: "status" }); // a banner says it
+    const reset = button("Reset", () => { factors.fill(1); retuned = null; sliders.forEach((_, n) => rows[n].show()); update(); });
+    let retuned = null; // sigmas over time of the filter that is re-tuned for the numbers, by output
     const copy = button("Copy as TOML", async () => {
       await copied(toml());
       copy.textContent = "Copied";
@@ -237,7 +240,7 @@
       const [size, unit] = sizes[largest];
       const ends = [0.01, 100, ...grades.map(([, factor]) => factor)].map(log10);
       const [low, high] = [floor(min(...ends)), ceil(max(...ends))];
-      const name = path.split(".").pop().replace(/_/g, " ");
+      const name = (first_ ? path.split(".").slice(-2).join(" ") : path.split(".").pop()).replace(/_/g, " ");
       const id = `what-if-${n}`;
       const range = make("input", [], { type: "range", id, min: low, max: high, step: 0.02, "aria-label": path });
       const value = make("input", [], { type: "text", inputmode: "decimal", "aria-label": `${path}${unit ? ` in ${unit}` : ""}`, autocomplete: "off" });
@@ -256,6 +259,7 @@
         make("span", [share, make("span", [bar, ghost], { class: "bar", "aria-hidden": "true" })], { class: "share" })], { class: "row" });
       const choose = (factor) => { factors[n] = factor; self.show(); update(); };
       marked.forEach((each, g) => each.addEventListener("click", () => choose(near[g][0][1])));
+      [range, value].forEach((each) => each.addEventListener("change", () => setTimeout(() => root_.dispatchEvent(new Event("released")))));
       range.addEventListener("input", () => {
         const rounded = +(size * 10 ** range.value).toPrecision(3);
         choose(abs(log10(rounded / size)) < 0.009 ? 1 : rounded / size);
@@ -302,9 +306,9 @@
     const [W, H, L, T, B] = [300, 130, 44, 8, 20];
     const panels = !times.length ? [] : outputs.map(({ name, unit, scale: shownScale }, i) => {
       const svg = set(made("svg"), { viewBox: `0 0 ${W} ${H}`, role: "img" });
-      const [grid, ghost, claimed, line] = ["grid", "ghost", "claimed", "line"].map((kind) => set(made("path"), { class: kind }));
+      const [grid, ghost, claimed, line, again] = ["grid", "ghost", "claimed", "line", "again"].map((kind) => set(made("path"), { class: kind }));
       const words = made("g");
-      svg.append(grid, words, ghost, claimed, line);
+      svg.append(grid, words, ghost, claimed, line, again);
       const unitShown = unitOf(unit);
       const caption = make("p", [name, unitShown]);
       const [from, to] = [times[0], times[times.length - 1]];
@@ -315,13 +319,15 @@
         unitShown.textContent = inUnit ? ` ${inUnit}` : "";
         const value = (each, r) => factor * shownScale * sigma(each, r, i);
         const stated = (r) => factor * shownScale * (own ? own[r * width + i] : NaN);
-        const top = max(...times.map((_, r) => max(value(before.m, r), r < until ? value(m, r) : 0))) || 1;
+        const tuned = (retuned?.[name] || []).map((v) => factor * shownScale * v);
+        const top = max(...times.map((_, r) => max(value(before.m, r), r < until ? value(m, r) : 0)), ...tuned) || 1;
         const up = (v) => H - B - (H - B - T) * min(v / top, 1.2);
         const path = (f, end) => times.slice(0, end).map((t, r) => [t, f(r)]).filter(([, v]) => Number.isFinite(v))
           .map(([t, v], k) => `${k ? "L" : "M"}${across(t).toFixed(1)} ${up(v).toFixed(1)}`).join("");
         set(ghost, { d: path((r) => value(before.m, r), before.beyond) });
         set(claimed, { d: path(stated, times.length) });
         set(line, { d: path((r) => value(m, r), until) });
+        set(again, { d: tuned.map((v, k) => `${k ? "L" : "M"}${across(retuned[""][k]).toFixed(1)} ${up(v).toFixed(1)}`).join("") });
         words.replaceChildren();
         const ticks = ticksOf(0, top, 0, 3);
         ticks.forEach(([v, step]) => put(L - 4, up(v) + 4, shown(v + 0, step), "end"));
@@ -330,7 +336,7 @@
         set(svg, { "aria-label": `Sigma of ${name} over ${data.label}: at the end ${number(value(m, last), 3)} ${inUnit}, in the campaign ${number(value(before.m, last), 3)} ${inUnit}` });
       } };
     });
-    const first = [...new Set([...requirements.flatMap(({ members }) => members), ...outputs.keys()])].slice(0, 9);
+    const first = [...new Set([...requirements.flatMap(({ members }) => members), ...outputs.keys()])].slice(0, first_ ? 4 : 9);
     const plotsOf = (some) => make("div", some.map(({ element }) => element), { class: "small" });
     const others = panels.filter(({ i }) => !first.includes(i));
     const more = others.length ? make("details", [make("summary", `${others.length} more`), plotsOf(others)]) : null;
@@ -351,7 +357,7 @@
         table_ = name;
         return `${begin}${key} = ${value}`;
       });
-      const said = data.tuned ? "# The filter is not tuned anew: [filter.believes] has what it took them for.\n" : "";
+      const said = data.tuned ? "# The filter's gains are held: [filter.believes] has what it took them for.\n" : "";
       const head = changed.length ? `# What if, in place of the campaign's own numbers:\n${changed.join("\n")}\n${said}\n` : "";
       return `${head}${file.trimEnd()}\n${believed.length ? `${believed.join("\n")}\n` : ""}`;
     };
@@ -372,11 +378,12 @@
       const until = beyond(m);
       const results = judged(m, until);
       const changed = factors.filter((factor) => factor !== 1).length;
-      root_.closest("section").classList.toggle("unchanged", !changed);
+      root_.closest("section")?.classList.toggle("unchanged", !changed);
       const outside = until < count ? ` Beyond the range of linear analysis${until < last ? ` from ${number(times[until], 4)} ${data.timeUnit}` : ""}: later values have no meaning.` : "";
       const verdicts = results.filter(Boolean);
       const failed = verdicts.filter(({ met }) => !met).length;
       const metWords = verdicts.length ? ` ${failed ? `${failed} of ${verdicts.length} requirement${verdicts.length > 1 ? "s" : ""} ${data.sampled ? "beyond the limit, by the bound of the samples" : "not met"}.` : `${verdicts.length > 1 ? "All requirements" : "The requirement is"} met.`}` : "";
+      root_.verdict = [metWords.trim(), !verdicts.length ? "" : failed ? (data.sampled ? "undecided" : "differs") : "agrees"];
       state.textContent = `${changed ? `${changed} number${changed > 1 ? "s" : ""} changed.` : "As in the campaign."}${metWords}${outside}`;
       if (changed && until === count) state.append(` 1σ of ${outputs[i].name}: ${number(outputs[i].scale * sigma(before.m, last, i), 3)} → ${number(outputs[i].scale * sigma(m, last, i), 3)} ${outputs[i].unit}.`);
       reset.disabled = !changed;
@@ -398,13 +405,14 @@
       });
       if (own) {
         const [[ratio, o, r], [earlier]] = [worst(m, until), worst(before.m, before.beyond)];
-        filterLine.replaceChildren(make("strong", "Filter not tuned anew."), o < 0 ? "" : ` True over claimed error farthest from one: ${three(ratio)}, of ${outputs[o].name} at ${instant(times[r])}; in the campaign ${three(earlier)}.`);
-      } else if (data.tuned) filterLine.replaceChildren(make("strong", "Filter not tuned anew."));
+        filterLine.replaceChildren(make("strong", "Filter gains held."), o < 0 ? "" : ` Worst true/computed ratio: ${three(ratio)} (${outputs[o].name}, ${instant(times[r])}); in the campaign ${three(earlier)}.`);
+      } else if (data.tuned) filterLine.replaceChildren(make("strong", "Filter gains held."));
       panels.filter((panel) => first.includes(panel.i) || more?.open).forEach((panel) => panel.draw(m, min(until, times.length)));
       root_.dispatchEvent(new Event("moved"));
     };
     // What a live page asks: factors of the numbers that are changed, by their keys; and the other way about.
     root_.factors = () => Object.fromEntries(sliders.map(({ path }, n) => [path, factors[n]]).filter(([, factor]) => factor !== 1));
+    root_.retune = (curves) => { retuned = curves; update(); };
     root_.multipliers = () => factors;
     root_.sizes = () => Object.fromEntries(sliders.map(({ path, sizes, shown: largest }) => [path, sizes[largest].join(" ")]));
     root_.choose = (chosenFactors) => {
@@ -418,21 +426,34 @@
       return { sigmas: Array.from({ length: count }, (_, r) => outputs.map((__, i) => sigma(m, r, i))), requirements: values, toml: toml() };
     };
     chosen.addEventListener("change", update);
-    const key = make("ul", [["line", "what if"], ["ghost", "in the campaign"], ...(own ? [["claimed", "claimed by the filter"]] : [])]
+    const key = make("ul", [["line", first_ && data.tuned ? "gains held" : "what if"], ["ghost", "campaign"], ...(own ? [["claimed", "filter"]] : []), ...(first_ && data.tuned ? [["again", "re-tuned"]] : [])]
       .map(([kind, words]) => make("li", [make("span", [], { class: `swatch ${kind}` }), words])), { class: "key" });
     const ends = table("At the end, one sigma", ["Output", "Campaign", "What if", ...held], sigmas, "sigmas");
     const caption_ = ends.querySelector("caption span");
     convention.changed.addEventListener("change", () => update());
+    const folded = (words, parts) => make("details", [make("summary", words), ...parts]);
+    const choice = make("p", make("label", ["Shares of the variance at the end of ", chosen]), { class: "choice" });
+    const tables = [...(requirements.length ? [table(data.basis, ["Requirement", "Campaign", "What if", "Margin", "Finding"], asked, "requirements")] : []), ends];
+    const plots = panels.length ? [key, plotsOf(first.map((each) => panels[each])), ...(more ? [more] : [])] : [];
+    const foremost = () => { // numbers with the largest shares in what requirements limit, or in all outputs
+      const wanted = requirements.length ? requirements.flatMap(({ members }) => members) : [...outputs.keys()];
+      const largest = sliders.map(() => 0);
+      wanted.forEach((i) => shares(before.m, before.k, i).forEach((share, n) => { largest[n] = max(largest[n], share); }));
+      return [...rows.keys()].sort((p, q) => largest[q] - largest[p]).slice(0, FOREMOST);
+    };
+    const numbers = () => {
+      if (!first_) return [choice, ...groups.values()];
+      const shownFirst = make("div", foremost().map((n) => rows[n].row));
+      const rest = [...groups.values()].filter((group) => group.querySelector(".row"));
+      const count_ = rest.reduce((sum, group) => sum + group.querySelectorAll(".row").length, 0);
+      return [shownFirst, ...(count_ ? [folded(`${count_} more`, [choice, ...rest])] : [])];
+    };
     root_.append(
       make("div", [state, reset, copy], { class: "bar-of-state" }),
-      ...(data.tuned || own ? [filterLine] : []),
+      ...(!first_ && (data.tuned || own) ? [filterLine] : []),
       make("div", [
-        make("div", [make("p", make("label", ["Shares of the variance at the end of ", chosen]), { class: "choice" }), ...groups.values()], { class: "numbers" }),
-        make("div", [
-          ...(requirements.length ? [table(data.basis, ["Requirement", "Campaign", "What if", "Margin", "Finding"], asked, "requirements")] : []),
-          ...(panels.length ? [key, plotsOf(first.map((each) => panels[each])), ...(more ? [more] : [])] : []),
-          ends,
-        ], { class: "results" }),
+        make("div", numbers(), { class: "numbers" }),
+        make("div", first_ ? [...plots, folded("Numbers", [...(data.tuned || own ? [filterLine] : []), ...tables])] : [...tables.slice(0, -1), ...plots, ends], { class: "results" }),
       ], { class: "halves" }),
     );
     update();

@@ -13,7 +13,7 @@ from mcnav.report.document.parts import Beside, Facts, Findings, Part, Tile, Ver
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.format import number
 from mcnav.report.names import shown_units
-from mcnav.report.pages.run.sections.improvements import failing_in_run, remedy
+from mcnav.report.pages.run.sections.remedies import fix
 from mcnav.report.pages.run.tiles import NAMES
 from mcnav.report.pages.run.worst_case import worst_case
 from mcnav.report.pages.screen import foremost as as_foremost
@@ -23,7 +23,7 @@ from mcnav.report.statements.requirements import requirement_in_brief, worst_fir
 from mcnav.report.statements.verdicts import Statement, statements
 
 REQUIREMENTS: Final = 3
-"""Requirements listed where there are more than one more; the section on requirements has all."""
+"""Requirements listed where there are more than one more; one, if all are met and something else is the matter."""
 
 WHOLE: Final = "combination"
 """Figure of which all panels show the verdict: it stands on the first screen alone."""
@@ -50,7 +50,9 @@ class FirstScreen:
     short: bool = False
 
 
-def first_screen(content: RunAnalysis, drawn: Mapping[str, Figure], tiles: Sequence[Tile]) -> FirstScreen:
+def first_screen(
+    content: RunAnalysis, drawn: Mapping[str, Figure], tiles: Sequence[Tile], stated: Sequence[Statement] = ()
+) -> FirstScreen:
     """Arrange the answers of a run, the worst first.
 
     Parameters
@@ -59,9 +61,10 @@ def first_screen(content: RunAnalysis, drawn: Mapping[str, Figure], tiles: Seque
         Figures of the report by name.
     tiles : sequence of Tile
         Of the same verdicts; each says which section is on its subject.
+    stated : sequence of Statement
+        The verdicts in another order; by default the worst first.
     """
-    epochs = content.folder.epochs()
-    foremost, *others = statements(content.summary, None if epochs is None else epochs[0])
+    foremost, *others = stated or stated_on(content)
     by_subject = {tile.subject: tile for tile in tiles}
     tile = by_subject[NAMES[foremost.subject]]
     said = bool(foremost.consequences) or foremost.tone == "agrees"
@@ -79,6 +82,12 @@ def first_screen(content: RunAnalysis, drawn: Mapping[str, Figure], tiles: Seque
     return FirstScreen([verdict, Beside([figure], beside)], short=not beside)
 
 
+def stated_on(content: RunAnalysis) -> list[Statement]:
+    """State the verdicts on a run, the worst first."""
+    epochs = content.folder.epochs()
+    return statements(content.summary, None if epochs is None else epochs[0])
+
+
 def _figure(content: RunAnalysis, drawn: Mapping[str, Figure], tile: Tile, said: bool) -> Figure | None:
     """Return the figure that shows a verdict, of several panels the worst; none where no figure does.
 
@@ -90,6 +99,8 @@ def _figure(content: RunAnalysis, drawn: Mapping[str, Figure], tile: Tile, said:
     if figure.name == WHOLE:
         return replace(drawn[WHOLE], caption="", shows=_along(content))
     shows = "" if said else figure.shows
+    if said and tile.subject == NAMES["requirements"]:  # whose words are the verdict's
+        figure = replace(figure, panels=[replace(panel, title="") for panel in figure.panels])
     return as_foremost(figure, shows)
 
 
@@ -126,10 +137,9 @@ def _warnings(tiles: Sequence[Tile]) -> list[str]:
 
 
 def _facts(content: RunAnalysis, answer: Statement) -> Facts | None:
-    """Name the cause, and the number whose improvement helps most; none where neither is known."""
-    fails = answer.tone == "differs" and answer.subject in ("filter", "requirements")
-    best = remedy(content.what_if, content.manifest.model.outputs, failing_in_run(content)) if fails else ""
-    known = [(name, words) for name, words in (("Cause", answer.cause), ("Helps", best)) if words]
+    """Name the cause, and what would help most; none where neither is known."""
+    best = fix(content.remedies, content.manifest.model.outputs)
+    known = [(name, words) for name, words in (("Cause", answer.cause), ("Fix", best)) if words]
     return Facts(known, below=True) if known else None
 
 
@@ -144,11 +154,12 @@ def _others(others: Sequence[Statement], tiles: Mapping[str, Tile]) -> Findings 
 
 
 def _requirements(content: RunAnalysis, said: bool) -> Findings | None:
-    """List the worst requirements with their estimates; none where there is none, or sentences have the only one."""
-    rows = sorted(requirement_rows(content.summary, "shown", content.time_unit), key=worst_first)
-    if len(rows) < (2 if said else 1):
+    """List the worst requirements with their estimates but the first, if sentences have it; none where none is left."""
+    rows = sorted(requirement_rows(content.summary, "shown", content.time_unit), key=worst_first)[1 if said else 0 :]
+    if not rows:
         return None
-    more = len(rows) - REQUIREMENTS if len(rows) > REQUIREMENTS + 1 else 0
-    listed = rows[:REQUIREMENTS] if more else rows
+    most = 1 if not said and all(row.tone == "agrees" for row in rows) else REQUIREMENTS
+    more = len(rows) - most if len(rows) > most + (most > 1) else 0
+    listed = rows[:most] if more else rows
     entries = [(row.entry.finding, row.tone, requirement_in_brief(row)) for row in listed]
     return Findings(entries, MORE(more) if more else "")

@@ -41,9 +41,9 @@ SECTIONS: Final[dict[Subject, tuple[str, ...]]] = {
 
 FURTHER: Final[dict[Subject, tuple[tuple[str, str], ...]]] = {
     "means": (),
-    "requirements": (("Causes", "budget"), ("What to improve", "improve"), ("What would change it", "what-if")),
+    "requirements": (("Causes", "budget"), ("What would help", "remedies"), ("What would change it", "what-if")),
     "filter": (("What would change it", "what-if"),), "smoother": (),
-    "linear": (("Causes of the errors", "budget"), ("What to improve", "improve")),
+    "linear": (("Causes of the errors", "budget"), ("What would help", "remedies")),
 }  # fmt: skip
 """Questions after each verdict, and the sections that answer them."""
 

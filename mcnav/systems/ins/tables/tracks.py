@@ -208,6 +208,6 @@ def remarks_on_heading(rows: TrajectoryRows, truth: Truth) -> tuple[str, ...]:
         return ()
     still = " stays the same and" if np.ptp(np.unwrap(heading)) < 1e-6 else ""
     return (
-        f"the heading{still} departs from the course over ground by {np.degrees(departure):.0f} deg (rms) where the "
-        "vehicle moves: the attitude may not belong to this motion",
+        f"the heading{still} departs from the course over ground by {np.degrees(departure):.0f} deg (rms) in motion. "
+        "The attitude may not belong to this motion",
     )
