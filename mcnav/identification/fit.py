@@ -1,8 +1,8 @@
 """The noise model of one axis from its record: candidates, the choice among them, estimates with intervals.
 
 Every candidate has white noise. Quantization and slow processes, a rate random walk, a Gauss-Markov process or both,
-may come with it. The candidate with the smallest ``−2 log L + 6 (number of parameters)`` is chosen, and its margin over the
-next is stated: a margin below 4 tells little.
+may come with it. The candidate with the smallest ``−2 log L + 6 (number of parameters)`` is chosen, but that a walk
+beside a Gauss-Markov process costs 2. Its margin over the next is stated: a margin below 4 tells little.
 """
 
 from __future__ import annotations
